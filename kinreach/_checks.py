@@ -30,7 +30,7 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 
 
 def shown(value: object) -> str:
-    """Return a value as an error message shows it: short, whatever it is."""
+    """Return the text of a value for an error message, shortened."""
     try:
         return _SHORT.repr(value)
     except Exception:  # a number of too many digits, or an object whose own code fails
@@ -38,7 +38,7 @@ def shown(value: object) -> str:
 
 
 def printable(text: str) -> str:
-    """Text without what a terminal obeys instead of printing it: such characters are written out; lines stay lines."""
+    """Escape the control characters of a text; ends of lines stay."""
     return _UNUSUAL.sub(lambda found: found[0] if found[0].isprintable() else ascii(found[0])[1:-1], text)
 
 
@@ -62,10 +62,10 @@ def check_count(name: str, value: object, *, least: int = 1, most: int | None = 
 
 
 def check_flag(name: str, value: object) -> None:
-    """Refuse what is neither true nor false; numbers are neither.
+    """Check for True or False; numbers are refused.
 
     Raises:
-        InputError: It is not.
+        InputError: The value is another one.
     """
     if not isinstance(value, bool | np.bool_):
         raise InputError(f"{name} must be true or false, got {shown(value)}")
@@ -124,8 +124,7 @@ def check_path(name: str, value: Any) -> Path:
 
 #: How far a matrix may be from a rotation before it is refused (float32 poses pass).
 ROTATION_TOLERANCE = 1e-5
-#: Bounds of what is taken for a joint angle [rad] and for a coordinate [m]. Far beyond any arm, and near enough that
-#: what is lost by rounding does not count: sines are exact to 1e-10, and no square overflows.
+#: Bounds of a joint angle [rad] and of a coordinate [m]: far beyond any arm, and small enough for exact sines (1e-10).
 MAX_ANGLE, MAX_DISTANCE = 1e6, 1e6
 
 #: Bounds of a closed form's tolerance [m, rad].
@@ -201,12 +200,12 @@ def as_floats(name: str, value: ArrayLike) -> Floats:
 
 
 def torch_module() -> Any:
-    """Torch, if anybody has imported it, else None: kinreach's kinematics takes its tensors and never imports it."""
+    """Return torch if it has been imported, else None: kinematics accepts its tensors and never imports it."""
     return sys.modules.get("torch")
 
 
 def is_tensor(value: object) -> bool:
-    """Return whether it is a tensor of torch."""
+    """Return whether a value is a tensor of torch."""
     torch = torch_module()
     return torch is not None and isinstance(value, torch.Tensor)
 
@@ -214,7 +213,7 @@ def is_tensor(value: object) -> bool:
 def check_tensor(name: str, value: Any, shape: tuple[int, ...]) -> None:
     """Refuse a tensor that is not of floating-point numbers in the shape (..., *shape).
 
-    Its numbers are not looked at, for that would wait for the device: what is not finite comes out as such.
+    Numbers are not checked, which would wait for the device: NaN gives NaN.
     """
     if not value.is_floating_point():
         raise InputError(f"{name} must be a tensor of floating-point numbers, got {value.dtype}")
@@ -226,7 +225,7 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
     """Return an array of any type, or raise an `InputError`."""
     try:
         return np.asarray(value)
-    except Exception as error:  # whatever the conversion of somebody else's object raises
+    except Exception as error:  # of the object's own code
         raise InputError(f"{name} must be an array of numbers: {error}") from None
 
 

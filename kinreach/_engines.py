@@ -24,7 +24,7 @@ ENGINE_VERSIONS = {
 
 
 def installed_version(distribution: str) -> str | None:
-    """Version of an installed distribution, or None when it is not installed."""
+    """Return the version of an installed distribution, else None."""
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:

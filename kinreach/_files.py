@@ -1,10 +1,10 @@
-"""Reading what a user hands over, and writing results.
+"""Read files of users, and write results.
 
-What is read must be a regular file of a bounded size: a FIFO would be waited for, a device may act when it is opened.
-What is written is either the old file or the new one, never half of one.
+Inputs must be regular files of a bounded size: opening a FIFO would block, opening a device may have effects.
+Outputs are written whole or not at all.
 
-A file that is being written has the number of its own inode in its name, which neither a user's file nor a copy has.
-Only files with such a name that no process has locked are cleaned up.
+The name of an unfinished file contains the number of its inode, so that no copy and no file of a user matches it.
+Unfinished files that no process has locked are removed.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from filelock import lock_descriptor
 
 from kinreach.errors import InputError, OutputError
 
-#: In the name of every file that is being written, between a dot with the beginning of the stem and the inode's number.
+#: In the name of every unfinished file, between the beginning of the stem and the inode's number.
 UNFINISHED = ".kinreach-unfinished-"
 _NAME = re.compile(r"\..*" + re.escape(UNFINISHED) + r"(?P<inode>[0-9a-f]+)-[0-9a-f]{16}(\..*)?", re.DOTALL)
-#: More of a file's name does not go into the names of its temporaries [characters, of up to 4 bytes].
+#: Longest part of a file's stem in the names of its temporaries [characters].
 LONGEST_STEM = 40
-#: A disk without room for that many bytes is full from the start.
+#: Free space that a disk must have [bytes].
 _ROOM = 16_384
 #: Mode bits of an owner who reads and writes.
 _OWN = 0o600
@@ -45,7 +45,7 @@ _KINDS = {
 
 
 def open_input(path: Path, what: str, *, most: int) -> BufferedReader:
-    """Open a file for reading that somebody else may have made.
+    """Open a file that a user named.
 
     Args:
         path: Of the file.
@@ -97,7 +97,7 @@ def _size(count: int) -> str:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path` to write to; it takes `path`'s place when the block ends well.
+    """Yield a temporary path beside `path`, which replaces `path` when the block ends without an error.
 
     If the block raises, the old file stays as it was. If the process is killed in the block, the temporary file stays
     behind until the same file is written again, or `make_writable` is called for its directory.
@@ -153,16 +153,14 @@ def make_writable(directory: Path) -> None:
 
 @contextmanager
 def locked(directory: Path, writer: str) -> Iterator[None]:
-    """Hold a directory for one writer; the lock ends with the process, whatever ends that.
-
-    On a file system without locks it holds nothing.
+    """Lock a directory for one writer, if its file system has locks; the lock ends with the process.
 
     Args:
-        directory: That is there.
+        directory: An existing one.
         writer: Who writes, for the message.
 
     Raises:
-        OutputError: Somebody else holds it.
+        OutputError: Another process has locked it.
     """
     handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -177,7 +175,7 @@ def locked(directory: Path, writer: str) -> Iterator[None]:
 
 
 def _sweep(directory: Path, beginning: str) -> None:
-    """Remove temporary files whose writers were killed; those that somebody is writing are locked, and stay."""
+    """Remove temporary files whose writers were killed; those of running writers are locked."""
     for left in directory.iterdir():
         name = _NAME.fullmatch(left.name)
         if name is None or not left.name.startswith(beginning):
@@ -201,9 +199,8 @@ def _prefix(path: Path) -> str:
 def _locked_temporary(path: Path) -> tuple[int, Path, int]:
     """Make a temporary file; return its lock's handle, its path, and the mode that the system gives a new file here.
 
-    It gets the name under which it may be swept up when it is locked. The lock ends with the process whatever ends
-    that. The mode is that of the file itself: to ask for the process's mask is to change it for a moment, for all
-    threads.
+    It is locked before it gets the name under which `_sweep` may remove it. The mode is read from the file: to read
+    the process's mask is to change it for a moment, for all threads.
     """
     token = secrets.token_hex(8)
     prefix = _prefix(path)
@@ -223,7 +220,7 @@ def _locked_temporary(path: Path) -> tuple[int, Path, int]:
 
 
 def _to_disk(path: Path) -> None:
-    """Have the data on the disk before the name points at them; a full disk raises here."""
+    """Flush a file to the disk; a full disk raises here."""
     handle = os.open(path, os.O_RDWR)
     try:
         os.fsync(handle)

@@ -1,7 +1,7 @@
 """Where jobs run: here, one after the other, or as tasks of Ray, on this machine's cores or on a cluster.
 
-A job is a value, what is done with it a generator function that depends on nothing else. Which engine runs it changes
-when its values come, and never what they are. Ray schedules, and runs again what a dead worker or node was doing.
+A job is an argument of a generator function that depends on nothing else. Engines yield the same values at other
+times. Ray schedules jobs, and restarts those of dead workers and nodes.
 """
 
 from __future__ import annotations
@@ -42,24 +42,24 @@ class Engine(Protocol):
     """Runs jobs."""
 
     def split(self, parts: Sequence[Part], least: int) -> list[Sequence[Part]]:
-        """Cut what there is to do into jobs.
+        """Divide work into jobs.
 
         Args:
             parts: In their order.
-            least: Parts of a job that are worth the start of one.
+            least: Smallest number of parts that is worth the start of a job.
         """
         ...
 
     def map(
         self, function: Callable[[Job], Iterator[Value]], jobs: Sequence[Job], *, threads: int = 1, together: int = 1
     ) -> Iterator[tuple[int, Value]]:
-        """Yield the number of a job and a value of its, those of one job in order, as they come.
+        """Yield pairs of a job's number and one of its values, those of one job in order.
 
         Args:
             function: From a job to its values.
-            jobs: As many as there are.
-            threads: That a job computes with.
-            together: Values that are sent at once, where they are sent.
+            jobs: All of them.
+            threads: Number that a job computes with.
+            together: Number of values that are sent at once.
         """
         ...
 
@@ -127,7 +127,7 @@ class Ray:
 def _values(
     shared: tuple[Callable[[Job], Iterator[Value]], Mapping[str, Any], int], job: Job
 ) -> Iterator[tuple[Value, ...]]:
-    """Yield a job's values, so many at once; in the same order and groups however often Ray runs it.
+    """Yield a job's values in groups, which are the same however often Ray runs it.
 
     Raises:
         InstallationError: The node has other versions than the driver.
@@ -160,7 +160,7 @@ def open_engine(name: str = SERIAL, address: str | None = None) -> Iterator[Engi
 
     Raises:
         InstallationError: Ray is not installed.
-        InputError: Unknown engine, or an address that it has no use for.
+        InputError: Unknown engine, or an address of the serial one.
         ClusterError: Nothing answers at the address.
     """
     check_known("engine", name, ENGINES)
@@ -169,7 +169,7 @@ def open_engine(name: str = SERIAL, address: str | None = None) -> Iterator[Engi
             raise InputError(f"an address is that of a Ray cluster: engine {RAY!r}, not {SERIAL!r}")
         yield Serial()
         return
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # it would tell its makers
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")  # else a warning of what will change
     ray = load_extra("ray", RAY)
     if ray.is_initialized():
@@ -190,7 +190,7 @@ def open_engine(name: str = SERIAL, address: str | None = None) -> Iterator[Engi
 
 
 def _check_address(address: str) -> None:
-    """Check that something accepts connections where a cluster should: Ray itself would try for minutes.
+    """Check that a cluster's address accepts connections; Ray itself would try for minutes.
 
     Raises:
         InputError: The address is malformed.

@@ -1,4 +1,4 @@
-"""Objects of the user's own modules by the name `module:attribute`, as command lines take them."""
+"""Import objects of the user's modules by name, `module:attribute`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where numbers come from: versions of everything that made them, the code itself, and the machine."""
+"""Versions of packages and code, and the machine, for the record beside results."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ DISTRIBUTIONS = ("numpy", "pin", "placo", "mujoco", "qpsolvers", "daqp", "exampl
 
 
 def versions(distributions: Iterable[str] = DISTRIBUTIONS) -> dict[str, str | None]:
-    """Versions by distribution name, None for what is not installed; and a digest of kinreach's own source."""
+    """Return versions by distribution, None for missing ones, and a digest of kinreach's source."""
     found = {name: installed_version(name) for name in distributions}
     ours = {"kinreach": kinreach.__version__, "kinreach-source": source_digest()}
     return {"python": platform.python_version(), **ours, **found}
 
 
 def digest(*contents: bytes) -> str:
-    """First 12 hex digits of the SHA-256 over contents: tells two states of them apart."""
+    """Return the first 12 hex digits of the SHA-256 over contents."""
     found = hashlib.sha256()
     for content in contents:
         found.update(content)
@@ -30,14 +30,14 @@ def digest(*contents: bytes) -> str:
 
 
 def source_digest() -> str:
-    """`digest` over kinreach's modules."""
+    """Return the digest over kinreach's modules."""
     package = Path(kinreach.__file__).parent
     paths = sorted(package.rglob("*.py"))
     return digest(*(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() for path in paths))
 
 
 def machine() -> dict[str, str | int | None]:
-    """Processor and system that the times were measured on."""
+    """Return the processor and the system that times are measured on."""
     return {"processor": _processor(), "cores": os.cpu_count(), "system": f"{platform.system()} {platform.machine()}"}
 
 

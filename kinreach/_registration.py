@@ -1,4 +1,4 @@
-"""Makes the environments known to Gymnasium; importing this loads no engine, and not Gymnasium.
+"""Register the environments with Gymnasium, which is not imported for that.
 
 Gymnasium 1.x reads no plugin entry points: `import kinreach` before `gym.make`, or have Gymnasium do it, in worker
 processes too, by naming the module in the id, `gym.make("kinreach:kinreach/UR5SingleStep-v0")`.

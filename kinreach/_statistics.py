@@ -1,9 +1,8 @@
 """Statistics of trials: confidence intervals, columns of a report, and how their numbers are written.
 
 Intervals are of independent values: Wilson's for rates, the percentile bootstrap for everything else. A *trial* is a
-flat row: one policy in one episode, name -> number, truth value, text, or list of numbers. A `Column` takes a value
-from each trial and summarises the values of one method as one entry of a report. Tables, JSON, CSV and HTML know
-nothing else, so a new task or measure is a new column, and no new reporting.
+flat row of one policy in one episode: name -> number, truth value, text, or list of numbers. A `Column` reads a value
+from each trial and summarises those of one method. Tables, JSON, CSV and HTML are generic over columns.
 """
 
 from __future__ import annotations
@@ -129,7 +128,7 @@ def _finite(values: ArrayLike) -> Floats:
     """Values as a table, shape (rows, n)."""
     try:
         sample = np.asarray(values)
-    except Exception:  # whatever the conversion of somebody else's object raises
+    except Exception:  # of the object's own code
         sample = np.empty(0)
     if sample.ndim not in (1, 2) or not sample.size or sample.dtype.kind not in "biuf" or not np.isfinite(sample).all():
         raise InputError(f"the bootstrap needs finite values, got shape {sample.shape}: {shown(values)}")
@@ -238,7 +237,7 @@ class Column:
         return 100 * found if self.summary == RATE else found[part or "median"]
 
     def text(self, entry: Mapping[str, Any], show: str = "") -> str:
-        """Return what a table shows of an entry of the results, `-` where nothing was measured."""
+        """Return the cell of a table for an entry of the results, `-` if nothing was measured."""
         show = show or self.show
         if not self.measured(entry):
             return "-"
@@ -277,9 +276,9 @@ def thousandfold(name: str) -> Callable[[Trial], float | None]:
 
 
 def success_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
-    """Shares of goals within each of `TOLERANCES_MM`: trials that were completed and ended that near.
+    """Return columns for the shares of goals that completed trials ended within, one for each of `TOLERANCES_MM`.
 
-    Where an environment knows no distance, nothing is measured.
+    Trials without a distance are not counted.
     """
 
     def within(tolerance: float) -> Callable[[Trial], bool | None]:
@@ -298,7 +297,7 @@ def success_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
 
 
 def tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]], *, title: str, width: int) -> list[Table]:
-    """Results as tables for people, a row a method.
+    """Return tables for people, with a row for each method.
 
     Args:
         columns: Those that are shown; a column in which nothing was measured is left out.
@@ -338,7 +337,7 @@ def trials_csv(trials: Sequence[Trial]) -> str:
 
 
 def number(value: float | None, digits: int | None = None) -> str:
-    """Two or three significant digits, or as many as asked for; `-` for None."""
+    """Return a number in two or three significant digits, or in `digits`; `-` for None."""
     if value is None:
         return "-"
     if digits is not None:

@@ -1,7 +1,7 @@
-"""The console script `kinreach`: one subcommand for each job, and one way for all of them to end.
+"""The console script `kinreach`.
 
-`kinreach compare ...`, `python -m kinreach compare ...` and `python -m kinreach.compare ...` are the same. A new job
-is a line in `COMMANDS` and a module with a function `main(argv, *, prog) -> int`; `run` does the rest.
+`kinreach compare ...`, `python -m kinreach compare ...` and `python -m kinreach.compare ...` are the same. A new
+subcommand is a line in `COMMANDS` and a module with a function `main(argv, *, prog) -> int`.
 """
 
 from __future__ import annotations
@@ -23,14 +23,13 @@ import kinreach
 from kinreach._checks import printable
 from kinreach.errors import KinreachError
 
-#: Exit codes: wrong input or installation; Ctrl-C, as shells report it; output that nobody reads any more.
+#: Exit codes: wrong input or installation; Ctrl-C, as shells report it; a closed pipe.
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
 EXIT_UNREAD = 1
 #: Flags that ask for help.
 HELP = ("-h", "--help")
-#: Errors of a full file system. Results are written through `kinreach._files`, which names the file; this
-#: is for the rest, such as the terminal's output in a file, and the logs of libraries.
+#: Errors of a full file system, for what `kinreach._files` does not write: redirected output, logs of libraries.
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 
 
@@ -55,7 +54,7 @@ COMMANDS = {
 }
 
 
-#: Arguments that an error names as Python has them, where the command line has a flag.
+#: Python's keyword arguments in messages, which are flags of the command line.
 _KEYWORD = re.compile(r"\b(repair|tip|joints|package_dirs|tool|base|mesh_scale)=(True\b)?( ?)")
 #: A list of numbers of which the first is negative.
 _NEGATIVE = re.compile(r"-[\d.][\d.eE+-]*,")
@@ -65,7 +64,7 @@ class Parser(argparse.ArgumentParser):
     """An argument parser that reports bad input in one line instead of a page of usage."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Parse; a value such as -0.4,0.1 after a flag is a value, where argparse sees a flag."""
+        """Parse arguments; -0.4,0.1 after a flag is its value, which argparse takes for a flag."""
         words = list(sys.argv[1:] if args is None else args)
         for place in range(len(words) - 1, 0, -1):
             if _NEGATIVE.match(words[place]) and words[place - 1].startswith("--") and "=" not in words[place - 1]:
@@ -73,7 +72,7 @@ class Parser(argparse.ArgumentParser):
         return super().parse_known_args(words, namespace)
 
     def print_help(self, file: IO[str] | None = None) -> None:  # type: ignore[override]
-        """Print the help; argparse's own hides that it cannot be written."""
+        """Print the help, and raise if it cannot be written, unlike argparse."""
         print(self.format_help(), end="", file=file)
 
     def error(self, message: str) -> NoReturn:
@@ -83,7 +82,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def quoted(word: str) -> str:
-    """Return a word of a command as a shell takes it, in printable characters."""
+    """Quote a word for a shell, in printable characters."""
     if word.isprintable():
         return quote(word)
     return "$'" + "".join(map(_in_quotes, word)) + "'"
@@ -130,7 +129,7 @@ def finish(job: Callable[[], int], *, prog: str) -> int:
             complain(f"{prog}: {str(interrupt) or 'interrupted'}")
             return EXIT_INTERRUPTED
         finally:
-            if sys.stdout is not None:  # here, where a failure can be told: that of the interpreter's end is code 120
+            if sys.stdout is not None:  # a failure at the interpreter's end would be exit code 120
                 sys.stdout.flush()
     except BrokenPipeError:
         if not _is_unread(sys.stdout):
@@ -156,10 +155,7 @@ def _as_flag(keyword: re.Match[str]) -> str:
 
 
 def complain(text: str) -> None:
-    """Print text as one line on stderr, if anything can be printed there.
-
-    What a terminal would not print but obey is written out.
-    """
+    """Print text as one line on stderr, with control characters escaped, if it can be written."""
     line = printable(" ".join(text.split()))
     try:
         print(line, file=sys.stderr, flush=True)
@@ -168,14 +164,14 @@ def complain(text: str) -> None:
 
 
 def _is_unread(stream: IO[str]) -> bool:
-    """Return whether a stream is a pipe that nobody reads any more."""
+    """Return whether a stream is a pipe whose reader is gone."""
     poll = select.poll()
     poll.register(stream, 0)  # errors are always reported
     return bool(poll.poll(0))
 
 
 def _discard(stream: IO[str]) -> None:
-    """Drop what a stream still holds, and what comes; else the interpreter would try again to write it when it ends."""
+    """Discard what a stream holds, which the interpreter would try to write again when it ends."""
     with suppress(OSError, ValueError):  # a stream without a file, such as a test's
         descriptor = os.open(os.devnull, os.O_WRONLY)
         os.dup2(descriptor, stream.fileno())

@@ -1,4 +1,4 @@
-"""Every error kinreach raises on purpose descends from `KinreachError`."""
+"""Errors of kinreach, all of them subclasses of `KinreachError`."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ class OtherResultsError(InputError):
 
 
 class UnknownOptionError(UnknownNameError, TypeError):
-    """A keyword that an environment does not take; a `TypeError` too, which is what Python and its libraries expect."""
+    """An unknown keyword of an environment; a `TypeError` too, as libraries expect."""
 
 
 class PathError(KinreachError):
     """No path was found, or a motion cannot be made; the message gives the place and the reason.
 
     Attributes:
-        index: Number of the waypoint or pose before the place where it fails; -1 where no one place is the reason.
-        fraction: How far from there to the next one, from 0 to 1.
-        q: The posture there [rad]; None where there is none.
-        branches: Of a line of the tool: the other branches, which get through.
+        index: Number of the waypoint or pose before the failure; -1 if the failure has no place.
+        fraction: Share of the way from there to the next one, from 0 to 1.
+        q: The posture there [rad], or None.
+        branches: Of a line of the tool: other branches without a failure.
         starts: Postures with which these begin [rad], shape (k, n).
     """
 

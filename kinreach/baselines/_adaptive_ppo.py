@@ -1,7 +1,4 @@
-"""PPO whose standard deviation follows a schedule, and whose learning rate adapts to how far updates lead.
-
-Where collisions end an episode, `LateCollisionsPPO` lets them count from a part of the training on.
-"""
+"""PPO with a scheduled standard deviation and an adaptive learning rate."""
 
 from __future__ import annotations
 
@@ -40,7 +37,7 @@ class Exploration:
 
 
 def share_left(progress: float, decay: float) -> float:
-    """Return what is left of a learning rate that falls to zero linearly over the last `decay` of a training."""
+    """Return the factor of a learning rate that falls to zero linearly over the last `decay` of a training."""
     return min(1.0, max(1.0 - progress, 0.0) / decay) if decay > 0 else 1.0
 
 
@@ -48,15 +45,15 @@ def share_left(progress: float, decay: float) -> float:
 class AdaptiveRate:
     """A learning rate that is adjusted after every update.
 
-    It is divided by `factor` where the Kullback-Leibler divergence was over 1.5 times its target, multiplied where it
+    It is divided by `factor` if the Kullback-Leibler divergence was over 1.5 times its target, and multiplied if it
     was under 2/3 of it; over the last `decay` of the training it falls to zero linearly.
 
     Attributes:
-        first: To begin with.
-        target_kl: Divergence of an update that is aimed at.
+        first: Initial rate.
+        target_kl: Target of an update's divergence.
         factor: Of one adjustment.
         lowest, highest: Bounds.
-        decay: Share of the training at whose end the rate falls.
+        decay: Share of the training over which the rate falls.
     """
 
     first: float
@@ -75,21 +72,21 @@ class AdaptiveRate:
         return min(max(rate, self.lowest), self.highest)
 
     def share(self, progress: float) -> float:
-        """Return what the decay leaves of the rate when `progress` of the training is done."""
+        """Return the factor of the decay when `progress` of the training is done."""
         return share_left(progress, self.decay)
 
 
 class AdaptivePPO(PPO):
-    """stable-baselines3's PPO; the standard deviation is not learned, and the learning rate adapts.
+    """PPO of stable-baselines3 with a scheduled standard deviation and an adaptive learning rate.
 
     Args:
-        exploration: Schedule of the standard deviation; None where it is learned, or for discrete actions.
-        adaptive: How the learning rate adapts.
+        exploration: Schedule of the standard deviation; None if it is learned, or for discrete actions.
+        adaptive: The learning rate.
         planned_steps: Steps of the whole training, to which the schedules refer.
         **kwargs: Of PPO.
 
     Attributes:
-        rate: The learning rate before the decay; part of the state of a training run.
+        rate: The learning rate before the decay; checkpoints keep it.
     """
 
     def __init__(
@@ -130,11 +127,11 @@ class AdaptivePPO(PPO):
 
 
 class LateCollisionsPPO(AdaptivePPO):
-    """Train with a rolling ball, at first with an arm that moves through everything.
+    """Adaptive PPO with a rolling ball, where collisions end episodes only late in the training.
 
     Args:
         world: The episodes of the batch.
-        until: Share of the training after which collisions count.
+        until: Share of the training after which they do.
         **kwargs: Of `AdaptivePPO`.
     """
 
@@ -146,6 +143,6 @@ class LateCollisionsPPO(AdaptivePPO):
         return [*super()._excluded_save_params(), "world"]
 
     def collect_rollouts(self, *args: Any, **kwargs: Any) -> bool:
-        """Say whether collisions count, then act."""
+        """Set whether collisions count, then collect."""
         self.world.options = replace(self.world.options, collisions=self.progress >= self.until)
         return super().collect_rollouts(*args, **kwargs)

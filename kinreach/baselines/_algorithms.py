@@ -1,11 +1,10 @@
-"""Algorithms: PPO with schedules, ranked PPO, and the registry of all that a recipe can be trained with.
+"""Ranked PPO, and the registry of the algorithms that a recipe can be trained with.
 
-Ranked PPO is for tasks where the outcome of one action can be judged at once, as the reward of reaching can: there, a
-critic that predicts the mean outcome of a state is the largest source of error of PPO. K actions are tried from every
-state and compared with one another: the advantage of each is the normal score of its rank among the K. There is no
-critic, and no scale of the reward to tune. The rest is PPO: clipped ratios, several epochs, minibatches. Group-relative
-advantages are those of GRPO (Shao et al. 2024, DeepSeekMath, section 4.1), with ranks instead of standardised rewards;
-rank-based shaping with normal scores is that of evolution strategies.
+Ranked PPO is for tasks where the reward of one action is its whole outcome, as in reaching: there, the critic is the
+largest source of error of PPO. It tries K actions from every state; the advantage of each is the normal score of its
+rank among the K. There is no critic, and no scale of the reward to tune. The rest is PPO: clipped ratios, several
+epochs, minibatches. Group-relative advantages are those of GRPO (Shao et al. 2024, DeepSeekMath, section 4.1), with
+ranks instead of standardised rewards; normal scores of ranks are those of evolution strategies.
 
 An algorithm from outside is one entry, for example of sb3-contrib:
 
@@ -72,7 +71,7 @@ class RankedRolloutBuffer(RolloutBuffer):
         super().__init__(*args, **kwargs)
 
     def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: np.ndarray[Any, Any]) -> None:
-        """Rank the rewards; values are of no use."""
+        """Rank the rewards; values are not used."""
         outcomes = self.rewards.reshape(-1, self.tries)
         self.advantages = normal_scores(outcomes).astype(np.float32).reshape(self.rewards.shape)
         self.returns = np.zeros_like(self.rewards)
@@ -103,19 +102,19 @@ WAVES = (0.5, 1.0, 2.0)
 FIRST_OPENING = -0.75
 #: Seed of the observations whose mean and spread scale the network's inputs.
 _SCALE_SEED = 1
-#: What the features `"button"` divide by: cosines and sines, two positions [m], joint velocities [rad/s], difference of
+#: Scales of the features `"button"`: cosines and sines, two positions [m], joint velocities [rad/s], difference of
 #: the positions [m], push state.
 BUTTON_SCALE = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
-#: What `"sights"` subtract and divide by: a ball [m], the age of its sight [s], joint angles [rad] and speeds [rad/s],
+#: Means and scales of `"sights"`: a ball [m], the age of its sight [s], joint angles [rad] and speeds [rad/s],
 #: earlier sights less the last [m], which are further away the earlier they are.
 SIGHTS_MEAN = (0.475, 0.0, -0.175, 0.05, *get_arm("ur5").home, *(0.0,) * 6)
 SIGHTS_SCALE = (0.09, 0.17, 1.0, 0.05, *(0.5,) * 6, *(1.0,) * 6)
 SIGHT_SCALE = 0.01
-#: What `"arms"` subtract and divide by: a ball [m], two errors beside it [m], moves, looks, and of three coordinates
+#: Means and scales of `"arms"`: a ball [m], two errors beside it [m], moves, looks, and of three coordinates
 #: the mean error [m] and its slopes [m].
 ARMS_MEAN = (0.475, 0.0, -0.175, *(0.0,) * 6, 1.0, 20.0, *(0.0,) * 9)
 ARMS_SCALE = (0.1, 0.18, 0.006, *(5e-3,) * 6, 1.0, 20.0, *(5e-3, 7e-4, 7e-4) * 3)
-#: What `"grasps"` subtract and divide by: an object [m], the angle of its faces [rad], its size [m] and shape, joint
+#: Means and scales of `"grasps"`: an object [m], the angle of its faces [rad], its size [m] and shape, joint
 #: angles [rad], the opening [m], from the tip to the object [m].
 GRASPS_MEAN = (0.475, 0.0, -0.175, 0.0, 0.025, 0.0, 0.0, 0.0, *get_arm("ur5").home, 0.05, *(0.0,) * 3)
 GRASPS_SCALE = (0.1, 0.18, 0.05, 0.5, 0.01, 1.0, 1.0, 1.0, *(0.5,) * 6, 0.02, *(0.05,) * 3)
@@ -230,10 +229,10 @@ def _simulation(env: SB3VecEnv) -> dict[str, Any]:
 
 
 def _features(recipe: Recipe) -> dict[str, Any]:
-    """Constants of the normalisation, and the waves.
+    """Return the constants of the normalisation, and the waves.
 
-    Mean and spread of first observations; what does not vary among them is only shifted. Those of the button task all
-    begin upright and almost at rest: their spread is meaningless, and `BUTTON_SCALE` is used.
+    They are mean and spread of first observations, unless there are constants for the task; those of the button task
+    begin upright and almost at rest. What does not vary is only shifted.
     """
     kind = recipe.networks.features
     check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms", "grasps"))
@@ -258,22 +257,22 @@ def _features(recipe: Recipe) -> dict[str, Any]:
 
 
 def step_by_step(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
-    """Return a batch in which the learner takes every step."""
+    """Return a batch in which the learner acts in every step."""
     return SB3VecEnv(batch, reward=reward)
 
 
 def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
-    """Return the same, with a step limit that ends an episode like anything else: all that PPO2 knows is `done`."""
+    """Return a batch in which a step limit terminates an episode, as in PPO2."""
     return SB3VecEnv(batch, reward=reward, bootstrap=False)
 
 
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
-    """Return a batch in which several postures are tried for each goal, drawn where the task has goals and around.
+    """Return a batch in which several postures are tried for each goal; goals are drawn up to a margin around the area.
 
-    If the features are `"looks"`, the setting of that name is the number of looks for a segment of the training.
+    With the features `"looks"`, the setting of that name is the number of looks in a segment of the training.
 
     Raises:
-        InputError: The environments are none for reaching, their goals are not in a box, or are observed in pictures.
+        InputError: The environments are not for reaching or grasping, or goals are observed in pixels.
     """
     task = getattr(batch.unwrapped, "task", None)
     if not isinstance(task, ReachTask | LiftTask):
@@ -297,7 +296,7 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
 
 
 def _fixed(recipe: Recipe) -> slice:
-    """Where observations have what stays the same during an episode."""
+    """Return the part of observations that is constant during an episode."""
     if recipe.environment == LIFT:
         return slice(0, KIND_END)
     return layout_of(_arm(recipe), directed=recipe.environment == SPACE).fixed
@@ -315,16 +314,16 @@ def _action_to(arm: ArmDescription, q: ArrayLike) -> list[float]:
 
 @dataclass(frozen=True)
 class Algorithm:
-    """Everything that training needs to know of an algorithm.
+    """An algorithm of a recipe.
 
     Attributes:
         name: As in recipes.
-        model: A subclass of stable-baselines3's `OnPolicyAlgorithm` or `OffPolicyAlgorithm`, or where to import it
-            from, as `module:Class`.
-        exporter: The deterministic actor of such a model as a `Network`. It is tried before the training begins.
-        arguments: Keyword arguments of the class, from the recipe, the environments and the planned actions.
-        vec_env: What the model acts in, from a native batch, the recipe and the training reward.
-        defaults: Settings that hold unless the recipe sets them.
+        model: A subclass of stable-baselines3's `OnPolicyAlgorithm` or `OffPolicyAlgorithm`, or its name,
+            `module:Class`.
+        exporter: Returns the deterministic actor of a model as a `Network`. It is called before the training, too.
+        arguments: Returns keyword arguments of the class, from the recipe, the environments and the planned actions.
+        vec_env: Returns the environments of a model, from a native batch, the recipe and the training reward.
+        defaults: Settings that the recipe may override.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Batches of environments for training: the native one where there is one, else Gymnasium's own."""
+"""Batches of environments: native ones if registered, else Gymnasium's own."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 
 from kinreach.errors import InputError
 
-#: Observations that scale a network's inputs, and how many environments they come from where there is no native batch.
+#: Number of observations that scale a network's inputs, and of environments that they come from without native batch.
 SAMPLE, _SAMPLE_ENVS = 2048, 16
 
 
 def make_batch(environment: str, num_envs: int, options: Mapping[str, Any]) -> VectorEnv[Any, Any, Any]:
-    """Make environments in step that reset in the same step as they end.
+    """Make a batch of environments that reset in the step in which they end.
 
     Args:
         environment: Id; `module:id` imports the module that registers it.
@@ -25,7 +25,7 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any]) -> V
         options: Of each environment.
 
     Raises:
-        InputError: Unknown environment, or it does not take the options.
+        InputError: Unknown environment or options.
     """
     batch = _native(environment, num_envs, options)
     if batch is None:
@@ -35,7 +35,7 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any]) -> V
 
 
 def first_observations(environment: str, options: Mapping[str, Any], *, seed: int) -> np.ndarray[Any, Any]:
-    """Observations at the beginning of `SAMPLE` episodes, shape (SAMPLE, n)."""
+    """Return the observations at the beginning of `SAMPLE` episodes, shape (SAMPLE, n)."""
     batch = _native(environment, SAMPLE, options) or make_batch(environment, _SAMPLE_ENVS, options)
     try:
         return np.concatenate([batch.reset(seed=None if i else seed)[0] for i in range(SAMPLE // batch.num_envs)])
@@ -67,7 +67,7 @@ def _make(environment: str, num_envs: int, options: Mapping[str, Any], **how: An
 
 
 def last_value(info: Mapping[str, Any], name: str) -> Any:
-    """Return the value by that name in the `info` of each environment's last step, shape (n,); None if there is none.
+    """Return an entry of each environment's last step, shape (n,); None if `info` lacks it.
 
     After a reset in the same step, Gymnasium's own batches keep the step's values in `final_info`.
     """

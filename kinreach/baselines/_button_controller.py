@@ -1,7 +1,7 @@
-"""The button task solved by a model: closed-form inverse kinematics, and torque computed for a way in joint space.
+"""Solve the button task with a model: closed-form inverse kinematics and computed torque.
 
-The posture for the target comes from the closed form. Each joint is to run at v = clip(k (q_target - q), +-v_max);
-the acceleration that brings it to this speed within a time constant T, a = (v - qd) / T, takes the torque
+The closed form gives the posture for the target. The wanted speed of each joint is v = clip(k (q_target - q), +-v_max);
+the acceleration towards it with a time constant T, a = (v - qd) / T, needs the torque
 RNEA(q, qd, a) + damping qd. An action moves each control by at most one unit towards torque / gear. The button is
 pressed when the model predicts that this action brings the end effector to the target.
 """
@@ -25,15 +25,15 @@ from kinreach.kinematics._angles import wrapped
 
 pin: Any = load("pinocchio")
 
-#: What the press radius is shortened by when the model decides whether to press [m].
+#: Subtracted from the press radius in the decision to press [m].
 PRESS_MARGIN = 0.005
-#: Only nearer to the target than this is it looked at whether to press [m]; no step of a controlled arm is as long.
+#: Distance from the target below which a press is considered [m]; no step of a controlled arm is as long.
 LOOK_RADIUS = 0.3
 
 
 @dataclass(frozen=True)
 class Gains:
-    """How a joint's error becomes an acceleration.
+    """Gains from a joint's error to its acceleration.
 
     Attributes:
         stiffness: k [1/s].
@@ -54,9 +54,9 @@ GAINS = {
 
 
 class ButtonController:
-    """Controls a number of arms by what their environments observe.
+    """Control a number of arms by their observations.
 
-    It reads the controls where they are observed (`controls=True`); else it adds up those that it asked for.
+    It reads the controls if they are observed (`controls=True`), else it adds up its own actions.
 
     Args:
         actuation: `"tuned"` or `"report"`, as the environments have it.
@@ -82,7 +82,7 @@ class ButtonController:
         self._control, self._q, self._target = np.zeros((3, count, JOINTS))
 
     def restart(self, ids: Any = slice(None)) -> None:
-        """New episodes begin in these environments; all of them by default."""
+        """Begin new episodes in some environments, by default in all."""
         self._fresh[ids] = True
 
     def actions(self, observations: Floats) -> NDArray[np.intp]:
@@ -115,7 +115,7 @@ class ButtonController:
         return action_of(change, press)
 
     def _follow(self, angles: Floats, goals: Floats) -> None:
-        """Keep up with the joints across +-pi, and choose a posture for each new target."""
+        """Unwrap the joint angles, and choose a posture for each new target."""
         self._q += wrapped(angles - self._q)
         new = np.flatnonzero(self._fresh)
         if len(new):
@@ -124,7 +124,7 @@ class ButtonController:
             self._target[new] = self._soonest(goals[new], angles[new])
 
     def _soonest(self, goals: Floats, start: Floats) -> Floats:
-        """Return for each target the posture that reaches it soonest; the start where no posture does."""
+        """Return for each target the posture that reaches it soonest, or the start if there is none."""
         postures = self._kinematics.batch(goals)
         time = (np.abs(postures.q - start[:, None]) / self._speed).max(axis=2)
         time[~postures.valid] = np.inf
@@ -155,7 +155,7 @@ class AnalyticButtonPolicy:
         self._controller = ButtonController(actuation)
 
     def reset(self, observation: Floats, info: Mapping[str, Any]) -> None:
-        """Forget the last target; the next one is read off the first observation."""
+        """Begin an episode with another target."""
         self._controller.restart()
 
     def act(self, observation: Floats) -> int:

@@ -1,4 +1,4 @@
-"""Learners that try nothing: the actor goes down the gradient of its distance from a goal."""
+"""Learners without trial and error: gradient descent on the actor's distance from a goal."""
 
 from __future__ import annotations
 
@@ -23,10 +23,9 @@ Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
 
 
 class Descent(AdaptivePPO):
-    """No trial and error: the actor goes down the gradient of an objective for the goals that it sees.
+    """Gradient descent of the actor on an objective for the observed goals.
 
-    What it does meanwhile is rolled out as in the other algorithms, so that its learning curve is one of theirs;
-    nothing is learned from the rewards.
+    Actions are rolled out as in the other algorithms for the learning curve; rewards are not used.
     """
 
     def objective(self, observations: Floats) -> Objective:
@@ -34,7 +33,7 @@ class Descent(AdaptivePPO):
         raise NotImplementedError
 
     def seen(self) -> Floats:
-        """Return the observations to learn from, shape (n, m): all that was observed since the last update."""
+        """Return the observations to learn from, shape (n, m): all since the last update."""
         rolled: Any = self.rollout_buffer
         return np.asarray(rolled.observations.reshape(-1, rolled.obs_shape[0]).astype(np.float64))
 
@@ -56,7 +55,7 @@ class Descent(AdaptivePPO):
 
 
 def feeler_depth(tips: torch.Tensor, feelers: torch.Tensor, least: float) -> torch.Tensor:
-    """Return how far points fixed to the tips, shape (k, 3), are below a height, summed [m], shape (n,).
+    """Return the summed depth of points on the tips, shape (k, 3), below a height [m], shape (n,).
 
     Args:
         tips: Poses, shape (n, 4, 4).
@@ -67,17 +66,16 @@ def feeler_depth(tips: torch.Tensor, feelers: torch.Tensor, least: float) -> tor
     return (least - heights).clamp(min=0.0).sum(1)
 
 
-#: Weight of the tool's angle where no direction is asked for, and one keeps the arm from wandering [m/rad].
+#: Weight of the tool's angle in tasks without a direction [m/rad].
 DOWN = 0.02
 
 
 class AnalyticGradient(Descent):
-    """Analytic policy gradient: the actor goes down the gradient of its own error, through forward kinematics.
+    """Analytic policy gradient of the distance from the goal, through forward kinematics.
 
-    As in differentiable simulators (Freeman et al. 2021, Brax, arXiv:2106.13281, section 4.2), for one step. It knows
-    the arm's kinematics, and no closed form; its branch is that of the posture which it begins with. A collision has no
-    gradient: all that it feels of one is how deep some points of the tool are in the table, and how far joints are
-    beyond angles at which links meet.
+    As in differentiable simulators (Freeman et al. 2021, Brax, arXiv:2106.13281, section 4.2), for one step. It uses
+    no closed form; its branch is that of its initial posture. Collisions have no gradient: their stand-ins are the
+    depth of some points of the tool in the table, and joints beyond angles at which links meet.
 
     Args:
         task: What the actor is to do; postures are its output.
@@ -126,7 +124,7 @@ class AnalyticGradient(Descent):
 
 
 class SimulatorGradient(Descent):
-    """Goes down the gradient of what its next actions lead to, in a simulation that knows what the actor cannot see.
+    """Gradient descent on the outcome of the next actions, in a simulation with more knowledge than the actor.
 
     Args:
         world: The episodes of the batch.
@@ -151,7 +149,7 @@ class SimulatorGradient(Descent):
         Args:
             q: Postures that are gone to [rad].
             places: From postures [rad] to how far the tips are from where the data sheet has them, and to where they
-                should be [m]; both are taken as they are, without a gradient.
+                should be [m]; both without a gradient.
             down: [m/rad].
         """
         tips = self.world.chain.fk(q)
@@ -162,7 +160,7 @@ class SimulatorGradient(Descent):
 
 
 class MovingGradient(SimulatorGradient):
-    """Learns to meet a rolling ball: where it will be when the arm can be there, which the simulation knows.
+    """Learn to meet a rolling ball at the place where it will be when the arm can be there.
 
     Args:
         feelers: Points fixed to the tip that are to stay above the table, on the way as well [m], shape (k, 3).
@@ -205,7 +203,7 @@ class MovingGradient(SimulatorGradient):
 
 
 class RandomArmGradient(SimulatorGradient):
-    """Learns to reach with arms that it knows from looks alone."""
+    """Learn to reach with arms that only looks describe."""
 
     world: RandomArmEpisodes
 

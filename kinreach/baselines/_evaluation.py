@@ -1,4 +1,4 @@
-"""How good a policy is: one deterministic episode for each of many goals that no training has seen."""
+"""Evaluate policies: one deterministic episode for each of many goals that no training draws."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ from kinreach.baselines._policies import LearnedPolicy, needed_options
 
 Array = np.ndarray[Any, Any]
 
-#: Seeds of goals. Training draws below 2**31, so these are never trained on; a choice between settings is made on the
-#: first set, and what is published is measured on the second.
+#: Seeds of goals, above those of trainings (below 2**31): the first for choices of settings, the second for results.
 VALIDATION = 2**40
 HELD_OUT = 2**41
 #: The same by the names that the command line uses.

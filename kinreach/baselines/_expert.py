@@ -1,4 +1,4 @@
-"""The closed form as a smooth map from goals to postures, to imitate or to evaluate in batches."""
+"""The closed form as a smooth map from goals to postures, in batches."""
 
 from __future__ import annotations
 
@@ -28,18 +28,17 @@ def table_top(arm: ArmDescription) -> float:
 
 
 def tool_down_postures(kinematics: URKinematics, goals: Floats, turns: Floats | float = 0.0) -> Floats:
-    """Return postures that reach goals with the gripper straight down, turned outwards as the goal is, and further.
+    """Return postures that reach goals with the gripper straight down, turned outwards with the goal.
 
-    Of all there are, the one nearest to the start pose: over the table area they are of one branch, and change
-    smoothly.
+    Each is the one nearest to the start pose; over the table area they are of one branch and change smoothly.
 
     Args:
         kinematics: From the world to the tip.
         goals: In the world [m], shape (n, 3).
-        turns: About the vertical, beside that outwards [rad], shape (n,).
+        turns: Further turns about the vertical [rad], shape (n,).
 
     Returns:
-        Joint angles [rad], shape (n, 6); NaN where there are none.
+        Joint angles [rad], shape (n, 6); NaN for unreachable goals.
     """
     home = np.array(kinematics.arm.home)
     outwards = np.arctan2(goals[:, 1], goals[:, 0]) + turns

@@ -1,4 +1,4 @@
-"""What a network sees in a camera's picture, in numpy: convolutions, and where in the picture each of them answers."""
+"""Convolutions of a camera's picture with a spatial softmax, in numpy."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ _TOGETHER = 16
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """Convolutions with rectifiers between them, then a spatial softmax: the mean place of every channel's answer.
+    """Convolutions with rectifiers between them, then a spatial softmax.
 
-    The last layer's answers are weighted over the picture by their softmax; a channel's place is the weighted mean of
-    the column and of the row, both from -1 to 1 (Levine, Finn, Darrell, Abbeel, JMLR 17 (2016), section 5.1).
+    A channel's place is the mean column and row, both from -1 to 1, weighted by the softmax of its last layer (Levine,
+    Finn, Darrell, Abbeel, JMLR 17 (2016), section 5.1).
 
     Attributes:
         layers: Weights, shape (out, in, k, k) with an odd k, and biases, shape (out,), of one convolution after the
             other; its input is padded with k // 2 zeros on every side.
         strides: Of the convolutions.
-        sharpness: Factor of the last answers before the softmax.
+        sharpness: Factor of the last layer before the softmax.
     """
 
     layers: Sequence[tuple[Array, Array]]
@@ -42,7 +42,7 @@ class Eye:
         return 2 * len(self.layers[-1][1])
 
     def __call__(self, pictures: Array) -> Array:
-        """Column and row of each channel, shape (..., 2 channels).
+        """Return column and row of each channel, shape (..., 2 channels).
 
         Args:
             pictures: uint8, shape (..., height, width, 3).

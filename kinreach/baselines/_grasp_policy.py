@@ -15,9 +15,9 @@ from kinreach.kinematics import PoseGoal
 from kinreach.kinematics._solvers import Solver
 from kinreach.robots._rotations import turn
 
-#: How much narrower than the object the fingers want to be [m]; they then press with all their force, 120 N each.
+#: How much narrower than the object the fingers are set [m], so that each presses with its whole force, 120 N.
 SQUEEZE = 0.024
-#: The tip stays so far above the table [m]: the fingers end 10 mm beyond it.
+#: Least height of the tip above the table [m]; the fingers end 10 mm beyond it.
 LOWEST = 0.012
 #: Turns of the fingers that are tried around a ball or a cylinder; a cube has one for each pair of faces.
 TURNS = 6
@@ -25,10 +25,10 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class GraspPolicy:
-    """Asks a solver of inverse kinematics for a grasp of what it observes in `kinreach/Lift-v0`, in single steps.
+    """Grasp objects of `kinreach/Lift-v0` with postures of a solver, in single steps.
 
-    The fingers begin as they are in the start pose, turned outwards as the object is; on a cube they are parallel to
-    its faces. Of the turns the first is taken that has a posture which the environment accepts.
+    The fingers are as in the start pose, turned outwards with the object; on a cube they are parallel to its faces.
+    The first turn with an accepted posture is used.
 
     Args:
         solver: For the arm of the environment, from the world to the tip.
@@ -48,10 +48,10 @@ class GraspPolicy:
         self.reason = ""
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Begin an episode: there is nothing to remember."""
+        """Do nothing."""
 
     def act(self, observation: Any) -> Any:
-        """Return the action of a grasp; None where no camera saw the object or no posture is accepted."""
+        """Return the action of a grasp; None if no camera saw the object or no posture is accepted."""
         env: Any = self._env
         iterations = poses = 0
         self.reason = "no camera found the object"

@@ -1,4 +1,4 @@
-"""What happens while a policy is trained, in windows of environment steps."""
+"""Learning curves in windows of environment steps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kinreach.errors import InputError
 
 Array = np.ndarray[Any, Any]
 
-#: A row has some 60 bytes.
+#: Largest file [bytes]; a row has some 60.
 MAX_BYTES = 256 * 1024 * 1024
 #: Columns of a learning curve. Steps and episodes count from the start; the rest is of one window: the mean reward of
 #: a step and return of an episode (both of the environment, exploration included); of the episodes that ended in it,
@@ -33,10 +33,10 @@ _LAST = {"reached": "is_success", "distance": "distance", "posture_error": "post
 
 
 class LearningCurve(VectorWrapper[Any, Any, Any]):
-    """A vector environment that keeps its own learning curve.
+    """A vector environment that records its learning curve.
 
-    An episode that a reset cuts short counts as ended there. A step's info is given `reached_lately`, so that rewards
-    can depend on how far the training is.
+    An episode that a reset cuts short counts as ended. A step's info has `reached_lately`, for rewards that depend on
+    the progress of the training.
 
     Args:
         env: With `AutoresetMode.SAME_STEP`.
@@ -140,7 +140,7 @@ def curve_csv(rows: Sequence[Sequence[float | None]], columns: Sequence[str] = C
 
 
 def read_curve(path: str | Path) -> dict[str, Array]:
-    """Columns of a learning curve by name; what is empty is NaN.
+    """Return the columns of a learning curve by name; empty cells are NaN.
 
     Raises:
         InputError: The file does not exist or is not a learning curve.

@@ -1,4 +1,4 @@
-"""Looks at goals with both cameras, taken ahead of a training that learns from pictures."""
+"""Pictures of goals for a training, rendered in advance."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from kinreach.envs._reach.task import ReachTask
 
 
 class Looks:
-    """Pictures of balls by both cameras, the arm being in its start pose.
-
-    Before the first are taken the pictures are noise.
+    """Pictures of balls by both cameras, with the arm in its start pose; noise before `take`.
 
     Args:
         task: Whose balls; its options have the size and noise of the pictures.

@@ -1,8 +1,7 @@
-"""One loop: everything that decides is a policy, what it decides about is an environment, and `rollout` lies between.
+"""The loop between policies and environments.
 
-A solver of inverse kinematics, a trained network, a script and chance are all the same to the loop. A policy is any
-object with `reset(observation, info)` and `act(observation)`; `as_policy` makes one of a plain function, of a
-stable-baselines3 model, or of whatever else answers an observation with an action.
+A policy is any object with `reset(observation, info)` and `act(observation)`: a solver, a network, a script, chance.
+`as_policy` makes one of a function, of a stable-baselines3 model, or of an object with `act` alone.
 """
 
 from __future__ import annotations
@@ -26,20 +25,20 @@ from kinreach.errors import InputError
 COMPLETED, MISSED = "completed", "missed"
 
 Watch = Callable[[gym.Env[Any, Any], Mapping[str, Any]], object]
-#: Takes the observations and rewards of a batch's step, its `info`, and which environments are in their first episode.
+#: Called with observations, rewards and `info` of a batch's step, and which environments are in their first episode.
 WatchBatch = Callable[[NDArray[Any], NDArray[Any], Mapping[str, Any], NDArray[np.bool_]], object]
 
 
 class Policy(Protocol):
-    """Anything that chooses actions.
+    """An object that chooses actions.
 
-    It may also have `reason`, why its last action was None; `diagnostics`, numbers about its last decision by name,
-    such as `iterations`, of which a trial has the sums; and `check_spaces(observation_space, action_space)`, which
-    raises an `InputError` where it cannot act.
+    Optional: `reason`, why its last action was None; `diagnostics`, numbers about its last decision by name, such as
+    `iterations`, which a trial sums up; and `check_spaces(observation_space, action_space)`, which raises an
+    `InputError` for spaces that it cannot act in.
     """
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Begin an episode; both arguments are what the environment's reset returned."""
+        """Begin an episode with what the environment's reset returned."""
         ...
 
     def act(self, observation: Any) -> Any:
@@ -66,7 +65,7 @@ class FunctionPolicy:
 
 
 class RandomPolicy:
-    """Draws actions uniformly; what it draws in an episode depends on its seed and the first observation alone.
+    """Draw actions uniformly, seeded by `seed` and the first observation of an episode.
 
     Args:
         action_space: Of the environment.
@@ -133,7 +132,7 @@ def rollout(
 
 
 def _check_spaces(policy: Policy, observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
-    """Call the policy's own `check_spaces`, if it has one; it raises if the policy cannot act there."""
+    """Call the policy's own `check_spaces`, if it has one."""
     check = getattr(policy, "check_spaces", None)
     if check is not None:
         check(observations, actions)
@@ -168,9 +167,9 @@ def _episode(env: gym.Env[Any, Any], policy: Policy, reset: Mapping[str, Any], w
 
 
 def forfeit(env: gym.Env[Any, Any], reason: str, info: Mapping[str, Any]) -> tuple[Any, float, bool, bool, Any]:
-    """Return the end of an episode in which a policy found no action, by the environment's own `forfeit`.
+    """End an episode in which a policy found no action, by the environment's own `forfeit`.
 
-    An environment without one ends with the last `info`, nothing reached, and no reward.
+    Without one, the episode ends with the last `info`, nothing reached, and no reward.
     """
     judge = getattr(env.unwrapped, "forfeit", None)
     if judge is not None:
@@ -240,7 +239,7 @@ def _row(info: Mapping[str, Any], index: int) -> dict[str, Any]:
 
 
 def flat(info: Mapping[str, Any]) -> Trial:
-    """Numbers, truth values, texts and vectors of an `info`, as Python's own types; not finite ones become None."""
+    """Return numbers, truth values, texts and vectors of an `info` as Python's types; None if not finite."""
     found = {name: _plain(value) for name, value in info.items() if not isinstance(value, Mapping)}
     found.setdefault("reached", bool(found.get("is_success", False)))
     found.setdefault("impossible", False)

@@ -21,10 +21,10 @@ from kinreach.errors import InputError
 
 
 def check_dataset(name: str) -> None:
-    """Refuse a name under which no dataset can be written.
+    """Check the name of a new dataset.
 
     Raises:
-        InputError: Minari takes no such name, or has a dataset of it already.
+        InputError: The name is malformed, or a dataset of that name exists.
         InstallationError: Minari or h5py is missing.
     """
     minari: Any = load_extra("minari", "minari")
@@ -53,7 +53,7 @@ def record_episodes(
     as they were executed, even where the environment's space is of single precision.
 
     Args:
-        name: Of the dataset, such as `"kinreach/ur5-single-v0"`; `check_dataset` has found it possible.
+        name: Of the dataset, such as `"kinreach/ur5-single-v0"`, checked by `check_dataset`.
         policy: As `load_policy` returns it.
         goals: How many.
         seed: Of the first goal.
@@ -62,7 +62,7 @@ def record_episodes(
         progress: Called with the number of finished goals.
 
     Raises:
-        InputError: Options that the environment does not take.
+        InputError: Unknown options of the environment.
     """
     try:
         env = gym.make(environment, **{**needed_options(policy), **options})
@@ -75,7 +75,7 @@ def record_episodes(
         for trial in rollout(recorder, policy, ({"seed": seed + index} for index in range(goals))):
             trials.append(trial)
             progress(len(trials))
-        with warnings.catch_warnings():  # that no author and no link to code is given, which nobody was asked for
+        with warnings.catch_warnings():  # of a missing author and link to code
             warnings.simplefilter("ignore")
             minari.create_dataset_from_buffers(
                 name,
@@ -96,7 +96,7 @@ def record_episodes(
 
 
 class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
-    """Keeps all that happens in an environment, one mapping an episode, in Minari's words."""
+    """Record episodes by Minari's names."""
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         super().__init__(env)

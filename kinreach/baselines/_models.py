@@ -1,4 +1,4 @@
-"""From a recipe to environments and a model, which is known to be exportable before it is trained."""
+"""Build the environments and the model of a recipe, and check before the training that the model can be exported."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Trainee:
 
     Attributes:
         model: Of stable-baselines3.
-        env: What it acts in.
-        curve: The batch beneath, which counts.
-        algorithm: What it is.
+        env: Its environments.
+        curve: The batch beneath, which records the learning curve.
+        algorithm: Of the model.
     """
 
     model: BaseAlgorithm
@@ -56,8 +56,7 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
         steps: Planned actions, to which schedules refer.
 
     Raises:
-        InputError: An unknown algorithm, reward or environment, settings that they do not take, or a model that the
-            algorithm's exporter cannot export.
+        InputError: An unknown algorithm, reward, environment or setting, or a model that cannot be exported.
     """
     check_known("algorithm", recipe.algorithm, ALGORITHMS)
     algorithm = ALGORITHMS[recipe.algorithm]
@@ -76,7 +75,7 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
             raise
         except KeyError as error:
             raise InputError(f"{recipe.algorithm} needs the setting {error}, which {recipe.name} lacks") from error
-        except Exception as error:  # whatever the algorithm raises that cannot use its settings or the spaces
+        except Exception as error:  # of the algorithm, about its settings or the spaces
             raise InputError(f"{recipe.algorithm} does not take the settings of {recipe.name}: {error}") from error
         trainee = Trainee(model, env, curve, algorithm)
         check_export(trainee)
@@ -87,7 +86,7 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
 
 
 def check_trainable(observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
-    """Refuse spaces that policies cannot have.
+    """Check the spaces of an environment.
 
     Raises:
         InputError: Observations are not vectors of numbers, or actions neither `Box` nor `Discrete` from 0.
@@ -100,10 +99,10 @@ def check_trainable(observations: spaces.Space[Any], actions: spaces.Space[Any])
 
 
 def check_export(trainee: Trainee) -> None:
-    """Refuse a model whose exported actor does not answer as the model does.
+    """Check that a model can be exported, and that the exported actor acts as the model.
 
     Raises:
-        InputError: It cannot be exported, or answers otherwise.
+        InputError: It cannot, or it does not.
     """
     model, name = trainee.model, trainee.algorithm.name
     if not isinstance(model, BaseAlgorithm):
@@ -115,7 +114,7 @@ def check_export(trainee: Trainee) -> None:
         network = trainee.network
     except KinreachError:
         raise
-    except Exception as why:  # whatever an exporter raises
+    except Exception as why:  # of the exporter
         raise InputError(f"the exporter of {name} fails: {type(why).__name__}: {why}{place_of(why)}") from why
     space: Any = model.observation_space
     draws = np.random.default_rng(0).normal(size=(_SAMPLES, *space.shape))

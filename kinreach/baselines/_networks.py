@@ -1,4 +1,4 @@
-"""The parts of networks that stable-baselines3 lacks, and how a trained actor leaves it for numpy."""
+"""Networks that stable-baselines3 lacks, and the export of trained actors to numpy."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ ACTIVATIONS: Mapping[str, type[nn.Module]] = {
 
 
 class ObservationFeatures(BaseFeaturesExtractor):
-    """The first of the observations, normalised by constants, and waves of them.
+    """Observations normalised by constants, and waves of them.
 
-    The features are z = (x - mean) / scale, and sin(w z), cos(w z) for every w. Observations beyond the length of
-    `mean` are not used.
+    The features are z = (x - mean) / scale, and sin(w z), cos(w z) for every w; x has as many of the first observations
+    as there are means.
 
     Args:
         space: Of the observations, shape (n,).
@@ -65,7 +65,7 @@ class ObservationFeatures(BaseFeaturesExtractor):
 
 
 class TorchEye(nn.Module):
-    """An `Eye` that learns; pictures are uint8, shape (n, 3, height, width)."""
+    """A trainable `Eye` for pictures in uint8, shape (n, 3, height, width)."""
 
     #: Channels, sizes of the kernels and strides of the convolutions.
     CHANNELS, SIZES, STRIDES = (16, 32, 16), (5, 3, 3), (2, 2, 1)
@@ -77,7 +77,7 @@ class TorchEye(nn.Module):
         self.sharpness = nn.Parameter(torch.ones(()))
 
     def forward(self, pictures: Tensor) -> Tensor:
-        """Column and row of each channel, shape (n, 2 channels)."""
+        """Return column and row of each channel, shape (n, 2 channels)."""
         h = pictures / MIDDLE - 1.0
         for index, layer in enumerate(self.layers):
             h = layer(h.relu() if index else h)
@@ -86,18 +86,18 @@ class TorchEye(nn.Module):
         return torch.stack([weights.sum(dim=2) @ across, weights.sum(dim=3) @ down], dim=2).flatten(1)
 
     def exported(self) -> Eye:
-        """Export to numpy."""
+        """Return the same in numpy."""
         state = {name: value.numpy() for name, value in self.state_dict().items()}
         layers = [(state[f"layers.{i}.weight"], state[f"layers.{i}.bias"]) for i in range(len(self.layers))]
         return Eye(layers, self.STRIDES, self.sharpness.item())
 
 
 class LookFeatures(BaseFeaturesExtractor):
-    """Outputs of the eyes for looks; an observation is the number of a look, and each look is seen once in a batch.
+    """Outputs of the eyes for looks; an observation is the number of a look.
 
     Args:
         space: Of the observations, shape (1,).
-        looks: What the numbers stand for.
+        looks: By their numbers.
     """
 
     def __init__(self, space: spaces.Box, *, looks: Looks) -> None:
@@ -124,7 +124,7 @@ class PairedGaussian(DiagGaussianDistribution):
 
 
 class PostureHead(nn.Linear):
-    """The mean action from the last hidden layer h: shift + gain (W h + b), which begins at the shift.
+    """The mean action from the last hidden layer h: shift + gain (W h + b), at first nearly the shift.
 
     Args:
         hidden: Length of h.
@@ -169,10 +169,10 @@ class PosturePolicy(ActorCriticPolicy):
 
 
 def actor_network(model: BaseAlgorithm) -> Network:
-    """Return the deterministic actor of a stable-baselines3 model with `MlpPolicy`; a DQN's is its Q-network.
+    """Return the deterministic actor of a stable-baselines3 model with `MlpPolicy`, of DQN its Q-network.
 
     Raises:
-        InputError: An actor, an activation or a features extractor that is not known here.
+        InputError: An unknown actor, activation or features extractor.
     """
     policy: Any = model.policy
     names = {kind: name for name, kind in ACTIVATIONS.items()}

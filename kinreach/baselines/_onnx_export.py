@@ -1,9 +1,8 @@
-"""A policy as an ONNX model: observation in, action out, for programs that know neither kinreach nor NumPy.
+"""Policies as ONNX models, from observation to action.
 
-The graph is `LearnedPolicy.act` in double precision, operator by operator, and needs no torch. A policy that sees
-pictures has an input for each of them, of any size. The model's metadata has the policy's card in the entry `kinreach`,
-as JSON. Only operators that ONNX Runtime has in double precision are used; cosine, ELU and convolutions are not among
-them.
+The graph is `LearnedPolicy.act` in double precision. A policy that sees pictures has an input for each of them, of any
+size. The entry `kinreach` of the metadata has the policy's card as JSON. ONNX Runtime has no cosine, ELU and
+convolution in double precision, so that these are composed of others.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ from kinreach.robots import get_arm
 
 #: Versions of ONNX's operators and of its file format, as ONNX Runtime has had them since 1.14.
 OPSET, IR_VERSION = 18, 8
-#: Names of the model's input, (batch, observations), and output, (batch, actions), or (batch,) where they are numbered.
+#: Names of the model's input, (batch, observations), and output, (batch, actions), or (batch,) for discrete ones.
 INPUT, OUTPUT = "observation", "action"
-#: A policy that sees has the inputs `front_rgb` and so on, uint8, (batch, height, width, 3), and if it walks, joints.
+#: Policies that see have inputs such as `front_rgb`, uint8, (batch, height, width, 3), and, if they walk, the joints.
 JOINTS = "joints"
 _LAST = np.iinfo(np.int64).max
 
@@ -42,11 +41,11 @@ def export_onnx(policy: LearnedPolicy, path: str | Path, *, observations: int | 
     Args:
         policy: As `load_policy` returns it.
         path: Of the file.
-        observations: Numbers in an observation of its environment; as many as the policy must have, if None. Of no
-            meaning where it sees pictures.
+        observations: Numbers in an observation of its environment, by default as many as the policy reads. Not used
+            for pictures.
 
     Raises:
-        InputError: Observations that the policy does not take.
+        InputError: The policy needs other observations.
         InstallationError: The package `onnx` is missing.
         OutputError: The file system refused.
     """
@@ -59,7 +58,7 @@ def export_onnx(policy: LearnedPolicy, path: str | Path, *, observations: int | 
 
 
 class _Graph:
-    """The nodes and constants of a model, put together from the input to the output."""
+    """Nodes and constants of a model."""
 
     def __init__(self) -> None:
         self.onnx: Any = load_extra("onnx", "onnx")
@@ -75,7 +74,7 @@ class _Graph:
         return name
 
     def __call__(self, operator: str, *inputs: str | ArrayLike, **attributes: Any) -> str:
-        """Return the name of what an operator makes of names and constants."""
+        """Add a node with names and constants as inputs; return the name of its output."""
         names = [value if isinstance(value, str) else self.constant(value) for value in inputs]
         output = f"{operator.lower()}{len(self.nodes)}"
         self.nodes.append(self.onnx.helper.make_node(operator, names, [output], **attributes))
@@ -128,7 +127,7 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
 
 
 def _picture_names(policy: LearnedPolicy) -> list[str]:
-    """Return names of the pictures that a policy sees: of the cameras of its arm."""
+    """Return the names of the pictures that a policy sees."""
     arm = get_arm(trained_arm(policy).get("arm", "ur5"))
     return sorted(f"{camera.name}_rgb" for camera in arm.goal_cameras)[: len(policy.network.eyes)]
 
@@ -160,7 +159,7 @@ def _eye(graph: _Graph, eye: Eye, picture: str) -> str:
 
 
 def _from_minus_one_to_one(graph: _Graph, pictures: str, axis: int) -> str:
-    """As many numbers, evenly spaced, as pictures are long along an axis."""
+    """Return evenly spaced numbers, one for each row or column of pictures."""
     count = graph("Squeeze", graph("Shape", pictures, start=axis, end=axis + 1))
     numbers = graph("Range", 0.0, graph("Cast", count, to=graph.onnx.TensorProto.DOUBLE), 1.0)
     last = graph("Cast", graph("Max", graph("Sub", count, 1), 1), to=graph.onnx.TensorProto.DOUBLE)

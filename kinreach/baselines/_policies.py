@@ -1,8 +1,4 @@
-"""Trained policies: what they answer, which environments they fit, and how they are loaded.
-
-Policy files are read by `kinreach.baselines._policy_file`, stable-baselines3's `model.zip` by
-`kinreach.baselines._sb3_zip`; neither runs what is in a file.
-"""
+"""Trained policies, from policy files or from stable-baselines3's `model.zip`; nothing in a file is executed."""
 
 from __future__ import annotations
 
@@ -33,10 +29,9 @@ SLACK = 1e-6
 
 
 def paced(way: Array) -> Array:
-    """Return the next multi-step action on the straight way in joint space, in equal steps as few as can be.
+    """Return the next multi-step action on the straight way in joint space, in the fewest equal steps.
 
-    Equal steps end at the posture with a long one. An arm that creeps up to it would come within the thesis's 10 mm
-    somewhere on the way, where the episode ends.
+    Smaller last steps would end episodes on the way, within the thesis's 10 mm of the goal.
 
     Args:
         way: Joint angles still to go [rad], shape (..., n).
@@ -48,23 +43,22 @@ def paced(way: Array) -> Array:
     return way / STEP_SIZE / np.maximum(1.0, np.ceil(steps - SLACK))
 
 
-#: No environment observes larger numbers.
+#: Largest number in an observation.
 MAX_OBSERVED = 1e6
 _SUFFIX = ".safetensors"
 
 
 class LearnedPolicy:
-    """A trained policy, for any environment whose spaces it fits. Threads may share an instance.
+    """A trained policy. Threads may share an instance.
 
     Args:
         card, network: As `read_policy` returns them.
-        exact: Whether an observation has just as many numbers as the network takes; else it may have more.
+        exact: Whether an observation must have as many numbers as the network reads; else it may have more.
 
     Attributes:
-        card: What is known of it.
-        network: Its numbers.
+        card, network: As given.
         bounds: The least and the largest action, shape (m,) or numbers.
-        stepwise: Whether its output is a posture that it walks to in steps.
+        stepwise: Whether its output is a posture that is approached in steps.
     """
 
     def __init__(self, card: PolicyCard, network: Network, *, exact: bool = False) -> None:
@@ -79,13 +73,13 @@ class LearnedPolicy:
     def act(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Any:
         """Return the deterministic action for an observation, shape (n,), or for a batch of them, shape (count, n).
 
-        A policy that sees pictures takes a dictionary as environments with `observation="pixels"` give it.
+        For a policy that sees pictures, it is a dictionary as of environments with `observation="pixels"`.
 
         Returns:
             Actions, shape (..., m), or the number of a discrete action, shape (...).
 
         Raises:
-            InputError: A wrong shape, values that are not finite, or so large that the network's output is not.
+            InputError: A wrong shape, or values that are not finite or too large.
         """
         output = self._output(observation)
         if self.card.meaning == "preferences":
@@ -100,7 +94,7 @@ class LearnedPolicy:
         """Return the posture that a reach policy aims at [rad], shape (..., m).
 
         Raises:
-            InputError: The policy's output means something else, is none of its arm's postures, or as for `act`.
+            InputError: The policy's output is not a posture of its arm, or as for `act`.
             UnknownNameError: The arm of its card is unknown.
         """
         if self.card.meaning != "posture":
@@ -110,10 +104,7 @@ class LearnedPolicy:
 
     @cached_property
     def action_range(self) -> tuple[Any, Any]:
-        """What an action of 1 means for each joint of its arm, from the middle of its range, and the middle [rad].
-
-        Half a turn and 0 where the card names no arm.
-        """
+        """Half of each joint's range and its middle [rad]; half a turn and 0 if the card names no arm."""
         name = trained_arm(self).get("arm")
         if name is None:
             return SINGLE_STEP.scale, 0.0
@@ -129,7 +120,7 @@ class LearnedPolicy:
         return str(self.card.recipe.get("name") or "the policy")
 
     def check_spaces(self, observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
-        """Refuse an environment that the policy cannot act in.
+        """Check the spaces of an environment.
 
         Args:
             observations: Space of one environment, not of a batch.
@@ -157,7 +148,7 @@ class LearnedPolicy:
 
     @property
     def inputs(self) -> int:
-        """How many numbers an observation has at least."""
+        """Least number of entries of an observation."""
         return max(len(self.network.mean), len(self.network.gain) + 1 if self.stepwise else 0)
 
     @property
@@ -165,11 +156,11 @@ class LearnedPolicy:
         return f"{'' if self._exact else 'at least '}{self.inputs}"
 
     def accepts(self, count: int) -> bool:
-        """Return whether an observation may have so many numbers."""
+        """Return whether an observation may have `count` numbers."""
         return count == self.inputs if self._exact else count >= self.inputs
 
     def _output(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
-        """Evaluate the network; check that observations and its answer are numbers."""
+        """Evaluate the network; check observations and outputs."""
         x: Any = self._pictures(observation) if self.network.eyes else self._numbers(observation)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             output = self.network(x)
@@ -202,7 +193,7 @@ class LearnedPolicy:
 
 
 def _check_pictures(name: str, count: int, space: spaces.Space[Any]) -> None:
-    """Refuse an environment whose observations do not have so many pictures."""
+    """Check that observations have `count` pictures."""
     parts = space.spaces if isinstance(space, spaces.Dict) else {}
     pictures = [parts[key] for key in picture_names(parts)]
     if len(pictures) != count or not all(isinstance(part, spaces.Box) and len(part.shape) == 3 for part in pictures):
@@ -210,19 +201,19 @@ def _check_pictures(name: str, count: int, space: spaces.Space[Any]) -> None:
 
 
 def pretrained_names() -> list[str]:
-    """Return names of the policies that come with the package."""
+    """Return the names of the policies in the package."""
     folder = resources.files("kinreach.baselines") / "pretrained"
     return sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX))
 
 
 def _options(card: PolicyCard) -> Mapping[str, Any]:
-    """Options of the environment that a policy was trained in, as far as its card, which may be anybody's, has them."""
+    """Return the options of the environment that a policy was trained in, if its card has them."""
     options = card.recipe.get("options")
     return options if isinstance(options, Mapping) else {}
 
 
 def _walks(card: PolicyCard) -> bool:
-    """Return whether a posture is walked to: the environment takes steps, or it was walked to in training."""
+    """Return whether postures are approached in steps, by the environment or in training."""
     walk = card.recipe.get("walk")
     return (
         card.environment in (MULTI, MULTI_KINEMATIC)
@@ -232,7 +223,7 @@ def _walks(card: PolicyCard) -> bool:
 
 
 def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
-    """Return the option `arm` of the environment that a policy was trained in, as far as its card names one."""
+    """Return the option `arm` of the environment that a policy was trained in, if its card has one."""
     arm = _options(policy.card).get("arm")
     return {"arm": arm} if isinstance(arm, str) else {}
 
@@ -248,10 +239,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
 
 
 def needed_options(policy: LearnedPolicy) -> dict[str, Any]:
-    """Options of an environment for a policy, as far as its card has them.
-
-    The arm, what `NEEDED` has of its environment, and pictures of the size that it learned from if it sees any.
-    """
+    """Return options of an environment that a policy needs: the arm, those of `NEEDED`, and the size of pictures."""
     options = _options(policy.card)
     own = NEEDED.get(policy.card.environment, ())
     needed = {**trained_arm(policy), **{name: options[name] for name in own if name in options}}
@@ -265,13 +253,12 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
     """Load a policy.
 
     Args:
-        policy: Name of one that comes with the package, or path of a policy file or of a stable-baselines3
-            `model.zip`. The zip does not name its environment.
-        environment: Id of the environment that it must be for.
+        policy: Name of one in the package, or path of a policy file or of a stable-baselines3 `model.zip`.
+        environment: Id of the environment that it must be for; a `model.zip` does not name one.
 
     Raises:
-        InputError: Unknown policy, the file is not a policy, or it is for another environment.
-        InstallationError: A `model.zip`, and torch is not installed.
+        InputError: Unknown policy, not a policy file, or a policy for another environment.
+        InstallationError: Torch is not installed, which a `model.zip` needs.
     """
     names = pretrained_names()
     if str(policy) in names:

@@ -1,10 +1,9 @@
-"""Networks that run in numpy, and the files that they come in.
+"""Networks in numpy, and policy files.
 
-A policy file is a safetensors file, and carries no code. Its header's `kinreach` entry is a JSON object with the fields
+A policy file is a safetensors file without code. Its header's `kinreach` entry is a JSON object with the fields
 of `PolicyCard`; its tensors are `mean`, `scale`, `waves`, `gain`, `shift`, then `layer0.weight`, `layer0.bias`,
-`layer1.weight` ... in the order of the layers, `low` and `high` where actions are not in [-1, 1], and where pictures
-are seen, for each camera, `eye0.layer0.weight`, `eye0.layer0.bias` ..., `eye0.strides` and `eye0.sharpness`. What is
-read is checked before it is used: sizes, names, shapes, finite numbers.
+`layer1.weight` ..., `low` and `high` if actions are not in [-1, 1], and for each camera of a policy that sees
+`eye0.layer0.weight`, `eye0.layer0.bias` ..., `eye0.strides` and `eye0.sharpness`.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ def _silu(x: Array) -> Array:
         return x / (1.0 + np.exp(-x))
 
 
-#: What stands behind every hidden layer, and behind the last.
+#: Functions behind hidden layers, and behind the last one.
 ACTIVATIONS: Mapping[str, Callable[[Array], Array]] = {
     "tanh": np.tanh,
     "silu": _silu,
@@ -51,7 +50,7 @@ OUTPUTS: Mapping[str, Callable[[Array], Array]] = {"linear": lambda x: x, "tanh"
 class Network:
     """y = shift + gain out(W_k ... act(W_1 f + b_1) ... + b_k) of features f of an observation x.
 
-    Where there are eyes, x is their outputs for the cameras' pictures, one after the other. With z = (x - mean) / scale
+    With eyes, x has their outputs for the cameras' pictures, one after the other. With z = (x - mean) / scale
     over the first observations, the features are z, then sin(w z) and cos(w z), in both the waves of one observation
     side by side.
 
@@ -79,7 +78,7 @@ class Network:
     eyes: Sequence[Eye] = ()
 
     def __call__(self, x: Any) -> Array:
-        """Outputs, shape (..., m), for observations of shape (..., at least n), or for dictionaries with pictures."""
+        """Return outputs, shape (..., m), for observations, shape (..., n or more), or dictionaries with pictures."""
         if self.eyes:
             x = np.concatenate([eye(x[key]) for eye, key in zip(self.eyes, picture_names(x), strict=True)], axis=-1)
         h = (x[..., : len(self.mean)] - self.mean) / self.scale
@@ -95,31 +94,30 @@ class Network:
 
 #: Version of the format; files of other versions are refused.
 FORMAT = 1
-#: No policy of ours is larger; a file that is, is refused before it is read [bytes].
+#: Largest file [bytes].
 MAX_BYTES = 16 * 1024 * 1024
 #: What a network's output means: an action of the environment, a posture, or the preference of each discrete action.
 MEANINGS = ("action", "posture", "preferences")
-#: Fields that a card may lack, because there are files which were written before there were such fields.
+#: Fields that older cards lack.
 _LATER = {"goal_seeds"}
 
 
 @dataclass(frozen=True)
 class PolicyCard:
-    """What is known of a policy beside its numbers; JSON values only.
+    """Facts about a policy, as JSON values.
 
     Attributes:
         environment: Id of the environment it acts in.
         meaning: What its output means, one of `MEANINGS`.
         activation, output: Of the network.
-        algorithm: Name of what trained it.
+        algorithm: That trained it.
         recipe: Name and settings of the recipe.
-        seed: Of the training: networks, exploration and goals follow from it.
-        steps: Environment steps it was trained for.
-        results: Measured afterwards: success, distances, with the command that measures them again.
+        seed: Of the training.
+        steps: Environment steps of the training.
+        results: Evaluations, by the command that repeats them.
         versions: Of the packages that trained it.
-        goal_seeds: `"training"`: what the goals of each segment of the training were drawn from, one seed a segment;
-            `"held_out"`: seed of the first goal of `results`, goal i has that plus i; a result whose command has
-            `--split validation` has others. Empty in older files.
+        goal_seeds: `"training"`: seed of the goals of each segment of the training; `"held_out"`: seed of the first
+            goal of `results`, goal i has that plus i. Empty in older files.
     """
 
     environment: str
@@ -186,7 +184,7 @@ def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
 
 
 def _refuse(constant: str) -> NoReturn:
-    """Refuse what Python's parser takes for a number and JSON does not: NaN and the infinities."""
+    """Refuse NaN and the infinities, which are not JSON."""
     raise ValueError(constant)
 
 
@@ -230,7 +228,7 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
     layers = [(doubles[f"layer{i}.weight"], doubles[f"layer{i}.bias"]) for i in range(count)]
     mean, scale, waves, gain, shift = (doubles[name] for name in ("mean", "scale", "waves", "gain", "shift"))
     if eyes and mean.size != sum(eye.places for eye in eyes):
-        raise InputError(f"mean must have a number for each that the eyes say, got {mean.size}")
+        raise InputError(f"mean must have a number for each output of the eyes, got {mean.size}")
     width = mean.size * (1 + 2 * waves.size)
     for index, (weight, bias) in enumerate(layers):
         if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:

@@ -1,9 +1,8 @@
-"""Arms with random errors, for training a policy that sees a summary of the looks at its own.
+"""Arms with random errors, to train a policy that observes a summary of looks.
 
-The environment `kinreach/RandomArm-v0`: a UR5 whose frames are off as those of
-`kinreach/RealArm-v0` are, with other errors in each episode, has been observed in a number of looks, and goes to a ball
-once, twice or three times. The summary has the same size for any number of looks: the mean of how far the tip
-was seen from where the data sheet has it, and of the same times the place of the look.
+The environment `kinreach/RandomArm-v0`: a UR5 with errors of its frames as in `kinreach/RealArm-v0`, other ones in each
+episode, has been observed in a number of looks, and moves to a ball once, twice or three times. The summary has the
+same size for any number of looks: means of the tip's distance from the data sheet's, and of that times the place.
 """
 
 from __future__ import annotations
@@ -30,19 +29,18 @@ from kinreach.envs._single import SingleEnv
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics._identification import Prior, frames_of, moved_frames, slopes
 
-#: How far frames are off, as in `kinreach/RealArm-v0` (root mean square); a base that is off stands for cameras, too.
+#: Errors of frames as in `kinreach/RealArm-v0` (root mean square); those of the base stand for cameras, too.
 ERRORS = Prior(base=(3e-3, 6e-3), links=(1e-3, 2e-3), tool=(3e-3, 0.0))
-#: Most moves to a ball, and looks before.
+#: Largest number of moves to a ball, and numbers of looks before.
 MOVES, LOOKS = 3, BUDGETS[:-1]
-#: How far beyond the table area balls lie, and above and below it, where cameras that are off see them [m].
+#: How far beyond the table area balls may lie on all sides [m].
 MARGIN = 0.01
 SIGMA = NOISE / MEDIAN_LENGTH
-#: Numbers of an observation: where the ball was seen [m], how far the tip was seen from where the data sheet has it
-#: beside this ball, mean of its moves, and from the ball in the last one [m]; moves, looks; the result of `summary`.
+#: Numbers of an observation: where the ball was seen [m]; distance of the tip from the data sheet's beside this ball,
+#: mean of the moves, and from the ball in the last one [m]; moves, looks; the result of `summary`.
 BALL, OFF, MISSED, DONE, LOOKED, SUMMARY = slice(0, 3), slice(3, 6), slice(6, 9), 9, 10, slice(11, 20)
 SIZE = 20
-#: Of what is drawn: the frames' errors, the ball, the budget, how many moves there are, the noise of the looks, of the
-#: ball and of the moves.
+#: Numbers of draws: the frames' errors, the ball, the looks, the moves, the noise of looks, ball and moves.
 _PARTS = (42, 3, 1, 1, 9, 3, 3 * MOVES)
 
 
@@ -54,12 +52,12 @@ def ur5() -> UR5Kinematics:
 
 @cache
 def _spread_out(count: int, dimensions: int) -> Floats:
-    """Points of Halton's sequence, shape (count, dimensions)."""
+    """Return points of Halton's sequence, shape (count, dimensions)."""
     return np.asarray(qmc.Halton(dimensions, scramble=True, rng=np.random.default_rng(0)).random(count))
 
 
 def on_table(count: int) -> Floats:
-    """Points all over the area of the balls [m], shape (count, 3)."""
+    """Return points spread over the area of the balls [m], shape (count, 3)."""
     low, high = _table()
     return np.asarray(low + (high - low) * np.column_stack([_spread_out(count, 2), np.zeros(count)]))
 
@@ -71,17 +69,17 @@ def _table() -> Floats:
 
 
 def _basis(points: Floats) -> Floats:
-    """1 and both coordinates on the table, from -1 to 1, of points (m, 3), shape (m, 3)."""
+    """Return 1 and both coordinates on the table, from -1 to 1, of points (m, 3), shape (m, 3)."""
     low, high = _table()
     return np.column_stack([np.ones(len(points)), ((2 * points - low - high) / (high - low + 1e-12))[:, :2]])
 
 
 def summary(places: Floats, off: Floats) -> Floats:
-    """Summarise looks: the mean of how far the tip was off, and of that times either coordinate on the table.
+    """Return the means of the tip's errors, and of these times either coordinate on the table.
 
     Args:
-        places: Where the data sheet has the tip [m], shape (m, 3).
-        off: How far from there it was seen [m], shape (m, 3) or (k, m, 3) for k arms.
+        places: Of the tip by the data sheet [m], shape (m, 3).
+        off: Errors of the tip there [m], shape (m, 3) or (k, m, 3) for k arms.
 
     Returns:
         [m], shape (9,) or (k, 9); zeros without looks.
@@ -92,7 +90,7 @@ def summary(places: Floats, off: Floats) -> Floats:
 
 
 class _Draws:
-    """What an episode begins with, as one row of numbers."""
+    """Random numbers of an episode, as one row."""
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
         """Draw `count` rows; the ball, the budget and the moves are uniform from 0 to 1."""
@@ -102,7 +100,7 @@ class _Draws:
 
 
 class RandomArmStart(NamedTuple):
-    """Nothing of an episode can be asked for."""
+    """An episode has no options."""
 
 
 ANYTHING = RandomArmStart()
@@ -123,10 +121,10 @@ class RandomArmEpisodes:
         self.chain = ur5().chain
         self._streams = RowStreams(_Draws(), count, size=sum(_PARTS))
         self.placements = np.tile(self.chain.placements, (count, 1, 1, 1))
-        self.balls = np.zeros((count, 3))
-        self._observed = np.zeros((count, SIZE))
-        self._noise = np.zeros((count, MOVES, 3))
-        self._distances, self._moves = np.full(count, np.inf), np.zeros(count, dtype=int)
+        self.balls = np.empty((count, 3))
+        self._observed = np.empty((count, SIZE))
+        self._noise = np.empty((count, MOVES, 3))
+        self._distances, self._moves = np.full(count, np.inf), np.empty(count, dtype=int)
         q = tool_down_postures(ur5(), on_table(max(LOOKS)))
         frames = frames_of(self.chain.placements, q)
         self._slopes = slopes(frames).reshape(len(q), 3, -1)
@@ -137,13 +135,13 @@ class RandomArmEpisodes:
         self._streams.seed(index, rng)
 
     def copy_from(self, other: RandomArmEpisodes) -> None:
-        """Go on as another object of as many environments will."""
+        """Copy the state of an object with as many environments."""
         self._streams.copy_from(other._streams)
         others = {name: value for name, value in vars(other).items() if name not in ("chain", "_streams")}
         self.__dict__.update(deepcopy(others))
 
     def begin(self, ids: Ids, start: RandomArmStart = ANYTHING) -> None:
-        """Other arms, which have been looked at."""
+        """Draw other arms, balls and looks."""
         errors, ball, budget, moves, look_noise, ball_noise, noise = np.split(
             self._streams.draw(ids), np.cumsum(_PARTS)[:-1], axis=1
         )
@@ -169,7 +167,7 @@ class RandomArmEpisodes:
         self._noise[ids] = SIGMA * noise.reshape(len(ids), MOVES, 3)
 
     def tips(self, q: Floats, rows: Any = slice(None)) -> Floats:
-        """Return where the true arms' tips are in postures, one for each of some rows [m], shape (m, 3)."""
+        """Return the true arms' tips in postures, one for each of some rows [m], shape (m, 3)."""
         return frames_of(np.swapaxes(self.placements[rows], 0, 1), q)[-1][:, :3, 3]
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
@@ -191,7 +189,7 @@ class RandomArmEpisodes:
         return self._observed.copy()
 
     def start_info(self) -> dict[str, Any]:
-        """Return the distances of the last moves, and where the balls are [m]."""
+        """Return the distances of the last moves, and the positions of the balls [m]."""
         impossible = np.zeros(len(self.balls), dtype=np.bool_)
         return {"distance": self._distances.copy(), "impossible": impossible, **self.goal_info()}
 
@@ -204,7 +202,7 @@ class RandomArmEpisodes:
 
 
 def after_move(observed: Floats, q: Floats, seen: Floats) -> Floats:
-    """Observations (m, 20) after moves to postures (m, 6) [rad], which brought the tips where they are seen (m, 3)."""
+    """Return observations (m, 20) after moves to postures (m, 6) [rad], with the tips seen at (m, 3) [m]."""
     after, count = observed.copy(), observed[:, [DONE]]
     off = seen - ur5().chain.positions(q)
     after[:, OFF] = (count * observed[:, OFF] + off) / (count + 1)
@@ -250,7 +248,7 @@ class RandomArmVectorEnv(NativeVectorEnv):
         autoreset_mode: As of `NativeVectorEnv`.
 
     Attributes:
-        episodes: What is true.
+        episodes: Of the batch.
     """
 
     def __init__(self, num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP) -> None:
@@ -269,9 +267,5 @@ class RandomArmVectorEnv(NativeVectorEnv):
 
 
 def _no_start(options: Mapping[str, Any] | None) -> RandomArmStart:
-    """Refuse whatever is asked for.
-
-    Raises:
-        InputError: Something is.
-    """
+    """Check that no options are given."""
     return RandomArmStart(*option_rows(options, {}, None))

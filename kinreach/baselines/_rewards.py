@@ -1,4 +1,4 @@
-"""What learners see as reward in training; evaluation always uses the environment's own."""
+"""Rewards of learners in training; evaluation uses the environment's own."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from kinreach.kinematics import Arm3Kinematics, URKinematics
 
 Array = np.ndarray[Any, Any]
 
-#: The environment's rewards, and the step's info as arrays of a batch, to what the learner sees, shape (n,). Where the
-#: learner acts step by step, `info["observation"]` is what the step led to, also where a new episode has begun since.
+#: From the environment's rewards and the step's `info`, as arrays (n,), to the learner's rewards (n,). In trainings
+#: step by step, `info["observation"]` is that after the step, also at the end of an episode.
 TrainingReward = Callable[[Array, Mapping[str, Any]], Array]
 
-#: The thesis's -100 and -25 dwarf all that is to be learned at first; below this there are no differences.
+#: Least reward: the thesis's -100 and -25 hide all other differences at first.
 FLOOR = -30.0
-#: What it is worth that fingers close around an object, beside the dense reward.
+#: Reward of fingers that close around an object.
 GRASPED = 5.0
 #: Distance below which the dense reward has nothing left to gain [m], and its weight of the posture error.
 DENSE_DISTANCE, DENSE_POSTURE, DENSE_IMPOSSIBLE = 1e-5, 5.0, -200.0
@@ -35,30 +35,29 @@ def own(rewards: Array, info: Mapping[str, Any]) -> Array:
 
 
 def floored(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the environment's, not below `FLOOR`."""
+    """Return the environment's reward, at least `FLOOR`."""
     return np.maximum(rewards, FLOOR)
 
 
 def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """-ln(d + 1e-5) - 5 r_e, and 200 less where the action was impossible.
+    """Return -ln(d + 1e-5) - 5 r_e, less 200 for impossible actions.
 
-    The thesis's reward is flat within 1 cm of the goal, so that nothing finer can be learned from it; this one is steep
-    there. It still ranks impossible actions by their distance.
+    Within 1 cm of the goal the thesis's reward is flat, this one steep. It ranks impossible actions by their distance.
     """
     near = -np.log(info["distance"] + DENSE_DISTANCE) - DENSE_POSTURE * info["posture_error"]
     return near + np.where(info["impossible"], DENSE_IMPOSSIBLE, 0.0)
 
 
 def grasp(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the dense reward, and `GRASPED` more where the fingers close around the object."""
+    """Return the dense reward, plus `GRASPED` if the fingers close around the object."""
     return dense(rewards, info) + GRASPED * info["held"]
 
 
 def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the reward of lifting in small steps, and in training what the closed form knows of the way there.
+    """Return the reward of lifting in small steps, guided by postures of the closed form.
 
-    Away from the object the arm is to come to the posture above the grasp, over it to the grasp, in the grasp the
-    fingers are to close; with the object held, to a posture further up, the tool still straight down.
+    They are above the grasp while the arm is away from the object, then at the grasp, where the fingers are to close,
+    and further up while the object is held.
 
     Args:
         rewards: Of the environment, shape (n,).
@@ -81,16 +80,15 @@ def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     return rewards + GUIDE_WEIGHT * (WHOLE_WAY - np.where(held, to_lift, ahead))
 
 
-#: A press pays 100; with this factor returns are of the order of 1, which suits the step sizes of a value network.
+#: Factor that makes returns of the order of 1; a press pays 100.
 SCALE = 0.05
 #: Weight of the distance to the goal posture [1/rad].
 POSTURE_WEIGHT = 0.3
-#: Branches of the closed form in the order in which they are taken. With its back to the target the arm reaches 97 % of
-#: them, facing it with the elbow up another 2 %: to one policy both, learned side by side, are harder than one.
+#: Branches of the closed form by preference. With its back to the target the arm reaches 97 % of them, facing it with
+#: the elbow up another 2 %; one branch is easier to learn than both.
 BRANCH_ORDER = (3, 0, 1, 2)
-#: Penalty of a wrong press while no episode reaches the goal yet, and when all do. Were it large from the start, the
-#: first thing learned would be never to press. At the end it exceeds the environment's 1: with a discount of 5 % a
-#: step, pressing on the chance that the target is near already would else pay.
+#: Penalty of a wrong press while no episode reaches the goal, and when all do. A large one from the start teaches never
+#: to press; a small one at the end, with a discount of 5 % a step, to press too early.
 FIRST_PENALTY, LAST_PENALTY = 0.05, 10.0
 
 
@@ -101,7 +99,7 @@ ABOVE, OVER, CLOSE, OPEN, RAISED = 0.06, 0.03, 0.1, 0.10, 0.12
 #: Weights of what is left to close [1/m], of how high the object is, and of all of it; what is left where the arm is
 #: not over the object, and what it is worth that the object is held.
 CLOSING_WEIGHT, RAISED_WEIGHT, GUIDE_WEIGHT, FAR, HELD = 20.0, 6.0, 0.05, 2.5, 1.0
-#: More than is ever left: what is seen must be positive, or colliding at once would be best.
+#: More than is ever left: rewards must be positive, or colliding at once would be best.
 WHOLE_WAY = 6.0
 
 
@@ -160,11 +158,10 @@ LEAST_COLLISION, LEAST_TILT = 0.3, 0.3
 
 
 def level(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the reward of touching a rolling ball, less how deep the gripper is in the table, and how far it tilts.
+    """Return the reward of touching a rolling ball, less costs of the gripper's depth in the table and of its tilt.
 
-    At first a level tool is what is learned. Where more than half of the balls are touched, it begins to cost more that
-    the gripper is in the table, and a touch there is worth less. Had it cost as much before, the arm would stay away
-    from fast balls. Tilt along the fingers costs a third of tilt across them.
+    Once more than half of the balls are touched, depth costs more, and a touch within the table counts less; earlier,
+    the arm would stay away from fast balls. Tilt along the fingers costs a third of tilt across them.
 
     Args:
         rewards: Of the environment, shape (n,).
@@ -198,7 +195,7 @@ def training_reward(name: str) -> TrainingReward:
     """Return a training reward by name, or one of your own as `module:function`.
 
     Raises:
-        InputError: There is none of that name; the message lists those that there are.
+        InputError: The name is unknown; the message lists the known ones.
     """
     if ":" in name:
         return load_object("training reward", name)

@@ -1,11 +1,11 @@
-"""Actors of stable-baselines3: from the names and shapes of their tensors, and from a `model.zip` as the user has it.
+"""Actors of stable-baselines3, from tensors and from a `model.zip`.
 
-Nothing in the zip is executed. stable-baselines3 loads the weights, as tensors only (`torch.load(weights_only=True)`),
-and leaves the entry `data` alone; the layers follow from the tensors' names and shapes, spaces and activation from the
-readable text in that JSON entry. Its pickled parts are never opened. What cannot be read from that is refused.
+Nothing in the zip is executed. stable-baselines3 loads the weights as tensors only (`torch.load(weights_only=True)`).
+The layers follow from the tensors' names and shapes, spaces and activation from the readable text in the JSON entry
+`data`, whose pickled parts are never opened.
 
-Statistics of normalised observations (`VecNormalize`) are not in a `model.zip`. PPO and A2C leave a trace of them, by
-which they are refused; SAC, TD3, DDPG, DQN and TQC leave none: with those, normalise inside the environment.
+Statistics of `VecNormalize` are not in a `model.zip`. PPO and A2C leave a trace of them, and are refused; with SAC,
+TD3, DDPG, DQN and TQC, normalise inside the environment.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ Array = NDArray[Any]
 MAX_DATA, MAX_WEIGHTS = 16 * 1024 * 1024, 64 * 1024 * 1024
 #: Largest zip, with the optimizer's state in it, packed and unpacked [bytes].
 MAX_ZIP = 512 * 1024 * 1024
-#: Actors: prefix of the hidden layers, the last layer if it has a name of its own, what follows it, activation of the
-#: hidden layers unless the user chose another, and the algorithms that have such an actor.
+#: Actors: prefix of the hidden layers, name of the last layer if it has another, function behind it, default
+#: activation, and the algorithms.
 ACTORS = (
     ("mlp_extractor.policy_net.", "action_net", "linear", "tanh", "PPO or A2C"),
     ("actor.latent_pi.", "actor.mu", "tanh", "relu", "SAC or TQC"),
@@ -68,10 +68,10 @@ def actor_network(
         bounds: Smallest and largest actions, shape (m,); None for discrete ones.
 
     Returns:
-        The network, which takes the features as they are, and the kind of algorithm.
+        The network, without normalisation, and the algorithms.
 
     Raises:
-        InputError: There is no actor of a known kind.
+        InputError: No actor of a known kind.
     """
     for actor in ACTORS:
         prefix, last, *_ = actor
@@ -103,10 +103,10 @@ def read_zip(path: Path) -> tuple[PolicyCard, Network]:
     """Read the actor of a `model.zip` of PPO, A2C, SAC, TD3, DDPG, DQN or TQC with `MlpPolicy`.
 
     Returns:
-        A card with what the zip has, without an environment, and the network.
+        A card without an environment, and the network.
 
     Raises:
-        InputError: It is not such a file, or its policy cannot be read; the message has the reason.
+        InputError: Not such a file, or a policy that cannot be read.
         InstallationError: stable-baselines3 is not installed.
     """
     file = open_input(path, "the policy", most=MAX_ZIP)
@@ -124,7 +124,7 @@ def read_zip(path: Path) -> tuple[PolicyCard, Network]:
 
 
 def _data(file: BufferedReader) -> dict[str, Any]:
-    """Return the entry `data`, once it is known that nothing in the zip unpacks to more than is read."""
+    """Return the entry `data`, after checks of the entries' sizes."""
     with zipfile.ZipFile(file) as archive:
         entries = {entry.filename: entry for entry in archive.infolist()}
         for name in ("data", "policy.pth"):
@@ -146,7 +146,7 @@ def _data(file: BufferedReader) -> dict[str, Any]:
 
 
 def _tensors(file: BufferedReader) -> dict[str, Array]:
-    """Tensors of the policy by name, loaded without the pickled parts of `data`."""
+    """Return the tensors of the policy by name, without the pickled parts of `data`."""
     try:
         import torch
         from stable_baselines3.common.save_util import load_from_zip_file
@@ -154,7 +154,7 @@ def _tensors(file: BufferedReader) -> dict[str, Array]:
         raise InstallationError(f"a model.zip needs {error.name} to be read: pip install 'kinreach[train]'") from None
     try:
         _, states, _ = load_from_zip_file(file, load_data=False, device="cpu")
-    except Exception as error:  # whatever torch raises on a damaged file
+    except Exception as error:  # of torch, about a damaged file
         refused = isinstance(error, pickle.UnpicklingError)
         raise InputError(f"its weights {'hold more than tensors' if refused else 'are damaged'}") from None
     state: Any = states["policy"]
@@ -203,7 +203,7 @@ def _policy(path: Path, data: dict[str, Any], tensors: dict[str, Array]) -> tupl
 
 
 def _options(data: dict[str, Any]) -> str | None:
-    """Return the user's activation, None if none; refuse other options that change the network's output."""
+    """Return the user's activation or None; refuse other options that change the network's output."""
     module = _part(data, "policy_class").get("__module__")
     if not (isinstance(module, str) and _POLICIES.fullmatch(module)):
         raise InputError(f"its policy is of {module}; only MlpPolicy of {_ALGORITHMS} can be read")
@@ -226,7 +226,7 @@ def _options(data: dict[str, Any]) -> str | None:
 
 
 def _part(data: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return an object that stable-baselines3 describes in readable text."""
+    """Return the readable description of an object."""
     part = data.get(name)
     if not isinstance(part, dict):
         raise InputError(f"its data does not describe its {name}")
@@ -238,7 +238,7 @@ def _kind(space: dict[str, Any]) -> str:
 
 
 def _numbers(space: dict[str, Any], name: str) -> Array:
-    """Numbers of an array's text, such as `[-1. -1.]`."""
+    """Return the numbers of an array's text, such as `[-1. -1.]`."""
     try:
         return np.array(str(space.get(name)).strip("[]").split(), dtype=np.float64)
     except ValueError:

@@ -1,7 +1,7 @@
-"""Search for settings of a recipe on Ray Tune, with its own searchers and schedulers.
+"""Search for settings of a recipe with Ray Tune.
 
-A search is a file: the recipe, ranges of its fields, a budget, and the validation goals that trials are judged by.
-Tune draws the settings, decides which trials go on, and keeps what it needs to resume in a folder of its own.
+A search is a file: the recipe, ranges of its fields, a budget, and a number of validation goals. Tune draws the
+settings, stops trials early, and keeps its state in a folder of its own.
 """
 
 from __future__ import annotations
@@ -29,30 +29,30 @@ from kinreach.errors import InputError
 
 TRIALS, RESULTS, STATE = "results.csv", "results.json", "tune"
 SEARCHERS, SCHEDULERS = ("random", "optuna"), ("none", "asha")
-#: What a trial is judged by: name -> from the summary of an evaluation, and which end is better.
+#: Measures of a trial: name -> from the summary of an evaluation to a number, and which end is better.
 JUDGES: Mapping[str, tuple[Callable[[Mapping[str, Any]], float], str]] = {
     "reached": (lambda found: found["reached"], "max"),
     "distance_mm": (lambda found: found["distance_mm"]["median"], "min"),
     "return": (lambda found: found["return"]["mean"], "max"),
 }
-#: Fields of a recipe that name it, and those that have fields of their own.
+#: Fields of a recipe that name it, and those with fields of their own.
 _NAMES, _NESTED = ("name", "summary"), ("networks", "settings", "options")
 
 
 @dataclass(frozen=True)
 class Search:
-    """What is searched for.
+    """Settings of a search.
 
     Attributes:
         recipe: Name, or `module:attribute`.
         ranges: By the field of the recipe, such as `settings.learning_rate` or `networks.hidden`: `{"choice": [...]}`,
             `{"uniform": [low, high]}`, `{"loguniform": [low, high]}` or `{"randint": [low, high]}` (high excluded).
-        trials: How many settings are tried.
-        steps: Actions of a trial at most; the recipe's if None.
-        goals: Validation goals that a trial is judged by, after every segment.
+        trials: Number of settings that are tried.
+        steps: Actions of a whole trial; the recipe's if None.
+        goals: Validation goals after every segment.
         judge: Key of `JUDGES`.
-        searcher: `"random"`, or `"optuna"`, Tune's own door to that package.
-        scheduler: `"none"`, or `"asha"`: which trials are ended early.
+        searcher: `"random"` or `"optuna"`.
+        scheduler: `"none"`, or `"asha"`, which stops trials early.
         seed: Of the searcher, and of every training.
     """
 
@@ -82,10 +82,10 @@ class Search:
             self.tried({field: _example(content)})
 
     def tried(self, values: Mapping[str, Any]) -> Recipe:
-        """Return the recipe with some of its fields set otherwise.
+        """Return the recipe with other values of some fields.
 
         Raises:
-            InputError: It has no such field.
+            InputError: Unknown field.
         """
         recipe = get_recipe(self.recipe)
         recipe = recipe if self.steps is None else replace(recipe, steps=self.steps)
@@ -98,7 +98,7 @@ def read_search(path: Path) -> Search:
     """Read a search from a file of YAML or JSON with the fields of `Search`.
 
     Raises:
-        InputError: It cannot be read, or has impossible values.
+        InputError: The file cannot be read, or a value is invalid.
     """
     text = read_text(path, "the search", most=2**20)
     try:
@@ -107,7 +107,7 @@ def read_search(path: Path) -> Search:
         raise InputError(f"{path} is not YAML: {error}") from None
     names = [field.name for field in fields(Search)]
     if not isinstance(content, dict) or not {"recipe", "ranges"} <= set(content):
-        raise InputError(f"{path} must say at least recipe and ranges, got {shown(content)}")
+        raise InputError(f"{path} must have at least recipe and ranges, got {shown(content)}")
     for name in content:
         check_known(f"entry of {path}", name, names)
     return Search(**content)
@@ -134,7 +134,7 @@ def _example(content: Mapping[str, Any]) -> Any:
 
 
 def _with(recipe: Recipe, field: str, value: Any) -> Recipe:
-    """Return a recipe with one of its fields, or an entry of one, set otherwise."""
+    """Return a recipe with another value of a field, or of an entry of one."""
     name, _, entry = field.partition(".")
     known = [each.name for each in fields(Recipe) if each.name not in _NAMES]
     check_known("field of a recipe", name, known)
@@ -153,9 +153,9 @@ def search(given: Search, out: Path, *, resume: bool = False, threads: int = 1) 
     """Run a search on the Ray cluster that this process is connected to.
 
     Args:
-        given: What to search for.
-        out: Folder for `results.json`, `results.csv` and, in `tune`, what Tune keeps of it.
-        resume: Go on with the one in `out`: finished trials stay, unfinished ones begin anew.
+        given: Settings of the search.
+        out: Folder for `results.json`, `results.csv`, and Tune's own `tune`.
+        resume: Continue the search in `out`; unfinished trials begin anew.
         threads: Of torch, in each trial.
 
     Returns:
@@ -163,7 +163,7 @@ def search(given: Search, out: Path, *, resume: bool = False, threads: int = 1) 
 
     Raises:
         OutputError: `out` cannot be written.
-        InputError: No trial was finished; the message is that of the first that failed.
+        InputError: No trial was finished; the message is that of the first failure.
     """
     tune = load_extra("ray.tune", RAY)
     make_writable(out)

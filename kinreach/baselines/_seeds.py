@@ -1,4 +1,4 @@
-"""All seeds of a recipe, each a job of an engine that may run elsewhere: what is to be kept comes back as values."""
+"""Train all seeds of a recipe, each as a job of an engine; files come back as values."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class Training:
     """A training as a job.
 
     Attributes:
-        name: Of the recipe, as the user gives it: a module of the user's is imported where the job runs.
+        name: Of the recipe, or `module:attribute`, which is imported where the job runs.
         recipe: What to train.
         identity: Of the run.
         export: As in `train`.
-        checkpoint: Content of the file to go on from, if there is one.
+        checkpoint: Content of the checkpoint to resume, or None.
     """
 
     name: str
@@ -46,11 +46,11 @@ class Training:
 
 
 class Kept(NamedTuple):
-    """What a training has left so far.
+    """Results of a training so far.
 
     Attributes:
-        done: Actions.
-        files: Contents of the files of its folder, by their paths in there.
+        done: Number of actions.
+        files: Contents of the files in its folder, by their paths.
         notices: Sentences for `notice`.
     """
 
@@ -72,15 +72,14 @@ def train_seeds(
     progress: Callable[[int, int], None],
     notice: Callable[[str], None],
 ) -> Iterator[Run]:
-    """Train a recipe with several seeds, and yield each run as it is finished.
+    """Train a recipe with several seeds, and yield each finished run.
 
-    Each folder is what `train` makes of it, written after every segment; this process writes it, wherever the training
-    runs. So `resume` goes on from the last segments that came back.
+    This process writes the folders, with the files of `train`, after every segment, wherever the trainings run.
 
     Args:
         name: Of the recipe, or `module:attribute`.
-        folders: Where to, by seed.
-        engine: That runs the trainings.
+        folders: By seed.
+        engine: For the trainings.
         steps: Actions instead of the recipe's.
         resume: As in `train`, of each.
         fresh: As in `train`, of each.
@@ -91,7 +90,7 @@ def train_seeds(
 
     Raises:
         OutputError, InputError: As `train`.
-        ClusterError: The engine lost a training for good; what is finished stays.
+        ClusterError: The engine lost a training; finished ones are kept.
     """
     recipe = get_recipe(name)
     recipe = recipe if steps is None else replace(recipe, steps=steps)
@@ -126,7 +125,7 @@ def train_seeds(
 
 
 def train_here(job: Training) -> Iterator[Kept]:
-    """Train in a temporary folder of this machine; after each segment, and in the end, what is in there."""
+    """Train in a temporary folder; yield its files after each segment and in the end."""
     if ":" in job.name:
         get_recipe(job.name)
     notices: list[str] = []
@@ -150,7 +149,7 @@ def _contents(folder: Path) -> dict[str, bytes]:
 
 
 def _write(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write the results, and last the mark that the run is finished.
+    """Write files, last the one that marks the run as finished.
 
     Raises:
         OutputError: The file system refused.

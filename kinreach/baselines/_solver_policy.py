@@ -1,4 +1,4 @@
-"""Inverse kinematics as a policy: the goal that the cameras saw is solved once, then the arm goes there."""
+"""Solvers of inverse kinematics as policies."""
 
 from __future__ import annotations
 
@@ -18,17 +18,16 @@ from kinreach.kinematics._solvers import Solver
 
 
 class SolverPolicy:
-    """Asks a solver for a posture and returns the action that takes the arm there, or as far as one action goes.
+    """Move the arm to a solver's posture for the goal of an episode.
 
-    It gets what an agent gets: where the cameras saw the goal (`info["seen"]`), not where it is. A posture must
-    pass the environment's acceptance test; one that is refused sends the solver on to another branch or a restart.
+    The goal is where the cameras saw it (`info["seen"]`). Postures must pass the environment's acceptance test; after
+    a refusal the solver tries another branch or a restart.
 
     Args:
         solver: For the arm of the environment, in the world frame.
-        env: A reach environment: defines what the goal asks of the tool, which postures are acceptable, and what
-            an action means.
-        proposer: A policy for the same environment whose first action is the posture that the solver starts from; by
-            default it starts from where the arm stands.
+        env: A reach environment.
+        proposer: A policy for the same environment whose first action is the solver's start; by default it starts at
+            the arm's posture.
 
     Attributes:
         diagnostics: Iterations, restarts, candidates (postures put to the acceptance test) and its time [s].
@@ -55,7 +54,7 @@ class SolverPolicy:
             self._proposer.reset(observation, info)
 
     def act(self, observation: Any) -> Any:
-        """Return the action; None where no camera found the goal or the solver finds no posture."""
+        """Return the action; None if no camera found the goal or the solver finds no posture."""
         self.diagnostics = {"iterations": 0}
         if self._target is None:
             self._target = self._solve(observation)
@@ -83,7 +82,7 @@ class SolverPolicy:
 
 
 def _check_solver(solver: Any, wanted: ArmKinematics) -> None:
-    """Refuse a solver that takes no acceptance test, or whose kinematics ends elsewhere than the environment's."""
+    """Check that a solver accepts an acceptance test and has the environment's base and tip."""
     parameters = inspect.signature(solver.solve).parameters.values()
     if not any(one.name == "accept" or one.kind is one.VAR_KEYWORD for one in parameters):
         raise InputError(f"{type(solver).__name__}.solve() must take accept=, the test that postures have to pass")

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 #: Trials of a search that are shown.
 SHOWN = 10
-#: Goals that a finished policy is tried on; `evaluate` does it properly.
+#: Goals of the evaluation after a training.
 GOALS = 1000
-#: Default goals: a recipe may be changed because of what is printed.
+#: Default goals, by which recipes may be changed.
 SPLIT = "validation"
-#: Options that are not for a search: its file has them, and it runs on Ray.
+#: Options that a search does not have.
 OF_RECIPES = ("seed", "seeds", "steps", "split", "engine", "export", "fresh")
 
 
@@ -52,11 +52,11 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     parser = _parser(prog)
     arguments = parser.parse_args(argv)
     if (arguments.recipe is None) == (arguments.search is None):
-        raise InputError("say a RECIPE, or a --search")
+        raise InputError("give a RECIPE, or a --search")
     if arguments.search is not None:
         for name in OF_RECIPES:
             if getattr(arguments, name) not in (parser.get_default(name), RAY):
-                raise InputError(f"--{name} is not for --search, whose file says what is tried")
+                raise InputError(f"--{name} is not for --search; its file has the settings")
         return _search(arguments)
     recipe = get_recipe(arguments.recipe)
     for name in ("seeds", "steps", "threads"):
@@ -131,7 +131,7 @@ def _judge(name: str, split: str, policy: LearnedPolicy) -> Iterator[dict[str, A
 def _runs(
     recipe: Recipe, folders: Mapping[int, Path], engine: Engine, arguments: argparse.Namespace, prog: str
 ) -> Iterator[Run]:
-    """Train under a progress bar; Ctrl-C prints how to resume."""
+    """Train with a progress bar; Ctrl-C prints how to resume."""
     with _needs_training():
         from kinreach.baselines._seeds import train_seeds
         from kinreach.baselines._training import train
@@ -168,7 +168,7 @@ def _runs(
 
 
 def _again(arguments: argparse.Namespace) -> list[str]:
-    """Return the arguments that go on with what was interrupted."""
+    """Return the arguments that resume an interrupted command."""
     words = [arguments.recipe, "--seed", str(arguments.seed)]
     defaults = {"seeds": 1, "steps": None, "threads": 1, "split": SPLIT, "engine": SERIAL, "address": None}
     for name, default in defaults.items():
@@ -179,7 +179,7 @@ def _again(arguments: argparse.Namespace) -> list[str]:
 
 
 def _figures(row: dict[str, float | None]) -> str:
-    """Return the last row of the learning curve, without what is None."""
+    """Return the numbers of a learning curve's row as text."""
     texts = (("reward", "reward {:.2f}", 1), ("reached", "reached {:.0f} %", 100), ("distance", "{:.1f} mm", 1e3))
     found = ((text, factor, row[name]) for name, text, factor in texts)
     return ", ".join(text.format(factor * value) for text, factor, value in found if value is not None)

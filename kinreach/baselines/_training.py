@@ -1,9 +1,8 @@
-"""Training runs: from a recipe and a seed to a policy, a learning curve and what it takes to go on.
+"""Training runs: from a recipe and a seed to a policy, a learning curve and checkpoints.
 
-A run is a sequence of segments. Each begins with fresh episodes and generators that follow from the seed and the
-number of the segment alone, so that a run that went on from the state after any segment gives the same policy as one
-that was never interrupted. What a run depends on is its identity: recipe, seed, threads and versions. A folder holds
-one run, is written by one training at a time, and is finished when it has `run.json`, which is written last.
+A run is a sequence of segments. Each begins with fresh episodes, and with generators seeded by the seed and the number
+of the segment, so that a resumed run gives the same policy as an uninterrupted one. A run's identity is its recipe,
+seed, threads and versions. A folder holds one run, which is finished when there is `run.json`, written last.
 """
 
 from __future__ import annotations
@@ -55,9 +54,9 @@ TENSORBOARD = "tensorboard"
 MAX_RUN, MAX_CHECKPOINT = 16 * 1024 * 1024, 64 * 1024**3
 #: Of torch's and numpy's generators.
 MAX_SEED = 2**31 - 1
-#: Called with actions done, actions planned, and the last row of the learning curve by column.
+#: Called with the numbers of finished and of planned actions, and the last row of the learning curve by column.
 Progress = Callable[[int, int, dict[str, float | None]], None]
-#: Attributes of algorithms that change during training, as far as an algorithm has them.
+#: Attributes of algorithms that change during training, if present.
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "exploration_rate", "rate")
 _CURVE = ("rows", "steps", "episodes", "trace", "traced", "_sums", "_counted", "_ended")
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
@@ -101,33 +100,29 @@ def train(
 ) -> Run:
     """Train a policy.
 
-    Writes into the folder: `policy.safetensors`, `curve.csv`, `run.json` (recipe, seed, threads, versions, digests of
-    the code that had a part in it, times), TensorBoard's logs, and, until it is done, `checkpoint.pt`. Without
-    `resume` the training begins anew, and what is left there of the same run, or of one that was interrupted, is
-    replaced. Another finished run stays, unless `fresh` is set.
+    The folder gets `policy.safetensors`, `curve.csv`, `run.json` (recipe, seed, threads, versions, digests of the
+    code, times), TensorBoard's logs, and until the end `checkpoint.pt`. Without `resume` the training begins anew and
+    replaces the same run, or an interrupted one. Another finished run is an error, unless `fresh` is set.
 
-    Only one training at a time in a process: the generators of `random`, `numpy` and torch are seeded, as
-    stable-baselines3 does it, and stay where the training leaves them; torch's number of threads is as before.
+    Run one training at a time in a process: it seeds the generators of `random`, `numpy` and torch. Torch's number of
+    threads is restored.
 
     Args:
         recipe: What to train.
-        folder: Where to; created if need be.
+        folder: Created if it does not exist.
         seed: Of networks, exploration and training goals.
         steps: Actions instead of the recipe's.
-        resume: Go on from the checkpoint in the folder, if there is one that can be read; keep the same run, if it is
-            finished; refuse to touch another one.
-        fresh: Replace whatever run is in the folder, another one that is finished, too.
-        threads: Of torch. Another number gives another policy, from the same seed.
-        export: Write stable-baselines3's own `model.zip` too. Loading such a file with stable-baselines3 can run code:
-            do so only with your own.
+        resume: Continue from the checkpoint in the folder, if it can be read; keep the same run if it is finished.
+        fresh: Replace any run in the folder.
+        threads: Of torch. Another number gives another policy.
+        export: Write stable-baselines3's own `model.zip` too. To load one with stable-baselines3 can run code: do so
+            only with your own.
         progress: Called with the numbers of finished and of planned actions, and the last row of the learning curve.
-        notice: Called with a sentence if a checkpoint was made by other code or cannot be read; by default a
-            `UserWarning`.
+        notice: Called with a sentence if a checkpoint is of other code or cannot be read; warns by default.
 
     Raises:
         OutputError: The folder cannot be written, or another training is writing there.
-        InputError: An argument cannot be used, what the recipe trains cannot be exported, or another run stands in the
-            folder.
+        InputError: An argument is invalid, the model cannot be exported, or the folder holds another run.
         TrainingError: A reward, an observation, a loss or a weight became NaN or infinite; the last checkpoint is kept.
     """
     if not isinstance(recipe, Recipe):
@@ -150,10 +145,10 @@ def train(
 
 
 def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
-    """Return what a run depends on, as JSON values.
+    """Return the identity of a run, as JSON values.
 
     Raises:
-        InputError: The recipe has settings or options that are not JSON values.
+        InputError: Settings or options of the recipe are not JSON values.
     """
     try:
         written = json.dumps(
@@ -170,17 +165,17 @@ def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
 def kept_run(
     folder: Path, identity: Mapping[str, Any], *, resume: bool = True, fresh: bool = False, export: bool = False
 ) -> Run | None:
-    """Return the run in a folder, if it is finished and to be kept; remove nothing.
+    """Return the run in a folder if it is finished and kept.
 
     Args:
         folder: Of the run.
-        identity: What `run.json` must have, unless `fresh` is set.
-        resume: Whether it is to be kept.
-        fresh: Whether whatever is there is to be replaced.
+        identity: Of the run, unless `fresh` is set.
+        resume: Whether it is kept.
+        fresh: Whether any run is replaced.
         export: Whether it must have stable-baselines3's own file as well.
 
     Raises:
-        InputError: It is another run, or lacks what it must have: it is not for us to remove.
+        InputError: It is another run, or lacks that file.
     """
     if fresh or not _holds(folder, identity) or not resume:
         return None
@@ -198,10 +193,10 @@ def _run_in(folder: Path) -> Run:
 
 
 def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
-    """Return whether this run is in a folder, finished.
+    """Return whether a folder holds this run, finished.
 
     Raises:
-        InputError: It is another run: it is not for us to remove.
+        InputError: It holds another finished run.
     """
     if not (folder / POLICY).exists() or (not (folder / RUN).exists() and (folder / CHECKPOINT).exists()):
         return False
@@ -217,7 +212,7 @@ def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
 
 
 def _differences(run: Mapping[str, Any], identity: Mapping[str, Any]) -> str:
-    """Return what another run has instead of what this one has, in words; empty where they are the same."""
+    """Return the differences between two runs in words; empty if there are none."""
     other, wanted = dict(_flat(run)), dict(_flat(identity))
     names = [*wanted, *(name for name in other if name not in wanted and name.partition(".")[0] in identity)]
     found = [
@@ -229,7 +224,7 @@ def _differences(run: Mapping[str, Any], identity: Mapping[str, Any]) -> str:
 
 
 def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Values of nested objects by their dotted names."""
+    """Yield values of nested objects by their dotted names."""
     for name, value in values.items():
         if isinstance(value, dict) and value:
             yield from _flat(value, f"{prefix}{name}.")
@@ -249,8 +244,7 @@ def segments(
 ) -> Iterator[LearnedPolicy]:
     """Train, and yield the policy after each segment; arguments and errors as in `train`.
 
-    What a segment leaves is in the folder by then, and the finished run when there are no more.
-    torch computes with the threads of the identity meanwhile.
+    By then the segment's files are written, and after the last one those of the finished run.
     """
     others = torch.get_num_threads()
     torch.set_num_threads(identity["threads"])
@@ -261,10 +255,10 @@ def segments(
 
 
 def make_folder(folder: Path) -> None:
-    """Create the folder of a run, and what is in it for logs.
+    """Create the folder of a run, and that of its logs.
 
     Raises:
-        OutputError: One of them cannot be written, or something else has its name.
+        OutputError: One of them cannot be written.
     """
     make_writable(folder)
     make_writable(folder / TENSORBOARD)
@@ -345,7 +339,7 @@ def _segments(
 
 
 def _card(recipe: Recipe, identity: Mapping[str, Any], trainee: Trainee) -> PolicyCard:
-    """Return the card of the policy that has been trained so far."""
+    """Return the card of the policy so far."""
     model, network = trainee.model, trainee.network
     discrete = isinstance(model.action_space, spaces.Discrete)
     return PolicyCard(
@@ -363,7 +357,7 @@ def _card(recipe: Recipe, identity: Mapping[str, Any], trainee: Trainee) -> Poli
 
 
 def _remove(folder: Path, names: Iterable[str]) -> None:
-    """Remove files, as far as they are there.
+    """Remove files, if they exist.
 
     Raises:
         OutputError: The file system refused.
@@ -380,7 +374,7 @@ def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee:
 
     Args:
         path: Of the file.
-        identity: Of the run; `sources`, digests of the code that had a part in the state.
+        identity: Of the run, with `sources`, digests of the code that trained it.
         segment: Its number.
         trainee: In that state.
 
@@ -408,7 +402,7 @@ def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee:
 
 
 def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the state after the last segment, or None where it cannot be read.
+    """Return the state after the last segment, or None if it cannot be read.
 
     Args:
         path: Of the file.
@@ -434,10 +428,10 @@ def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] |
 
 
 def restore(trainee: Trainee, state: Mapping[str, Any]) -> tuple[int, list[str]]:
-    """Put a fresh trainee into the state of a checkpoint of the same run.
+    """Restore the state of a checkpoint.
 
     Returns:
-        The number of the next segment, and `sources`: digests of the code that had a part in the state.
+        The number of the next segment, and digests of the code that trained it.
     """
     model, curve = trainee.model, trainee.curve
     model.set_parameters(state["parameters"])
@@ -469,7 +463,7 @@ def _write_curves(folder: Path, curve: LearningCurve) -> None:
 
 
 class _Report(BaseCallback):
-    """Passes on how far the training is, with each new row of the learning curve."""
+    """Log and report each new row of the learning curve."""
 
     def __init__(self, trainee: Trainee, planned: int, progress: Progress) -> None:
         super().__init__()
@@ -513,10 +507,10 @@ def _learn(trainee: Trainee, target: int, callback: BaseCallback) -> None:
 
 
 def _check_parameters(model: BaseAlgorithm) -> None:
-    """Refuse networks with weights that are not finite.
+    """Check that all weights are finite.
 
     Raises:
-        TrainingError: There are some; the message names them.
+        TrainingError: One is not; the message names it.
     """
     for name, value in model.policy.named_parameters():
         if not torch.isfinite(value).all():
@@ -524,7 +518,7 @@ def _check_parameters(model: BaseAlgorithm) -> None:
 
 
 def _targets(recipe: Recipe, model: BaseAlgorithm) -> list[int]:
-    """Actions done after each segment, in whole updates."""
+    """Return the numbers of actions after each segment, in whole updates."""
     update = model.n_envs * (model.n_steps if isinstance(model, OnPolicyAlgorithm) else 1)
     updates = math.ceil(recipe.steps / update)
     segments = min(recipe.segments, updates)
@@ -532,7 +526,7 @@ def _targets(recipe: Recipe, model: BaseAlgorithm) -> list[int]:
 
 
 def _begin_segment(trainee: Trainee, seed: int, segment: int) -> None:
-    """Fresh episodes, and generators that follow from seed and segment."""
+    """Seed all generators by seed and segment, and begin new episodes."""
     ours, torchs, numpys, environments = _entropy(seed, segment + 1)
     random.seed(ours)
     torch.manual_seed(torchs)
@@ -543,10 +537,9 @@ def _begin_segment(trainee: Trainee, seed: int, segment: int) -> None:
 
 
 def _end_segment(trainee: Trainee) -> None:
-    """Close the curve's window, and cut what the replay buffer holds of the episodes that end here.
+    """Cut the episodes of the learning curve and of the replay buffer.
 
-    A return over several steps goes on to the next row unless this one ended or was cut off, and the next one will be
-    of another episode. The 1-step returns of a row that is cut off are those of one that is not.
+    Returns over several steps would continue in the next row, which is of another episode.
     """
     trainee.curve.cut()
     buffer = getattr(trainee.model, "replay_buffer", None)
@@ -556,7 +549,7 @@ def _end_segment(trainee: Trainee) -> None:
 
 
 def goal_seeds(seed: int, segments: int) -> dict[str, Any]:
-    """Seeds of all goals of a policy, for its card.
+    """Return the seeds of all goals of a policy, for its card.
 
     Args:
         seed: Of the training.

@@ -1,4 +1,4 @@
-"""Native batches for stable-baselines3, and the one in which several actions are tried from the same state."""
+"""Batches of environments for stable-baselines3."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from kinreach.robots import ArmDescription, get_arm
 
 Array = np.ndarray[Any, Any]
 
-#: What stable-baselines3's loggers read from an environment's `info`, as far as it is there.
+#: Entries of an environment's `info` for stable-baselines3's loggers.
 INFO_KEYS = ("is_success", "distance", "posture_error", "impossible", "wrong_presses", "energy")
 
 
@@ -31,11 +31,11 @@ class SB3VecEnv(VecEnv):
     Args:
         env: For example `gym.make_vec("kinreach/UR5SingleStep-v0", num_envs=1024,
             vectorization_mode="vector_entry_point")`.
-        reward: What the learner sees instead of the environment's reward.
-        bootstrap: Whether a truncated episode is one for the learner; else it counts as terminated.
+        reward: Of the learner, instead of the environment's.
+        bootstrap: Whether truncated episodes are truncated for the learner, or terminated.
 
     Raises:
-        InputError: The environment resets in another way.
+        InputError: The environment does not reset in the same step.
     """
 
     def __init__(self, env: VectorEnv[Any, Any, Any], *, reward: TrainingReward = own, bootstrap: bool = True) -> None:
@@ -47,7 +47,7 @@ class SB3VecEnv(VecEnv):
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
     def seen(self, observations: Array) -> Any:
-        """Return what a policy in the environment itself would observe, in double precision where it is numbers."""
+        """Return the environment's own observations in double precision."""
         return observations.astype(np.float64)
 
     def reset(self) -> VecEnvObs:
@@ -62,7 +62,7 @@ class SB3VecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Step, with the last observation of an ended episode in its info."""
+        """Step; the `info` of an ended episode has its last observation."""
         observations, rewards, terminated, truncated, info = self._env.step(self._actions)
         done = terminated | truncated
         last_seen = np.array(observations)
@@ -82,16 +82,16 @@ class SB3VecEnv(VecEnv):
         return np.asarray(observations), np.asarray(rewards, dtype=np.float32), done, infos
 
     def _rewarded(self, rewards: Any, info: Mapping[str, Any]) -> Array:
-        """Return what the learner sees as rewards.
+        """Return the learner's rewards.
 
         Raises:
-            TrainingError: One is NaN or infinite, or the function of a reward fails or returns another shape.
+            TrainingError: A reward is not finite, or its function fails or returns another shape.
         """
         given = np.asarray(rewards)
         _check_finite("the environment's reward", given)
         try:
             seen = np.asarray(self._reward(given, info))
-        except Exception as error:  # whatever the user's function raises
+        except Exception as error:  # of the user's function
             raise TrainingError(
                 f"the training reward failed: {type(error).__name__}: {error}{place_of(error)}"
             ) from error
@@ -105,57 +105,47 @@ class SB3VecEnv(VecEnv):
         self._env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return an attribute of the batch, once for each of the environments asked for."""
+        """Return an attribute of the batch, once for each environment."""
         return [getattr(self._env, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Not for single environments of a batch.
-
-        Raises:
-            InputError: Always.
-        """
+        """Raise an `InputError`: environments of a batch share their attributes."""
         raise InputError(f"environments of a native batch share their attributes; {attr_name} cannot be set for some")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Not for single environments of a batch.
-
-        Raises:
-            InputError: Always.
-        """
+        """Raise an `InputError`: environments of a batch have no methods."""
         raise InputError(f"environments of a native batch have no methods of their own, such as {method_name}")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
-        """No environment of a batch is wrapped."""
+        """Return False for each environment."""
         return [False] * len(list(self._get_indices(indices)))
 
 
 def _check_finite(what: str, values: Array) -> None:
-    """Refuse numbers that are not finite, before a learner is spoilt by them.
+    """Check that all numbers are finite.
 
     Raises:
-        TrainingError: There are some.
+        TrainingError: One is not.
     """
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         raise TrainingError(f"{what} became {values[~np.isfinite(values)][0]:g}")
 
 
 class TriesVecEnv(SB3VecEnv):
-    """A batch of reach environments in groups of `tries` that have the same goal; a step is a whole episode.
+    """A batch of reach environments in groups of `tries` with the same goal; a step is a whole episode.
 
-    The action is a posture. It is taken in one step, or, where the environment takes `steps` of a few degrees, walked
-    to; the reward is that of where the arm then is.
+    Actions are postures, approached in `steps` steps; the reward is that of the last one.
 
     Args:
-        env: The batch; its reset takes what is drawn as options.
+        env: The batch.
         tries: Size of a group.
-        draw: Draws goals [m], as the option `goal` of shape (n, 3), and whatever else episodes start with.
-        steps: Of an episode; 1 where actions are postures.
-        reward: What the learner sees.
-        blur: Standard deviation of noise on the numbers of the goal's place [m]: without, a network is free in
-            how it answers two cameras that do not quite agree, as real ones do.
-        layout: Where goal and joint angles are in the observation.
+        draw: Draws options of a reset, among them `goal` [m], shape (n, 3).
+        steps: Of an episode; 1 if the environment's actions are postures.
+        reward: Of the learner.
+        blur: Standard deviation of noise on the goal in observations [m], for cameras that do not quite agree.
+        layout: Of the observation.
         arm: That of the environments.
     """
 
@@ -214,12 +204,12 @@ class TriesVecEnv(SB3VecEnv):
 
 
 class LooksVecEnv(TriesVecEnv):
-    """The same for a learner that sees pictures: an observation is the number of a look, which has a group's goal.
+    """The same for pictures: an observation is the number of a look at a group's goal.
 
     Looks are taken when the environments are seeded.
 
     Args:
-        looks: What the numbers stand for.
+        looks: By their numbers.
         **kwargs: Of `TriesVecEnv`.
     """
 
@@ -234,7 +224,7 @@ class LooksVecEnv(TriesVecEnv):
         return self.looks.seen(observations[:, 0].astype(int))
 
     def reset(self) -> VecEnvObs:
-        """Start all episodes, where a seed was set with looks of its own."""
+        """Start all episodes, after a seed with new looks."""
         if self._seeds[0] is not None:
             rng = np.random.default_rng([self._seeds[0], 1])
             self._goals = np.array(self._draw(rng, len(self._goals))["goal"])

@@ -1,4 +1,4 @@
-"""Methods on equal terms: the same goals, look at them, start, controller, reward and machine, one thread.
+"""Compare methods on the same goals, looks, start, controller, reward and machine, in one thread.
 
 `python -m kinreach.compare` is the command; from Python:
 
@@ -6,9 +6,8 @@
     methods = ["closed-form", "placo", MySolver()]
     results = compare("ur5", methods=methods, goals=50, out="results/mine")
 
-A task is data (`Task`): an environment, goals, methods, columns and figures; a method is anything that becomes a policy
-for that environment. `register_task` adds a task from outside the package; a method is passed to `compare` or stands in
-its task. The loop between policy and environment is `kinreach.baselines.rollout`.
+A task is data (`Task`): an environment, goals, methods, columns and figures. `register_task` adds one. A method makes a
+policy for the environment; it is passed to `compare` or part of a task. The loop is `kinreach.baselines.rollout`.
 """
 
 from kinreach._statistics import Column, wilson_interval

@@ -1,4 +1,4 @@
-"""The button task: whole episodes of the environment, from the start to the press."""
+"""The button task."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from kinreach.envs._button.task import PRESS_RADIUS
 from kinreach.envs._button.world import ButtonDrawing, ButtonState, torque_model
 from kinreach.sim._posed import PosedScene
 
-#: Between the environment's seeds of the first goals of two seeds of comparisons: none has as many goals.
+#: Distance between the environment's seeds of two comparisons, above `MAX_GOALS`.
 SPACING = 2**32
 
 
@@ -48,16 +48,16 @@ def _pressed(trial: Trial) -> bool:
 
 
 def decision_ms(trial: Trial) -> float:
-    """Return the wall time of a decision, mean over the episode [ms]."""
+    """Return the mean wall time of a decision [ms]."""
     return 1e3 * float(trial["solve_s"]) / int(trial["steps"])
 
 
-#: Of what all tasks report, what this one shows otherwise.
+#: Columns of all tasks that are not shown.
 _SHOWN = {"reached": "", "distance_mm": "", "success_at_mm.1": "", "impossible": "", "solve_ms": ""}
 
 
 def _column(column: Column) -> Column:
-    """Return a column of all tasks as this one shows it; its reward is the sum over the episode."""
+    """Return a column of all tasks for this one; its reward is the sum over the episode."""
     value = "return" if column.key == "reward_mean" else column.value
     return replace(column, value=value, show=_SHOWN.get(column.key, column.show))
 
@@ -73,7 +73,7 @@ def _scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:
-    """Return what the table's numbers mean."""
+    """Return notes on the table."""
     diverged = {m["name"]: m["outcomes"]["diverged"] for m in results["methods"] if "diverged" in m["outcomes"]}
     options = results["settings"]["options"]
     return [

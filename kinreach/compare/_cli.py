@@ -48,7 +48,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         KeyboardInterrupt: With a message that names what was kept.
     """
     parser = _parser(prog)
-    known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # which task, before its flags
+    known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # the task, whose flags follow
     task = _task(known.task)
     flags = flags_of(task.environment, task.options, taken=("help", *vars(known)))
     add_flags(parser, f"options of the task {task.name}", flags)
@@ -85,7 +85,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         *notes(task, results),
         f"Again: {results['settings']['command']}",
         f"In {out}: {', '.join(files)}",
-        f"Scene: {scene}" if scene.is_file() else "No picture of the scene: report.html says why.",
+        f"Scene: {scene}" if scene.is_file() else "No picture of the scene: the reason is in report.html.",
     ]
     for line in lines:
         console.note(line)
@@ -93,7 +93,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 
 def _task(name: str) -> Task:
-    """Return a registered task, or one of a module of the user's: `"module:attribute"`."""
+    """Return a registered task, or that of `"module:attribute"`."""
     known = task_names()
     if ":" not in name:
         return get_task(name)
@@ -104,7 +104,7 @@ def _task(name: str) -> Task:
 
 
 def _arm(arguments: argparse.Namespace) -> str | ArmDescription | None:
-    """Return the arm that the flags describe: its name where it is a registered one as it is."""
+    """Return the arm of the flags, by its name if it is an unchanged registered one."""
     changed = [name for name in ARM_FLAGS if getattr(arguments, name)]
     if arguments.arm is None:
         if changed:
@@ -117,9 +117,9 @@ def _arm(arguments: argparse.Namespace) -> str | ArmDescription | None:
 
 
 def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: Mapping[str, str]) -> str:
-    """Return the name of the folder for results: the task, and every setting that is not the default.
+    """Return the name of the folder for results: the task, and settings other than the default.
 
-    Text that is too long, or that is not fit for a name, is replaced by a digest of it.
+    Text that is too long or not fit for a name is replaced by its digest.
     """
     methods = "" if arguments.methods is None else arguments.methods.replace(" ", "")
     given = [getattr(arguments, name) for name in ARM_FLAGS]
@@ -146,12 +146,12 @@ def _numbered(folder: Path) -> Iterator[Path]:
 def _measure(
     task: Task, methods: Sequence[str], folders: Iterator[Path], **arguments: Any
 ) -> tuple[Path, dict[str, Any]]:
-    """Compare under a progress bar; Ctrl-C prints what is kept.
+    """Compare with a progress bar; Ctrl-C prints what is kept.
 
     Args:
         task: As in `compare`.
         methods: As in `compare`.
-        folders: Results go into the first one without those of another comparison.
+        folders: The first one without results of another comparison is used.
         **arguments: Of `compare`.
 
     Returns:
@@ -160,7 +160,7 @@ def _measure(
     out = next(folders)
     columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     errors = Console(stderr=True)
-    # Drawn between trials, not by a thread of its own that would run into the decisions that are timed.
+    # drawn between trials: a thread would disturb the timed decisions
     hidden = not errors.is_terminal
     with Progress(*columns, console=errors, transient=True, auto_refresh=False, disable=hidden) as bar:
         trials = bar.add_task("comparing", total=None)
@@ -187,7 +187,7 @@ def _measure(
 def _command(
     prog: str, arguments: argparse.Namespace, flags: Mapping[str, Flag], texts: Mapping[str, str], out: Path | None
 ) -> str:
-    """Return the command that gives the same again; defaults are left out."""
+    """Return the command that repeats the comparison, without defaults."""
     words = [prog, "--task", arguments.task]
     for name in ("arm", "methods"):
         value = getattr(arguments, name)
@@ -205,7 +205,7 @@ def _command(
 
 
 class _Parser(Parser):
-    """A parser whose help lists the methods of all tasks, which are loaded only then."""
+    """A parser whose help lists the methods of all tasks."""
 
     def format_help(self) -> str:
         """Return the help with its list of methods."""

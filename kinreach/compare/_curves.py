@@ -1,4 +1,4 @@
-"""Draw a comparison as curves: shares and errors of each method against a tolerance, steps, speeds or looks."""
+"""Figures of shares and errors against a tolerance, steps, speeds or looks."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from kinreach.compare._task import Draw
 
 
 def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Draw the share of goals within any tolerance, with dots and 95 % intervals where the table reports it.
+    """Draw the share of goals within any tolerance, with 95 % intervals at those of the table.
 
-    A method is named beside its own curve; one without a goal within the axes in a line above.
+    Methods without a goal within the axes are named above.
     """
     figure, (axes,) = new_figure(
         "Share of goals reached within a tolerance", size=(8.2, 4.9), note=origin(results), grid="both"
@@ -65,7 +65,7 @@ def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     """Draw the share of goals reached so far against the steps of the episode, with its interval at the end.
 
-    A method that reaches none is a sentence, not a line.
+    Methods that reach none are named above.
     """
     figure, (axes,) = new_figure("Share of goals pressed so far", size=(7.6, 4.4), note=origin(results), grid="both")
     most = max(trial["steps"] for trial in trials)
@@ -94,13 +94,13 @@ def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 
 
 def draw_shares(entry: str, *, title: str, label: str, of: str) -> Draw:
-    """Draw the share of goals that are reached against a number that trials have, with Wilson's 95 % interval.
+    """Draw the share of goals reached against an entry of the trials, with Wilson's 95 % interval.
 
     Args:
-        entry: Of the trials.
+        entry: Name of the entry.
         title: Of the figure.
         label: Of the axis.
-        of: What the shares are of, in words.
+        of: What is counted, in words.
     """
 
     def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
@@ -134,13 +134,13 @@ def draw_shares(entry: str, *, title: str, label: str, of: str) -> Draw:
 
 
 def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) -> Draw:
-    """Draw the error against looks before, with the median's 95 % interval over robots, directions and balls.
+    """Draw the median error against looks before, with its 95 % interval over robots, directions and balls.
 
-    Left: in the first move to a ball. Right: in the second, having seen the tip beside it. A method for which looks
-    change nothing is a sentence, not a line.
+    Left: in the first move to a ball. Right: in the second, after the tip was seen beside it. Methods that do not
+    depend on looks are named above.
 
     Args:
-        budgets: Numbers of looks, as far as they were measured.
+        budgets: Numbers of looks.
         error_mm: From a number of looks and of corrections to a trial's error [mm].
     """
 

@@ -1,10 +1,8 @@
-"""Where the distance that is left after a move comes from: seeing, deciding, moving.
+"""Divide the distance after a move into parts of seeing, deciding and moving.
 
-From the goal to the tip it is three steps: to where the goal was seen, from there to where forward kinematics puts the
-tip in the commanded posture, and from there to where the tip is in the simulation. Lengths of vectors do not add up,
-but their components along one direction do: each step's component along the line from the goal to the tip is its part
-of the distance. The three parts sum to the distance, goal by goal and therefore also in the mean; a part is negative
-where its step takes the tip back towards the goal.
+The way from the goal to the tip has three steps: to where the goal was seen, to where forward kinematics puts the tip
+in the commanded posture, and to where the tip is in the simulation. A part is a step's component along the line from
+the goal to the tip. The parts sum to the distance; a part is negative if its step leads back towards the goal.
 """
 
 from __future__ import annotations
@@ -36,7 +34,7 @@ def budget(goal: Floats, seen: Floats, meant: Floats, tip: Floats) -> Budget:
 
     Args:
         goal: Where the goal is.
-        seen: Where the method observed it.
+        seen: Where it was seen.
         meant: Where the tip would be in the commanded posture.
         tip: Where the tip is.
     """
@@ -54,12 +52,12 @@ def completed(trial: Trial) -> bool:
 
 
 def posture_error_mm(trial: Trial) -> float | None:
-    """Return what the commanded posture misses, by forward kinematics, of where the goal was seen [mm]."""
+    """Return the distance of the commanded posture, by forward kinematics, from the seen goal [mm]."""
     return None if trial["status"] == "forfeited" else _between(trial, "target_tip", "seen")
 
 
 def seen_error_mm(trial: Trial) -> float | None:
-    """Return how far from the goal the cameras saw it [mm]; None if they did not look or find it."""
+    """Return the error of the cameras [mm]; None if they did not see the goal."""
     return _between(trial, "seen", "goal") or None
 
 

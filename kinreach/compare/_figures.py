@@ -1,7 +1,7 @@
-"""Draw a comparison: a row of dots per method, the parts of the distance, maps; a task names its figures.
+"""Figures of a comparison.
 
-A method has the same colour in every figure and is named next to its data. Every function takes
-all trials and the contents of `results.json`; those with parameters return such a function.
+A method has the same colour in every figure and is named next to its data. A `Draw` is called with all trials and the
+contents of `results.json`; functions with parameters return one.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ def write_figures(
 
 
 def draw_errors(posture_error_mm: Value, seen_error_mm: Value, *, near_mm: float) -> Draw:
-    """Draw every trial's distance to the goal: of the posture by itself, and after the move.
+    """Draw every trial's distance to the goal: of the commanded posture, and after the move.
 
-    With cameras, the first row is how far from the goal they saw it, and its median a line through both panels.
+    With cameras, the first row is their error, and its median a line through both panels.
 
     Args:
-        posture_error_mm: What a trial's commanded posture misses by itself [mm].
-        seen_error_mm: How far from the goal it was seen [mm].
+        posture_error_mm: Error of a trial's commanded posture [mm].
+        seen_error_mm: Error of the cameras [mm].
         near_mm: Distance within which a goal counts as reached [mm].
     """
 
@@ -109,13 +109,13 @@ def draw_times(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 
 
 def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
-    """Draw what each method's mean distance consists of: a dot for each part on a logarithmic axis, with its interval.
+    """Draw the parts of each method's mean distance on a logarithmic axis, with their intervals.
 
-    A part that takes the tip back towards the goal is a hollow dot. Parts below `SMALLEST_PART_MM` are drawn at it.
+    Negative parts are hollow dots. Parts below `SMALLEST_PART_MM` are drawn at it.
 
     Args:
-        parts: Their names in `budget_mm` of a method's results, beside the whole, `distance`.
-        meaning: What the numbers mean, for people.
+        parts: Their names in `budget_mm` of a method's results, beside `distance`.
+        meaning: Of the numbers, for people.
     """
     marks = dict(zip(parts, (("o", PALETTE[5]), ("s", PALETTE[1]), ("D", PALETTE[2])), strict=True))
 
@@ -146,7 +146,7 @@ def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
 
 
 def _budget_dots(axes: Axes, row: int, method: Mapping[str, Any], marks: Mapping[str, tuple[str, str]]) -> None:
-    """Draw the parts of one method's mean distance, each a little above or below the row, and its sum in numbers."""
+    """Draw the parts of one method's mean distance around its row, and their sum in numbers."""
     budget, intervals = method["budget_mm"], method.get("budget_mm_ci", {})
     if not budget["distance"]:
         text = "none" if budget["distance"] is None else "0"
@@ -173,7 +173,7 @@ def _budget_dots(axes: Axes, row: int, method: Mapping[str, Any], marks: Mapping
 
 
 def draw_map(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Draw where each method ended how far from the goal, over the table; a goal that was not reached has a cross."""
+    """Draw each method's distances over the places of the goals, with crosses at goals that were not reached."""
     ends = by_method(trials, results, lambda trial: trial["goal_index"])
     maps = {}
     for name in ends:

@@ -1,4 +1,4 @@
-"""Each method's motion as a real arm could do it, on request: through its postures by ruckig, sampled at 500 Hz."""
+"""Time each method's motion within the arm's limits, by ruckig."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MOTION_COLUMNS = (
 
 
 def check_motion(task: Task, env: gym.Env[Any, Any]) -> None:
-    """Refuse a task whose arm does not move from posture to posture.
+    """Check that a task's arm moves from posture to posture.
 
     Raises:
         InputError: It does not.
@@ -52,7 +52,7 @@ def with_motion(task: Task) -> Task:
 
 
 class MotionRecorder:
-    """Collects the postures of an episode; `rollout` calls it after the reset and after every step."""
+    """Collect the postures of an episode, as `watch` of `rollout`."""
 
     def __init__(self) -> None:
         self._limits: MotionLimits | None = None
@@ -60,7 +60,7 @@ class MotionRecorder:
         self._possible = True
 
     def __call__(self, env: gym.Env[Any, Any], info: Mapping[str, Any]) -> None:
-        """Take the postures of a step."""
+        """Add the postures of a step."""
         if "target" not in info:
             self._limits, self.points = MotionLimits.of(env.get_wrapper_attr("arm")), [np.asarray(info["q"])]
             return
@@ -68,7 +68,7 @@ class MotionRecorder:
         self._possible &= not info["impossible"]
 
     def measured(self) -> dict[str, Any]:
-        """Return entries of the trial; none where an action was impossible, for there is no motion through it."""
+        """Return entries of the trial; none if an action was impossible."""
         if not self._possible or self._limits is None:
             return {}
         motion = time_waypoints(np.array(self.points), self._limits, rate=RATE_HZ)
@@ -81,7 +81,7 @@ class MotionRecorder:
 def peaks(motion: Trajectory, limits: MotionLimits) -> dict[str, float]:
     """Return the largest speed, acceleration and jerk of a motion, as shares of the joints' limits.
 
-    Accelerations and jerks are differences of the speeds: means between samples, from the rest before to that behind.
+    Accelerations and jerks are differences of the speeds, from rest to rest.
     """
     around = np.array([-2.0, -1.0]) / RATE_HZ
     times = np.concatenate([motion.t[0] + around, motion.t, motion.t[-1] - around[::-1]])

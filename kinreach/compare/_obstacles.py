@@ -1,4 +1,4 @@
-"""Obstacles on the table: postures alone, paths around them, and policies that do not see them."""
+"""Reaching past obstacles: postures alone, planned paths, and policies that do not see them."""
 
 from __future__ import annotations
 

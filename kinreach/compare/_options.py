@@ -1,7 +1,7 @@
-"""Flags of the command line for the options of an environment, from the dataclass that declares them.
+"""Flags of the command line from the dataclass of an environment's options.
 
-An environment's class names that dataclass as its attribute `Options`. A field becomes a flag if text can be parsed as
-its type: truth values, numbers, texts, and tuples of them. `metadata["description"]` is its help, with the unit.
+The environment's class has it as its attribute `Options`. Fields of truth values, numbers, texts, and tuples of them
+become flags. `metadata["description"]` is the help, with the unit.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Flag:
 
     Attributes:
         name: Without dashes, with underscores.
-        metavar: What help shows for its value.
+        metavar: Of its value, for the help.
         help: Description and default.
-        expects: What its value must be, for messages.
+        expects: Description of its values, for messages.
         parse: From text to options of the environment; raises ValueError or KeyError.
-        observation: The observation that the option is for; empty if it is for all.
+        observation: That the option is for; empty for all.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Flag:
         """Parse its value.
 
         Raises:
-            InputError: The text is not one.
+            InputError: The text cannot be parsed.
         """
         try:
             return self.parse(text)
@@ -70,7 +70,7 @@ def options_class(environment: str) -> type[Any] | None:
             importlib.import_module(module)
         entry = gym.spec(name).entry_point
         creator = load_env_creator(entry) if isinstance(entry, str) else entry
-    except (gym.error.Error, ImportError, AttributeError):  # the comparison raises when it makes it
+    except (gym.error.Error, ImportError, AttributeError):  # which the comparison reports
         return None
     found = getattr(creator, "Options", None)
     return found if isinstance(found, type) and is_dataclass(found) else None
@@ -81,8 +81,8 @@ def flags_of(environment: str, defaults: Mapping[str, Any], *, taken: Sequence[s
 
     Args:
         environment: Its id.
-        defaults: Options that are set otherwise than by the dataclass.
-        taken: Names of flags that the command has already.
+        defaults: That differ from those of the dataclass.
+        taken: Names of other flags of the command.
 
     Raises:
         InputError: A type of the dataclass is not defined in its module.

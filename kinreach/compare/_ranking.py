@@ -1,4 +1,4 @@
-"""Which methods reach the goals, and which of those are nearest and fastest, as far as the intervals tell."""
+"""Rank methods by their intervals: which reach the goals, and which of those are nearest and fastest."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 from kinreach._statistics import number
 
 Entry = Mapping[str, Any]
-#: Measures in which methods that reach are ranked, smaller is better -> what the best one does.
+#: Measures of a ranking, smaller is better -> a sentence about the best method.
 RANKED = {
     "distance_mm": "comes nearest: {} mm in the median",
     "decision_ms": "decides fastest: {} ms in the median",
     "solve_ms": "decides fastest: {} ms in the median",
 }
-#: Methods that reach the same share are counted if they are more.
+#: More methods than these are counted, not listed.
 MAX_LISTED = 3
 
 
@@ -29,11 +29,9 @@ def reaching(entries: Sequence[Entry]) -> list[Entry]:
 
 
 def best_in(entries: Sequence[Entry], key: str) -> list[Entry]:
-    """Return the entry with the least median of a measure, then those that do not differ significantly from it.
+    """Return the entry with the least median of a measure, then those that do not differ significantly.
 
-    Args:
-        entries: Those that are ranked.
-        key: Of the measure; without it in all of them nothing is the best.
+    If an entry lacks the measure, return none.
     """
     medians = [(entry.get(key) or {}).get("median") for entry in entries]
     if not entries or None in medians:

@@ -1,4 +1,4 @@
-"""Reaching: solvers and policies bring an arm's tip to a goal: the thesis's task, in space, and by the 3-DOF arm."""
+"""The reach tasks: the thesis's, in space, and with the 3-DOF arm."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from kinreach.kinematics._solvers import SOLVERS, Tolerance, new_solver
 from kinreach.sim._controller import TOLERANCE
 from kinreach.thesis import REACHED_DISTANCE
 
-#: Goals in a row that an arm may miss before it is said to reach none.
+#: Goals in a row that an arm may miss.
 MAX_MISSED = 1000
 
 _COMMON = common_columns(completed)
@@ -80,13 +80,13 @@ METHODS: Mapping[str, Method] = {name: solver_method(partial(new_solver, name)) 
 
 
 def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool = False) -> Floats:
-    """Draw goals in the arm's own region, in the world [m], shape (count, 3); the first ones do not depend on `count`.
+    """Draw goals in the arm's region, in the world [m], shape (count, 3); the first ones do not depend on `count`.
 
     Args:
         env: A reach environment.
         count: How many.
         seed: Of the draws.
-        reachable: Keep only those for which the closed form, which knows all postures, finds an acceptable one.
+        reachable: Keep only goals for which the closed form finds an acceptable posture.
 
     Raises:
         InputError: The work cell has no goals, or none of `MAX_MISSED` in a row can be kept.
@@ -128,7 +128,7 @@ def _reachable_resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:
-    """Return what the tables' numbers mean."""
+    """Return notes on the tables."""
     entries, settings = results["methods"], results["settings"]
     causes = {
         entry["name"]: [f"{count} {status}" for status, count in entry["outcomes"].items() if status != COMPLETED]

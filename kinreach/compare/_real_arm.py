@@ -1,4 +1,4 @@
-"""When the model is wrong: methods that know the data sheet, look, identify or learn, on calibrated UR5s."""
+"""Arms with errors: methods with the data sheet that look, identify or learn."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from kinreach.sim._posed import PosedScene
 
 #: Kinds of methods.
 MODEL, LEARNED, BOTH = "model", "policy", "model and learning"
-#: The policies that are put to the test: of the data sheet, and of arms with random errors.
+#: Policies of the data sheet's arm, and of arms with random errors.
 LEARNED_POLICY, INFORMED_POLICY = "space-single", "random-arms"
 
 
@@ -73,7 +73,7 @@ TIME_TABLE = "Time"
 
 
 def error_mm(errors: str, budget: int, again: int) -> Callable[[Trial], float | None]:
-    """Return a trial's median distance of the balls after so many looks [mm]; None where something else was wrong."""
+    """Return a function of a trial: the median distance after some looks [mm], None for other errors."""
     value = thousandfold(f"error_{budget}_{again}")
     return lambda trial: value(trial) if trial["errors"] == errors else None
 
@@ -101,7 +101,7 @@ def _columns() -> tuple[Column, ...]:
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
-    """Return all errors of the first robot, then of the next, and so on with other directions, balls and noise."""
+    """Return resets with all errors of the first robot, of the next, and so on with other draws."""
     options: RealArmOptions = env.unwrapped.options  # type: ignore[attr-defined]
     errors, robots = options.errors, options.calibrations
     return [

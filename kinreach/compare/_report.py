@@ -1,7 +1,6 @@
-"""Write a comparison as one HTML file that contains its figures and pictures and fetches nothing.
+"""Write a comparison as one HTML file without external resources.
 
-Every text is escaped; and should one slip through, the page's policy lets no script run except the page's own, which
-sorts tables and links downloads.
+Texts are escaped, and the page's policy allows no script except its own, which sorts tables and links downloads.
 """
 
 from __future__ import annotations
@@ -33,13 +32,13 @@ from kinreach.errors import DrawingError, InstallationError
 from kinreach.sim._picture import Scene, ScenePicture
 from kinreach.sim._posed import PosedScene
 
-#: Dots per inch that a browser counts with.
+#: Dots per inch of browsers.
 PAGE_DPI = 96
 #: Width and height of pictures of a scene [pixels].
 SIZE = (960, 540)
 #: Quality of the pictures' JPEG.
 QUALITY = 85
-#: Longer names of methods are broken into lines.
+#: Longer names of methods are wrapped.
 MAX_NAME_LENGTH = 24
 #: Names of the task's terms -> their headings; others are headings as they are.
 HEADINGS = {
@@ -85,7 +84,7 @@ def write_report(
     charts: Mapping[str, Path],
     notes: Sequence[str],
 ) -> None:
-    """Write the report, and `scene.png` beside it: how the ordinary success of the best method looks.
+    """Write the report, and beside it `scene.png`, an ordinary success of the best method.
 
     Args:
         path: Of the HTML file.
@@ -118,7 +117,7 @@ def report_html(
     renderings: Sequence[Rendering] | str,
     notes: Sequence[str],
 ) -> str:
-    """Return the page; arguments as in `write_report`, and renderings of trials, or a sentence why they are missing."""
+    """Return the page; arguments as in `write_report`, and renderings or the reason why there are none."""
     settings = results["settings"]
     folder = resources.files("kinreach.compare")
     script = folder.joinpath("report.js").read_text(encoding="utf-8")
@@ -152,10 +151,9 @@ def report_html(
 
 
 def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any]) -> list[Rendering]:
-    """Draw how trials ended, by `task.scene`: an ordinary success, and the worst failure of each method.
+    """Draw the ends of trials by `task.scene`: an ordinary success, and the worst failure of each method.
 
-    The success is that of the method that comes nearest among those that reach. Failures are left out where the task's
-    figures show how its episodes go.
+    The success is of the nearest method among those that reach. Tasks with a figure of paths have no failures.
 
     Raises:
         InstallationError: No library can draw; the message names the packages.
@@ -212,13 +210,13 @@ def _frame(scene: Scene) -> Any:
 
 
 def ordinary_success(trials: Sequence[Trial]) -> Trial | None:
-    """Return the trial with the median distance of those that reached their goals; without distances all are as far."""
+    """Return the trial with the median distance of those that reached their goals."""
     reached = sorted((trial for trial in trials if trial["reached"]), key=_distance)
     return reached[(len(reached) - 1) // 2] if reached else None
 
 
 def worst_failure(trials: Sequence[Trial]) -> Trial | None:
-    """Return the failure that left the tip farthest from the goal, impossible ones first."""
+    """Return the failure with the largest distance, impossible ones first."""
     failed = [trial for trial in trials if not trial["reached"]]
     return max(failed, key=lambda trial: (trial["impossible"], _distance(trial)), default=None)
 
@@ -315,7 +313,7 @@ def _row(
 
 
 def _small(text: str) -> str:
-    """Return a cell with what follows the first number, an interval or a percentile, in small print."""
+    """Return a cell with its interval or percentile in small print."""
     for sign in (" [", " / "):
         first, found, rest = text.partition(sign)
         if found:
@@ -335,7 +333,7 @@ def _legend(entries: Sequence[Mapping[str, Any]]) -> list[str]:
 def _failures(
     task: Task, found: Sequence[Rendering] | str, scene: Rendering | None, entries: Sequence[Mapping[str, Any]]
 ) -> str:
-    """Return the failures besides the one that opens the report, if that is one."""
+    """Return the failures, without one that opens the report."""
     if isinstance(found, str):
         return f"<p>{escape(found)}</p>"
     if all(entry.get("reached") == 1 for entry in entries):
@@ -351,7 +349,7 @@ def _failures(
 
 
 def _chart(file: Path, title: str) -> str:
-    """Return a figure with its text as large as the page's, and a link to save it."""
+    """Return a figure in the page's text size, with a link to save it."""
     with Image.open(file) as picture:
         width = round(PAGE_DPI / DPI * picture.width)
     uri = _data_uri("image/png", file.read_bytes())
@@ -395,7 +393,7 @@ def _words(task: Task, results: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _option(task: Task, name: str, value: Any) -> str:
-    """Return an option with its value, and its meaning if its environment states it."""
+    """Return an option with its value and, if declared, its description."""
     declared = options_class(task.environment)
     meanings = {entry.name: entry.metadata.get("description", "") for entry in fields(declared)} if declared else {}
     said = ", ".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -1,7 +1,7 @@
-"""A whole comparison: every method on every goal, results on disk, resumable trial by trial.
+"""Run comparisons: every method on every goal, resumable trial by trial.
 
-All methods meet one goal before the next, each time in another random order: load from other programs meets all of
-them alike. A goal is looked at once: the other methods observe what the first one's cameras measured.
+All methods play one goal before the next, in random order, so that other load on the machine affects all of them
+alike. Cameras look at a goal once; all methods observe the same measurement.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ from kinreach.robots import ArmDescription, get_arm
 Progress = Callable[[int, int], None]
 
 DEFAULT_GOALS = 200
-#: More are refused before anything is measured: a comparison of so many would take a month, and its results gigabytes.
+#: Largest number of goals, which would take a month.
 MAX_GOALS = 10**7
 MAX_SEED = 2**63 - 1
-#: Seed of the goals on which every method acts untimed first: the first look loads the graphics library, and first
-#: decisions fill caches. It is above all seeds of comparisons, so that none of these goals is ever compared.
+#: Seed and number of untimed goals at the start, which load libraries and fill caches. The seed is above those of
+#: comparisons.
 WARM_UP_SEED, WARM_UP_GOALS = 2**63, 2
-#: Observations of tasks that have the option; the second needs a library to draw with.
+#: Observations of tasks that have the option; the second needs OpenGL.
 GEOMETRIC, CAMERA = "geometric", "camera"
-#: Trials of a job that are worth its start, half a second of making environments; trials that it sends at once.
+#: Least trials of a job, which spends half a second on its environments; trials that it sends at once.
 BLOCK, TOGETHER = 500, 32
 #: The trials of an unfinished comparison, and the results of a finished one.
 RECORDS, RESULTS = "records.jsonl", "results.json"
@@ -61,15 +61,15 @@ MAX_BYTES, MAX_RECORDS = 256 * 1024 * 1024, 64 * 1024**3
 
 @dataclass(frozen=True)
 class Comparison:
-    """What is compared, checked and complete.
+    """A comparison with checked settings.
 
     Attributes:
         task: With the options of its environments.
         methods: By name.
         goals, seed: As in `compare`.
-        command: How to get the same again.
-        left_out: Methods of the task that this installation or arm cannot do, with the reason.
-        arm: Name of the environment's arm; empty if it has no `arm`.
+        command: That repeats it.
+        left_out: Methods of the task that cannot be made, with the reason.
+        arm: Name of the environment's arm, or empty.
         motion: As in `compare`.
     """
 
@@ -113,10 +113,10 @@ def compare(
     command: str = "kinreach.compare.compare(...)",
     progress: Progress = lambda done, total: None,
 ) -> dict[str, Any]:
-    """Put methods on the same goals and measure them.
+    """Measure methods on the same goals.
 
-    With `out`, an interrupted comparison leaves its finished trials in `out/records.jsonl`; called again with the same
-    settings (and the same code, versions and machine) it goes on from there.
+    With `out`, an interrupted comparison keeps its finished trials in `out/records.jsonl`, and resumes when called
+    again with the same settings, code, versions and machine.
 
     Args:
         task: Name of a registered task, or a task.
@@ -124,19 +124,17 @@ def compare(
             `kinreach.compare._methods.resolve_methods`; all of the task's own if empty.
         goals: Number of goals.
         seed: Of the goals.
-        arm: Name of a registered arm, or a description, for tasks whose environments take one. Where its work cell has
-            no goals, they are `ReachableGoals`, scaled to the arm.
+        arm: Name of a registered arm, or a description, for tasks with other arms. If its work cell has no goals,
+            they are `ReachableGoals`, scaled to the arm.
         observation: `"geometric"` (the true goal) or `"camera"` (what the cameras saw), for tasks that have both.
         options: Of the task's environments.
-        motion: Also time each motion by ruckig within the limits of the arm, and report duration and peaks; for tasks
-            whose arm moves from posture to posture.
-        out: Directory for `results.json`, `results.csv`, `report.html` and the figures; created if need be. None:
-            nothing is written.
-        fresh: Measure everything, even if an interrupted comparison could go on, or another one stands in `out`.
-        engine: `"serial"`: here, one trial at a time; `"ray"`: blocks of goals as tasks of Ray. Trials are the same,
-            except the times of decisions: machines that do several things at once measure them.
+        motion: Also time each motion by ruckig within the limits of the arm; for tasks whose arm moves from posture to
+            posture.
+        out: Directory for `results.json`, `results.csv`, `report.html` and the figures. None: nothing is written.
+        fresh: Do not resume, and overwrite the results of another comparison.
+        engine: `"serial"`, or `"ray"`: blocks of goals as tasks of Ray, which give the same trials except for times.
         address: Of a running Ray cluster, `host:port` or `auto`; without it Ray is started on this machine.
-        command: How to get the same again, written into the results.
+        command: That repeats the comparison, for the results.
         progress: Called with the number of finished and of all trials.
 
     Returns:
@@ -144,10 +142,9 @@ def compare(
 
     Raises:
         OutputError: `out` cannot be written, or another comparison is writing there.
-        InstallationError: The packages of a method are missing, or cameras are to look and nothing can be drawn.
+        InstallationError: The packages of a method or of cameras are missing.
         ClusterError: No cluster answers at the address, or it died; finished trials are kept in `out`.
-        InputError: A number is out of range, an option does not exist, a policy cannot be used, or `out` holds the
-            results of another comparison.
+        InputError: An argument is invalid, or `out` holds the results of another comparison.
         UnknownNameError: The task, method, arm or observation is unknown.
     """
     comparison = prepare(
@@ -183,7 +180,7 @@ def prepare(
     command: str,
     motion: bool = False,
 ) -> Comparison:
-    """Check what a comparison is asked to do, before anything is measured; arguments and errors as in `compare`."""
+    """Check the arguments of a comparison, which are as in `compare`."""
     task = get_task(task) if isinstance(task, str) else task
     if not isinstance(task, Task):
         raise InputError(f"a task is a name or a Task, got {shown(task)}")
@@ -234,12 +231,12 @@ def run_trials(
     done: Sequence[Trial] = (),
     progress: Progress = lambda done, total: None,
 ) -> Iterator[Trial]:
-    """Yield a trial per goal and method as it is finished.
+    """Yield each finished trial.
 
     Args:
         comparison: What is compared.
-        engine: That runs them, in blocks of goals; here, if None.
-        done: Trials to leave out.
+        engine: For blocks of goals; serial if None.
+        done: Trials to skip.
         progress: Called with the number of finished and of all trials.
     """
     task, names, engine = comparison.task, list(comparison.methods), engine or Serial()
@@ -264,8 +261,8 @@ def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], S
     """Yield the trials of some goals, after an untimed warm-up.
 
     Args:
-        comparison: What they are of.
-        goals: Number and reset of each, and the methods that are to meet it, in their order.
+        comparison: Of the goals.
+        goals: Number and reset of each, and its methods in their order.
     """
     task = comparison.task
     with ExitStack() as stack:
@@ -300,13 +297,12 @@ def _one_goal(
     *,
     shared: bool,
 ) -> Iterator[tuple[str, Trial]]:
-    """Run methods on one goal; with a shared look, the others observe what the first one's cameras measured.
+    """Run methods on one goal; with a shared look, all observe the first one's measurement.
 
-    Each decides once untimed before its episode: the simulation of the one before has left nothing of it in the
-    processor's caches, which would double the time of a short decision.
+    Each decides once untimed before its episode, or cold caches would double the time of a short decision.
 
     Raises:
-        MethodError: A method raised; `goal` is what the message calls the goal.
+        MethodError: A method raised; `goal` names the goal in the message.
         InputError: A column of the task cannot be summarised.
     """
     for name in names:
@@ -330,10 +326,10 @@ def _one_goal(
 
 @contextmanager
 def _naming(what: str) -> Iterator[None]:
-    """Name the method that failed, with the error's type, text and place in the user's file.
+    """Turn errors of the block into a `MethodError` with type, text and place in the user's file.
 
     Raises:
-        MethodError: Its cause is what the block raised.
+        MethodError: Its cause is the error.
     """
     try:
         yield
@@ -346,7 +342,7 @@ def _naming(what: str) -> Iterator[None]:
 
 
 class _Environments:
-    """The environments of a comparison, one for each id and options, closed with the stack."""
+    """The environments of a comparison by id and options, closed with the stack."""
 
     def __init__(self, task: Task, stack: ExitStack) -> None:
         self._task, self._stack = task, stack
@@ -432,7 +428,7 @@ def results_of(
 
 
 def notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
-    """Return what the numbers mean, line by line."""
+    """Return notes on the results, line by line."""
     settings = results["settings"]
     return [
         f"{settings['goals']} goals, seed {settings['seed']}. Reached: {settings['terms']['reached']}; its 95 % "
@@ -486,7 +482,7 @@ def _compare_on_disk(
 
 
 def _path_figure(comparison: Comparison) -> dict[str, Draw]:
-    """Return the task's figure of paths, for which it plays some trials again; empty if it has none."""
+    """Return the task's figure of paths, which replays some trials, or nothing."""
     draw_paths = comparison.task.paths
     if draw_paths is None:
         return {}
@@ -509,20 +505,19 @@ def _path_figure(comparison: Comparison) -> dict[str, Draw]:
 
 
 class Records:
-    """The finished trials of one comparison, one line of JSON each, appended as they come.
+    """The finished trials of a comparison, one line of JSON each.
 
-    The first line is the identity of the comparison: settings, versions, code and machine. Trials of another identity
-    are not mixed in: the comparison starts over, as it does where the file cannot be read. Where only the file of a
-    method is another one, the trials of the other methods stay.
+    The first line is the identity of the comparison: settings, versions, code and machine. With another identity, or if
+    the file cannot be read, the comparison starts over. If only a method's file changed, trials of the others are kept.
 
     Args:
         path: The file.
-        identity: What must be equal for old trials to count, as JSON types.
-        comparison: Whose methods and goals count.
-        fresh: Drop old trials in any case.
+        identity: As JSON types.
+        comparison: With that identity.
+        fresh: Drop old trials.
 
     Attributes:
-        trials: Everything finished so far.
+        trials: All so far.
 
     Raises:
         OutputError: The file cannot be written.
@@ -531,14 +526,14 @@ class Records:
     def __init__(self, path: Path, identity: Mapping[str, Any], comparison: Comparison, *, fresh: bool) -> None:
         self.path = path
         self.trials: list[Trial] = [] if fresh else list(_kept(path, identity, comparison))
-        # Written anew, not appended to: a line that a crash cut short must go before the next one is added.
+        # written anew, without a line that a crash cut short
         write_text(path, "".join(json.dumps(line) + "\n" for line in (identity, *self.trials)))
 
     def add(self, trial: Trial) -> None:
         """Append a finished trial, in memory and on disk.
 
         Raises:
-            OutputError: The file system refused; the file is as it was before.
+            OutputError: The file system refused; the file is unchanged.
         """
         line, end = json.dumps(trial, allow_nan=False) + "\n", None
         try:
@@ -547,18 +542,18 @@ class Records:
                 file.write(line)
         except OSError as error:
             if end is not None:
-                with suppress(OSError):  # what comes next must not be added to half a line
+                with suppress(OSError):  # of half a line
                     os.truncate(self.path, end)
             raise OutputError(f"cannot write {self.path}: {error.strerror or error}") from error
         self.trials.append(trial)
 
     def remove(self) -> None:
-        """Delete the file: the comparison is complete and its results are written."""
+        """Delete the file."""
         self.path.unlink(missing_ok=True)
 
 
 def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> Iterator[Trial]:
-    """Yield trials of this identity, each once, up to the first line that is damaged or not one of them."""
+    """Yield trials of this identity, each once, up to the first invalid line."""
     seen = set()
     wanted = json.loads(json.dumps(identity))
     made_of = wanted.pop("methods", {})
@@ -582,10 +577,10 @@ def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> It
 
 
 def _refuse_other_results(out: Path, comparison: Comparison) -> None:
-    """Refuse to overwrite the finished results of another comparison.
+    """Check that a folder holds no results of another comparison.
 
     Raises:
-        OtherResultsError: `out` holds some; the message gives the difference.
+        OtherResultsError: It does; the message gives the difference.
     """
     path = out / RESULTS
     if not path.exists():
@@ -603,9 +598,9 @@ def _refuse_other_results(out: Path, comparison: Comparison) -> None:
 
 
 def _differences(settings: Mapping[str, Any], versions: Mapping[str, Any], comparison: Comparison) -> str:
-    """Return how results differ from what a comparison will write, in words; empty if they do not.
+    """Return how results differ from those of a comparison, in words; empty if they do not.
 
-    A solver or a URDF may be edited between two runs; files of other names are other methods, though.
+    Files may be edited between two runs, but not renamed.
     """
     wanted = json.loads(json.dumps(comparison.settings()))
     found = [
@@ -631,7 +626,7 @@ def _versions(comparison: Comparison, *, methods: bool = True) -> dict[str, Any]
 
 
 def _files(options: Mapping[str, Any]) -> Iterator[Path]:
-    """Yield the files that options name, such as calibrations."""
+    """Yield the files in options, such as calibrations."""
     for value in options.values():
         for name in (value,) if isinstance(value, str) else value if isinstance(value, Sequence) else ():
             if isinstance(name, str) and (path := Path(name)).is_file():

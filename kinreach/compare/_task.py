@@ -24,18 +24,18 @@ from kinreach.robots._description import HULLS
 from kinreach.robots._workcell import QuadrantRegion
 from kinreach.sim._picture import Scene
 
-#: What a figure is drawn from: all trials, and the contents of `results.json`.
+#: Draws a figure from all trials and the contents of `results.json`.
 Draw = Callable[[Sequence[Trial], Mapping[str, Any]], Figure]
-#: Keyword arguments of an environment's reset for each goal, from how many there are and a seed. Those of a smaller
-#: number are the first of a larger one.
+#: From a number of goals, a seed and the environment to keyword arguments of its reset, one mapping a goal. Those of a
+#: smaller number are the first of a larger one.
 Resets = Callable[[int, int, gym.Env[Any, Any]], Sequence[Mapping[str, Any]]]
 
-#: Plays a method on a goal again, by its name and the goal's index: the `info` of the reset and of every step.
+#: Replays a method, by name, on a goal, by index: the `info` of the reset and of every step.
 Replay = Callable[[str, int], list[dict[str, Any]]]
-#: A figure of how episodes go, from all trials, the contents of `results.json`, and what plays a trial again.
+#: Draws a figure of paths from all trials, the contents of `results.json`, and a replay.
 DrawPaths = Callable[[Sequence[Trial], Mapping[str, Any], Replay], Figure]
 
-#: What is drawn of a trial's end, from the task's environment after the reset to the trial's goal.
+#: Returns the scene of a trial's end, from the task's environment, reset to the trial's goal, and the trial.
 MakeScene = Callable[[gym.Env[Any, Any], Trial], Scene]
 
 #: Kinds of methods, and what each is given, in words, for the record beside the results.
@@ -62,12 +62,12 @@ class Method:
     """One way to do a task.
 
     Attributes:
-        make: From the environment that it will act in to its policy, or to what `as_policy` makes one of.
+        make: From its environment to a policy, or to an object for `as_policy`.
         kind: A key of `GIVEN`, or another word or two.
-        environment: Id of the environment it acts in; the task's own if empty.
-        options: Of that environment, where they differ from the task's.
-        versions: What its answers depend on besides code and packages, by name: digests of files.
+        environment: Id of its environment; the task's if empty.
+        versions: Digests of its files, by name.
         colour: In figures; one is chosen if empty.
+        options: Of its environment that differ from the task's.
     """
 
     make: Callable[[gym.Env[Any, Any]], Any]
@@ -85,24 +85,22 @@ class Task:
     Attributes:
         name: As on the command line.
         title: For headings.
-        environment: Id of the environment in which methods act that do not name another.
+        environment: Id of the environment of methods without another.
         resets: Its goals.
-        methods: By name, in the order in which reports show them.
-        columns: What is reported of each method, beside its name and kind and the causes of failure.
+        methods: By name, in the order of reports.
+        columns: Measures of each method.
         figures: By name of the file.
         reached: The criterion in a few words.
-        arm: Name of the arm that does it, where its environments take others; empty where they do not.
-        arm_title: What another arm does, for the heading after its own title.
-        arm_methods: What other arms have beside the task's solvers: methods by the name of the arm.
+        arm: Name of the default arm; empty if the environments have no option `arm`.
+        arm_title: Title with another arm, after the arm's.
+        arm_methods: By the name of another arm, its methods beside the task's solvers.
         options: Of the environments; `compare` can override them.
-        variants: Ids of the environments that policies from files may be for, by a short name; the first one is the
-            default for a policy without one.
-        observations: Values of the environments' option `observation` that make sense; empty if there is none.
-        terms: What every method is given alike, in words, by a short name.
-        notes: From the contents of `results.json` to lines under the tables, more than the criterion.
-        scene: What the report draws of how a trial ended, from the environment, reset to the trial's goal, and the
-            trial. By default the environment's `arm` in its work cell, in the posture `q` with the ball at `goal`.
-        paths: A figure of how episodes go, which stands in the report instead of pictures of failures.
+        variants: Ids of environments for policies from files, by a short name; the first is the default.
+        observations: Values of the environments' option `observation`; empty without that option.
+        terms: Conditions of all methods, in words, by a short name.
+        notes: From the contents of `results.json` to lines under the tables.
+        scene: By default the environment's `arm` in its work cell, in the posture `q` with the ball at `goal`.
+        paths: A figure of paths, instead of pictures of failures.
     """
 
     name: str
@@ -130,15 +128,15 @@ class Task:
             raise InputError(f"columns of the task {self.name!r} must have different keys, got two with {twice[0]!r}")
 
     def with_options(self, options: Mapping[str, Any]) -> Task:
-        """Return the same task with some other options of its environments."""
+        """Return the task with some options replaced."""
         return replace(self, options={**self.options, **options})
 
 
-#: Fields of an arm that its version leaves out: their text is not reproducible, or other fields contain them.
+#: Fields of an arm that are not in its version: their text is not reproducible, or part of other fields.
 _OUTSIDE = ("build_urdf", "package_root", "workcell", "missing_shapes", "notes", "meshes")
 #: Registered tasks by name.
 _TASKS: dict[str, Task] = {}
-#: Tasks of the package -> the module whose `TASKS` has them, loaded when one of them is first asked for.
+#: Tasks of the package -> the module whose `TASKS` has them.
 _OWN = {
     "ur5": "_reach",
     "space": "_reach",
@@ -187,10 +185,10 @@ def task_names() -> list[str]:
 def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
     """Return the columns of every task: rates over all goals, distances [mm], reward, times.
 
-    An impossible goal counts with the distance at which the arm stood. Times of moves are of completed trials.
+    Distances include impossible goals; times of moves are of completed trials.
 
     Args:
-        completed: Whether a trial's arm did what the task asks for, however near the goal it ended.
+        completed: Whether the arm moved, however near the goal it ended.
     """
     return (
         Column("reached", "reached", RATE, "reached % [95 % CI]", "interval"),
@@ -226,13 +224,13 @@ def policy_version(policy: str) -> dict[str, str]:
 
 
 def arm_in(env: gym.Env[Any, Any]) -> ArmDescription | None:
-    """Return the arm of an environment, the believed one if the true one differs; None if it names none."""
+    """Return the arm of an environment, the believed one if the true one differs, or None."""
     named = (env.get_wrapper_attr(part) for part in ("believed", "arm") if env.has_wrapper_attr(part))
     return next((arm for arm in named if isinstance(arm, ArmDescription)), None)
 
 
 def arm_version(arm: ArmDescription) -> dict[str, str]:
-    """Return a digest of an arm's URDF and of the rest of its description, by name."""
+    """Return a digest of an arm's description, by name."""
     cell = arm.workcell
     goals = cell.goals if isinstance(cell.goals, BoxRegion | QuadrantRegion) else type(cell.goals).__qualname__
     facts = [getattr(arm, entry.name) for entry in fields(arm) if entry.name not in _OUTSIDE]

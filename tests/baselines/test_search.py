@@ -62,8 +62,8 @@ def test_the_searches_of_the_docs_can_be_read(root):
     ("text", "message"),
     [
         ("{", "is not YAML"),
-        ("[]", "must say at least recipe and ranges"),
-        ("recipe: ppo-single", "must say at least recipe and ranges"),
+        ("[]", "must have at least recipe and ranges"),
+        ("recipe: ppo-single", "must have at least recipe and ranges"),
         (SAID.replace("ppo-single", "nobody"), "unknown recipe 'nobody'"),
         (SAID + "colour: red", "unknown entry of .* 'colour'"),
         (SAID.replace("trials: 3", "trials: 0"), "trials must be"),
@@ -100,7 +100,7 @@ def test_a_trial_is_judged_after_every_segment():
 def test_one_of_the_two(capsys):
     for arguments in ([], ["single", "--search", "x.yaml"]):
         assert main(["train", *arguments]) == 2
-        assert "say a RECIPE, or a --search" in capsys.readouterr().err
+        assert "give a RECIPE, or a --search" in capsys.readouterr().err
 
 
 @pytest.fixture

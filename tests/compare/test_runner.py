@@ -172,6 +172,13 @@ def test_an_arm_has_another_version_whatever_of_it_changes():
     versions = [arm_version(each)["arm ur5"] for each in (arm, *others)]
     assert len(set(versions)) == len(versions)
 
+    class Mine:
+        def sample(self, rng, count):
+            return np.zeros((count, 3))
+
+    mine = [replace(arm, workcell=replace(arm.workcell, goals=Mine())) for _ in range(2)]
+    assert arm_version(mine[0]) == arm_version(mine[1]) != arm_version(arm)  # it has no text of its own
+
 
 def test_two_comparisons_do_not_write_into_one_folder(toy, tmp_path):
     with locked(tmp_path, "a comparison"), pytest.raises(OutputError, match="a comparison is writing into"):

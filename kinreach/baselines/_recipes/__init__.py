@@ -1,4 +1,4 @@
-"""What is trained, with what, for how long: one recipe a name. Nothing else decides how a policy comes about.
+"""Recipes by name: everything that a training depends on, beside its seed.
 
 A recipe of your own is one `register_recipe(Recipe(...))`, or a `Recipe` in a module of your own, by the name
 `module:attribute`. To add one to the package, add it to the module of its task.
@@ -27,7 +27,7 @@ def register_recipe(recipe: Recipe) -> Recipe:
     """Make a recipe known by its name.
 
     Raises:
-        InputError: It is not a recipe, or there is another one of its name.
+        InputError: It is not a recipe, or another one has its name.
     """
     given: Any = recipe
     if not isinstance(given, Recipe):
@@ -44,7 +44,7 @@ def get_recipe(name: str) -> Recipe:
     """Return a recipe by name, or one of your own as `module:attribute`, which it is imported from and registered.
 
     Raises:
-        UnknownNameError: There is none of that name; the message lists those that there are.
+        UnknownNameError: The name is unknown; the message lists the known ones.
         InputError: Unknown module or attribute, or it is not a recipe.
     """
     given: Any = name

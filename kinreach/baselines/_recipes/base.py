@@ -19,8 +19,7 @@ class Networks:
         features: `"raw"`: the observation as it is; `"scaled"`: shifted and scaled by constants; `"goal waves"`: the
             goal alone, scaled, and waves of it; `"waves"`: the same of all; `"button"`: scaled by the constants of the
             button task; `"grasps"`: by those of grasping in small steps; `"sights"`, `"arms"`: by those of rolling
-            balls and of random arms, and waves; `"looks"`: the
-            output of convolutions on both cameras' pictures, in ranked PPO only.
+            balls and of random arms, and waves; `"looks"`: convolutions of both cameras' pictures, in ranked PPO only.
         posture: Whether the actor's output is a change of the start pose [rad], small at first.
         std: Standard deviation of the actions to begin with, where it is learned; 1 is half the range.
     """
@@ -44,22 +43,19 @@ class Recipe:
         algorithm: Name of one that is registered, see `kinreach.baselines.register_algorithm`.
         steps: Actions that the learner takes; PPO rounds up to whole rollouts of `n_steps * num_envs` actions.
         num_envs: Environments in step.
-        reward: What the learner sees: `"own"`, the environment's, or a function of yours as `module:function`. It gets
-            the rewards (n,) and the step's `info` as arrays (n,), and returns rewards (n,). Evaluation always uses the
-            environment's own.
+        reward: Of the learner: `"own"`, the environment's, or a function of yours as `module:function`, from rewards
+            (n,) and the step's `info` as arrays (n,) to rewards (n,). Evaluation uses the environment's own.
         blur: Standard deviation of the noise on observed goals in training [m]; of ranked PPO only.
-        margin: How far beyond the table area goals are drawn in training, on every side [m]; of ranked PPO only. The
-            border is then learned as well as the middle.
-        walk: Steps of the environment in which a posture is walked to in training; of ranked PPO only.
+        margin: How far beyond the table area goals are drawn in training, on every side [m]; of ranked PPO only.
+        walk: Steps of the environment in which a posture is approached in training; of ranked PPO only.
         networks: Actor and critic.
-        settings: Keyword arguments of the algorithm, as JSON values; its entry in the registry lists what
-            becomes of them (`mlp_arguments`, `ppo_arguments`, ...).
-        segments: Parts of the training, after each of which its state is kept.
+        settings: Keyword arguments of the algorithm, as JSON values.
+        segments: Parts of the training, each of which ends with a checkpoint.
         window: Environment steps of a row of the learning curve.
         trace_after: Environment steps after which one episode is kept step by step; None for none.
 
     Raises:
-        InputError: A number that cannot be.
+        InputError: A number is out of range.
     """
 
     name: str
@@ -89,7 +85,7 @@ class Recipe:
 
     @property
     def judged_in(self) -> dict[str, Any]:
-        """Options of the environment that its policies are judged in, where reaching ends an episode."""
+        """Options of the environment for evaluation, where reaching ends an episode."""
         return {name: value for name, value in self.options.items() if name != "end_on_reached"}
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A learned correction on top of the closed form: trained on simulated arms, it knows no frames of the true one."""
+"""A correction of the closed form, learned on simulated arms."""
 
 from __future__ import annotations
 
@@ -16,21 +16,20 @@ from kinreach.kinematics._identification import Prior, frames_of, joint_slopes, 
 #: Errors of the arms in training, root mean square [m, rad]: wider than those of `kinreach/RealArm-v0`. A base that is
 #: off stands for cameras, too.
 TRAINED_ON = Prior(base=(8e-3, 1.2e-2), links=(1e-3, 2e-3), tool=(4e-3, 0.0))
-#: Arms and balls of a training; part of the variance of the corrections that is taken for noise.
+#: Arms and balls of a training; ridge of the regression.
 ARMS, BALLS, RIDGE = 4000, 60, 1e-6
 
 
 class LearnedCorrection(Modelled):
     """Aim by the closed form at a target that a regression corrects, from a summary of the looks.
 
-    The summary has nine numbers for any number of looks: the mean of how far the tip was off, and of that times
-    either coordinate. To first order these and the error at a ball depend linearly on the frames' errors, so the
+    To first order the summary's nine numbers and the error at a ball depend linearly on the frames' errors, so the
     regression is linear in the nine, with coefficients that are cubic in the ball's place.
 
     Args:
         noise: Standard deviation of a coordinate of a look [m].
         seed: Of the training.
-        joints: Whether the joints of the arms in training deviate, too, by `JOINT_TERMS`.
+        joints: Whether the training's arms have the joint errors of `JOINT_TERMS`, too.
     """
 
     def __init__(self, noise: float, seed: int = 0, *, joints: bool = False) -> None:

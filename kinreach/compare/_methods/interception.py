@@ -1,4 +1,4 @@
-"""Touch a rolling ball with a model: where it was seen, or where ball and arm can meet without a collision."""
+"""Touch a rolling ball with a model: at a sight, or where ball and arm can meet without a collision."""
 
 from __future__ import annotations
 
@@ -84,12 +84,10 @@ class LastSight(_ClosedForm):
 class Interception(_ClosedForm):
     """Meet the ball as early as the joints' limits allow, in passing, on a way without collisions.
 
-    With every sight, a fit of constant speed and turn rate forecasts the ball. For each frame ahead, a posture is
-    searched among those that the joints can have by then: its tip at the ball, its gripper above the table, its
-    direction free. The ways to these postures are checked for collisions, the earliest first, and the arm follows the
-    first that is free. While there is none it waits above the ball. It knows the sights, their noise, the table and
-    the limits of the joints. Of these it finds the share that the arm keeps from where its actions led the joints.
-    Its constants were chosen with balls of seed 1.
+    A fit of constant speed and turn rate forecasts the ball. For each frame ahead, a posture is searched that the
+    joints can have by then, with the tip at the ball and the gripper above the table. The arm follows the earliest way
+    without a collision, else it waits above the ball. The share of the limits that the arm keeps is fitted to its
+    joints' motions. The constants were chosen with balls of seed 1.
     """
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
@@ -127,7 +125,7 @@ class Interception(_ClosedForm):
         return self._wait(q, v, xy[min(HORIZON // 3, count - 1)])
 
     def _fit_limits(self, q: Floats, v: Floats) -> None:
-        """Take the share of the limits that explains best where the joints got in all frames so far."""
+        """Fit the share of the limits to the joints' motions in all frames so far."""
         end, speed = (np.tile(start, (len(SHARES), 1)) for start in self._last)
         limits = {name: SHARES[:, None] * limit for name, limit in self._known.items()}
         for _ in range(ball.PARTS if self._time else 0):
@@ -137,7 +135,7 @@ class Interception(_ClosedForm):
         self._limits = {name: share * limit for name, limit in self._known.items()}
 
     def _way(self, q: Floats, v: Floats, xy: Floats, parts: Any) -> tuple[Floats | None, int]:
-        """Return the way to the earliest meeting without a collision, or else the one that is free the longest.
+        """Return the way to the earliest meeting without a collision, else the one that is free the longest.
 
         Args:
             q: Joint angles [rad], shape (6,).
@@ -146,7 +144,7 @@ class Interception(_ClosedForm):
             parts: Parts of a frame after which it is there, shape (n,).
 
         Returns:
-            Joint angles after each part [rad], shape (m, 6), None if there is none; for how many parts it is free.
+            Joint angles after each part [rad], shape (m, 6), or None; number of parts that are free.
         """
         places = np.column_stack([xy, np.full(len(xy), self._env.height + ABOVE)])
         down = tool_down_postures(self._kinematics, places)
@@ -171,7 +169,7 @@ class Interception(_ClosedForm):
         return longest
 
     def _wait(self, q: Floats, v: Floats, xy: Floats) -> Floats:
-        """Go above a place, or where it was going, or stop: the first of these that does not collide."""
+        """Go above a place, continue, or stop: the first that does not collide."""
         place = np.clip(xy, self._low + ball.INSIDE, self._high - ball.INSIDE)
         posture = tool_down_postures(self._kinematics, np.array([[*place, self._env.height + WAITING]]))[0]
         if np.isfinite(posture).all() and self._is_free(q, v, posture):

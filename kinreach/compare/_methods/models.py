@@ -1,4 +1,4 @@
-"""Learners with a model of the arm: its data sheet, an identified chain, or a Gaussian process of what is left."""
+"""Learners with a model of the arm: the data sheet, an identified chain, or a Gaussian process of the errors."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ UNKNOWN, UNMODELLED = 5e-3, 1e-4
 
 
 def _joint_terms(q: Floats) -> Floats:
-    """Return how joints may deviate in postures (m, 6) that are taken one after the other, shape (m, 6, 24).
+    """Return terms of the joints' deviations in consecutive postures (m, 6), shape (m, 6, 24).
 
-    Of each joint the sine and cosine of its angle (an encoder off its axis), by how much it lifts the tip (compliance
-    under a load), and the sign of its last motion (hysteresis).
+    Of each joint: sine and cosine of its angle (an encoder off its axis), how much it lifts the tip (compliance under a
+    load), and the sign of its last motion (hysteresis).
     """
     lifts = ur5().chain.jacobian(q)[:, 2]
     ways = np.sign(np.diff(q, axis=0, prepend=q[:1]))
@@ -37,7 +37,7 @@ JOINT_TERMS = JointTerms(_joint_terms, np.repeat((1e-3, 1e-3, 5e-3, 3e-4), 6))
 
 
 class DataSheet:
-    """Aim by the closed form of the data sheet, and learn nothing."""
+    """Aim by the closed form of the data sheet."""
 
     def where(self, count: int) -> Floats:
         """Return no postures."""
@@ -62,7 +62,7 @@ class Modelled(DataSheet):
     ROUNDS = 2
 
     def where(self, count: int) -> Floats:
-        """Return postures over the table: looks in postures turned by up to 0.15 or 0.5 rad left more of the errors."""
+        """Return postures over the table; turns of the tool by up to 0.15 or 0.5 rad left larger errors."""
         return tool_down_postures(ur5(), on_table(count))
 
     def predicted(self, q: Floats) -> Floats:
@@ -101,7 +101,7 @@ class Identified(Modelled):
         return super().predicted(q) if self._arm is None else self._arm.positions(q)
 
     def doubt(self, points: Floats) -> float:
-        """Return that of the frames, and of links that are not fitted."""
+        """Return that of the frames and of links that are not fitted."""
         if self._arm is None:
             return UNKNOWN
         return math.hypot(

@@ -1,7 +1,7 @@
-"""A policy that practises on an arm whose model is wrong, and corrects its aim by what it sees.
+"""A policy that practises on an arm with errors, and corrects its aim by what it sees.
 
-A `Learner` turns looks into an answer: which posture brings the tip to a point. `LookingPolicy` is the policy around
-it: it looks as often as the environment allows, aims, and moves the point it aims at by what the last move missed.
+A `Learner` finds postures that bring the tip to a point, from looks. `LookingPolicy` looks as often as the environment
+allows, aims, and corrects the aim by the error of the last moves.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class LookingPolicy:
     Args:
         learner: From the environment to a learner.
         env: `kinreach/RealArm-v0`.
-        again: Whether it corrects its aim by where the tip was seen beside a ball.
+        again: Whether it corrects its aim by the tip seen beside a ball.
     """
 
     def __init__(self, learner: Callable[[Any], Learner], env: gym.Env[Any, Any], *, again: bool = True) -> None:

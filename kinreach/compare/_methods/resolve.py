@@ -1,4 +1,4 @@
-"""Make methods of what users name or hand over: names, files of policies, classes, objects, functions."""
+"""Make methods of names, files of policies, classes, objects and functions."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
             one name get those of their folders as well.
 
     Raises:
-        InputError: A name occurs twice, or something is none of these.
+        InputError: A name occurs twice, or an entry is none of these.
         UnknownNameError: The name is unknown.
     """
     if isinstance(given, Mapping):
@@ -79,7 +79,7 @@ def policy_method(policy: str, environment: str, **options: Any) -> Method:
 
 
 def _form(policy: LearnedPolicy) -> dict[str, Any]:
-    """Return how a policy acts, where that is an option: in `kinreach/Lift-v0`."""
+    """Return the option `steps` of `kinreach/Lift-v0` for a policy."""
     return {"steps": needed_options(policy).get("steps", "single")} if policy.card.environment == LIFT else {}
 
 
@@ -88,21 +88,21 @@ def _kinematics(env: gym.Env[Any, Any]) -> Any:
 
 
 def colours(methods: Mapping[str, Method]) -> dict[str, str]:
-    """Return a colour for each method: the one that it names, that of its name in all figures, or another."""
+    """Return a colour for each method: its own, that of its name in all figures, or another."""
     own = {name: method.colour for name, method in methods.items() if method.colour}
     others = method_colours((name for name in methods if name not in own), taken=own.values())
     return {name: own.get(name) or others[name] for name in methods}
 
 
 def _label(name: object) -> str:
-    """Check a name, which is printed, drawn and written to files."""
+    """Check the name of a method."""
     if not isinstance(name, str) or not name or not name.isprintable():
         raise InputError(f"methods must be named in printable text, got {shown(name)}")
     return name
 
 
 def _names(task: Task, given: Sequence[Any]) -> list[str]:
-    """Return names; files that would share one have that of their run's folder, else what the user typed."""
+    """Return names; files of the same name have that of their run's folder, else their path."""
     names = [_name(task, value) for value in given]
     for longer in (lambda file: run_name(Path(file)) or file, str):
         names = [
@@ -150,7 +150,7 @@ def _method(task: Task, given: Any) -> Method:
 
 
 def _from_file(task: Task, path: str, variant: str) -> Method:
-    """Make a method of a policy's file, for the environment of its card; without a card, for the user's variant."""
+    """Make a method of a policy's file, for the environment of its card, else for the user's variant."""
     policy = load_policy(path)
     if variant:
         check_known(f"{task.name} environment", variant, task.variants)
@@ -185,7 +185,7 @@ def _policy(given: Any, env: gym.Env[Any, Any]) -> Policy:
 
 
 def _source(given: Any) -> dict[str, str]:
-    """Return which code a user's object is: its class and a digest of the file that defines it, if any."""
+    """Return a digest of the file that defines a user's object, by the name of its class."""
     cls = given if isinstance(given, type) or inspect.isroutine(given) else type(given)
     try:
         text = Path(inspect.getfile(cls)).read_bytes()

@@ -1,4 +1,4 @@
-"""Trained policies on an arm whose model is wrong: as they are, with a tuned last layer, or with a summary of looks."""
+"""Trained policies on an arm with errors: as they are, with a tuned last layer, or with a summary of looks."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class Trained(DataSheet):
 
 
 class Tuned(Trained):
-    """Tune the last layer of a policy on what its own moves led to.
+    """Tune the last layer of a policy on its own moves.
 
     A move to a wrong place is a correct move for that place (Andrychowicz et al. 2017, arXiv:1707.01495): the last
-    layer is regressed on the looks, with a prior at the weights that it has.
+    layer is regressed on the looks, with a prior at its weights.
 
     Args:
         policy: As of `Trained`.
@@ -73,7 +73,7 @@ class Tuned(Trained):
 
 
 class Informed(LookingPolicy):
-    """Act by a policy that was trained on arms with random errors and observes a summary of the looks.
+    """Act by a policy for arms with random errors, which observes a summary of the looks.
 
     Args:
         policy: Of `kinreach/RandomArm-v0`.
@@ -99,7 +99,7 @@ class Informed(LookingPolicy):
 
 
 def _observed(points: Floats) -> Floats:
-    """Return what the agent observes of balls at points (n, 3), with the tool straight down."""
+    """Return observations of balls at points (n, 3), with the tool straight down."""
     arm = ur5().arm
     rest = np.array([*TOOL_DOWN, *arm.home, 0.0 if arm.gripper is None else arm.gripper.opening])
     return np.column_stack([goal_block(arm, points), np.tile(rest, (len(points), 1))])

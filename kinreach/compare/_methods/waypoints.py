@@ -1,4 +1,4 @@
-"""Methods that go from waypoint to waypoint among obstacles: postures alone, free lines, planned paths, policies."""
+"""Methods among obstacles that go through waypoints: postures alone, free lines, planned paths, policies."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from kinreach.envs._reach.task import MULTI_STEP
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import joint_line, plan_path
 
-#: So long a path is searched for [s].
+#: Time limit of a path's search [s].
 TIMEOUT = 5.0
 
 
 class Waypoints:
-    """Goes from one waypoint to the next, and at the last stays where it is.
+    """Go from one waypoint to the next, and stay at the last one.
 
     Args:
         env: With obstacles.
-        waypoints: From the first observation to the postures to go to [rad], shape (m, 6).
+        waypoints: From the first observation to the postures [rad], shape (m, 6).
 
     Attributes:
-        reason: Why there are none, else empty.
+        reason: Why there are none, or empty.
     """
 
     def __init__(self, env: ObstaclesEnv, waypoints: Callable[[Any], Floats]) -> None:
@@ -43,7 +43,7 @@ class Waypoints:
         self._left, self._target, self.reason = None, None, ""
 
     def act(self, observation: Any) -> Any:
-        """Return the action that goes to the next waypoint; None if there is no way."""
+        """Return the action to the next waypoint; None without waypoints."""
         if self._left is None:
             try:
                 self._left = iter(self._waypoints(observation))
@@ -55,7 +55,7 @@ class Waypoints:
 
 
 class Steps:
-    """A policy that changes the joint angles a little in each step.
+    """A policy of small changes of the joint angles.
 
     Args:
         env: With obstacles.
@@ -81,15 +81,15 @@ def from_above(env: ObstaclesEnv, target: Floats) -> Floats:
 
 
 def solver_from_above(env: gym.Env[Any, Any]) -> Waypoints:
-    """Make the closed form's nearest acceptable posture, gone to in two phases."""
+    """Go to the closed form's nearest acceptable posture in two phases."""
     world = _among(env)
     return Waypoints(world, lambda observation: from_above(world, _nearest(world)))
 
 
 def free_way(env: gym.Env[Any, Any]) -> Waypoints:
-    """Make the nearest posture at the goal, of all branches and turns of the tool, with a free way of one or two lines.
+    """Go to the nearest posture at the goal, of all branches and turns of the tool, that has a free way.
 
-    Straight, or else from above.
+    The way is straight, or from above.
     """
     world = _among(env)
 
@@ -105,7 +105,7 @@ def free_way(env: gym.Env[Any, Any]) -> Waypoints:
 
 
 def path_to_one(env: gym.Env[Any, Any]) -> Waypoints:
-    """Make the path to the closed form's nearest acceptable posture."""
+    """Follow a path to the closed form's nearest acceptable posture."""
     world = _among(env)
     return Waypoints(
         world, lambda observation: plan_path(world.clearance, world.home, _nearest(world), timeout=TIMEOUT)[1:]
@@ -113,7 +113,7 @@ def path_to_one(env: gym.Env[Any, Any]) -> Waypoints:
 
 
 def path_to_any(env: gym.Env[Any, Any]) -> Waypoints:
-    """Make the path to whichever posture at the goal is found first, of all branches and turns of the tool."""
+    """Follow a path to the first posture that is found at the goal, of all branches and turns of the tool."""
     world = _among(env)
     return Waypoints(
         world, lambda observation: plan_path(world.clearance, world.home, world.goal_postures(), timeout=TIMEOUT)[1:]
@@ -121,7 +121,7 @@ def path_to_any(env: gym.Env[Any, Any]) -> Waypoints:
 
 
 def trained_posture(name: str) -> Callable[[gym.Env[Any, Any]], Waypoints]:
-    """Return what makes a policy of `kinreach/UR5SingleStep-v0`, gone to in two phases, as where it was trained."""
+    """Return a maker of a policy of `kinreach/UR5SingleStep-v0`, whose posture is approached in two phases."""
 
     def make(env: gym.Env[Any, Any]) -> Waypoints:
         world, policy = _among(env), load_policy(name)
@@ -131,7 +131,7 @@ def trained_posture(name: str) -> Callable[[gym.Env[Any, Any]], Waypoints]:
 
 
 def trained_steps(name: str) -> Callable[[gym.Env[Any, Any]], Steps]:
-    """Return what makes a policy of `kinreach/UR5MultiStep-v0`."""
+    """Return a maker of a policy of `kinreach/UR5MultiStep-v0`."""
     return lambda env: Steps(_among(env), load_policy(name))
 
 
