@@ -1,4 +1,4 @@
-"""Gymnasium environments: the thesis's reaching tasks (`reach`), the course report's button, and a moving ball.
+"""Gymnasium environments: reaching, a moving ball, lifting, an inexact arm, obstacles, and a button.
 
 `import kinreach` registers them for `gymnasium.make`. `RecordMotion` records a video with the motion of every step.
 """
