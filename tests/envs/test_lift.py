@@ -146,6 +146,19 @@ def test_after_a_miss_the_arm_looks_again():
     assert lifted == 6
 
 
+def test_going_home_leaves_the_object_where_it_is():
+    """The fingers open and rise before the arm turns away."""
+    env = make(attempts=2)
+    observation, info = env.reset(seed=0)
+    before, action = info["goal"], scripted(env).act(observation)
+    action[6] = 0.0  # 8 cm around a ball of 5
+    observation, _, terminated, _, info = env.step(action)
+    assert (terminated, info["cause"], info["attempts"]) == (False, "closed", 1)
+    assert np.linalg.norm(observation[:3] - before) < 2e-3
+    assert np.linalg.norm(env.unwrapped.scene.T_world_frame("object")[:3, 3] - observation[:3]) < 1e-6
+    np.testing.assert_allclose(observation[8:14], env.unwrapped.home, atol=1e-3)
+
+
 def test_clutter_is_seen_and_left_alone():
     env = make(clutter=True)
     policy, lifted = scripted(env), 0

@@ -170,6 +170,27 @@ def test_a_servo_too_weak_to_arrive_is_blocked_by_nothing(ur5):
     assert result.reason == "blocked: wrist_3_joint does not arrive, nothing touches"
 
 
+def test_an_arm_that_never_comes_to_rest_is_late(ur5):
+    """Two seconds after it should have arrived, wherever it is by then."""
+    target = ur5.q + 0.3
+    assert ur5.move(target).reached
+    usual, follow = ur5.data.time, SinglePlant.follow
+    ur5.reset()
+
+    class Restless(SinglePlant):
+        def follow(self, *given):
+            follow(self, *given)
+            self.qvel[:, 4] = 0.1
+
+    for wrist_2 in (0.0, 0.5):
+        plant = Restless(ur5.model, ur5.data)
+        (late,) = ur5.controller.move(plant, np.array([0]), (ur5.q + 0.3 + wrist_2 * np.eye(6)[4])[None])
+        assert late.status is MoveStatus.TIMEOUT
+        assert late.reason == "timeout: wrist_2_joint does not arrive, nothing touches"
+        assert 1.6 < late.duration - usual < 2.4
+        ur5.reset()
+
+
 @pytest.mark.parametrize("target", [np.zeros(5), np.full(6, np.nan), "left"])
 def test_malformed_targets_are_errors(ur5, target):
     with pytest.raises(InputError, match="q_target"):

@@ -179,3 +179,5 @@ def test_models_are_shared_and_specs_are_not():
     assert scene_model(arm, timestep=0.001, visual=False).opt.timestep == 0.001
     assert scene_model(arm, visual=False).opt.timestep == TIMESTEP
     assert build_scene(arm) is not build_scene(arm)
+    default, plain = build_scene(arm), build_scene(arm, visual=False)
+    assert len(default.geoms) > len(plain.geoms)
