@@ -217,7 +217,6 @@ def _true_model(arm: ArmDescription, tool: tuple[float, ...], turned: float) -> 
     """A scene (`mujoco.MjModel`) in which the tool is off [m] and the base is turned about the vertical [rad]."""
     spec = build_scene(arm)
     base, flange = spec.body(arm.base), spec.body(arm.tips["tool0"])
-    base.pos = turn(np.array((0.0, 0.0, 1.0)), turned) @ base.pos
     yaw, placed = np.array([math.cos(turned / 2), 0.0, 0.0, math.sin(turned / 2)]), np.array(base.quat)
     mujoco.mju_mulQuat(base.quat, yaw, placed)
     for held in flange.bodies:  # turned as the flange is, and so is the tip

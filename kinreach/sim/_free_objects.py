@@ -89,7 +89,6 @@ def add_free_objects(spec: Any, count: int, place: Sequence[float]) -> None:
             name=name,
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
             size=[0.025, 0, 0],
-            mass=0.05,
             condim=6,
             priority=1,
             rgba=colour,

@@ -152,6 +152,22 @@ def test_noise_stays_in_range_and_no_noise_changes_nothing():
     np.testing.assert_array_equal(quiet.depth, image.depth)
 
 
+def test_exposure_is_one_factor_for_a_picture():
+    """Uniform in its logarithm between 1/exposure and exposure; colours are rounded and end at 255."""
+    image = RGBDImage(np.tile(np.array([100, 40, 200], np.uint8), (8, 9, 1)), np.ones((8, 9), np.float32))
+    noise, logs = SensorNoise(exposure=2.0), []
+    for seed in range(300):
+        seen = noise.apply(image, np.random.default_rng(seed))
+        factor = 2.0 ** np.random.default_rng(seed).uniform(-1.0, 1.0)
+        np.testing.assert_allclose(
+            seen.rgb, np.tile(np.minimum(factor * np.array([100, 40, 200]), 255), (8, 9, 1)), atol=0.51
+        )
+        np.testing.assert_array_equal(seen.depth, image.depth)
+        logs.append(np.log2(seen.rgb[0, 0, 0] / 100))
+    assert -1.01 < min(logs) < -0.98
+    assert 0.98 < max(logs) < 1.01
+
+
 @pytest.mark.parametrize("name", ["rgb_sigma", "depth_sigma"])
 @pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
 def test_impossible_noise_is_refused(name, value):

@@ -185,7 +185,7 @@ class TorqueWorld(Protocol):
         ...
 
     def copy_from(self, other: Any) -> None:
-        """Take over the state of another world of the same kind and size."""
+        """Copy the state of another world of the same kind and size."""
         ...
 
     def show(self, state: ButtonState) -> None:
@@ -235,7 +235,7 @@ class SingleTorqueWorld:
         mujoco.mj_kinematics(self.model, self.data)  # after a step the poses are those before its last substep
 
     def copy_from(self, other: SingleTorqueWorld) -> None:
-        """Take over the state of another arm, and what its button shows."""
+        """Copy the state of another arm, and of its button."""
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(other.model, other.data, state, _STATE)
         mujoco.mj_setState(self.model, self.data, state, _STATE)
@@ -288,8 +288,7 @@ class BatchTorqueWorld:
         self._batch.step(ids=ids, nstep=self._frame_skip, stage=mujoco.mjtStage.mjSTAGE_POS)
 
     def copy_from(self, other: BatchTorqueWorld) -> None:
-        """Take over the states of as many other arms."""
-        self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        """Copy the states of as many other arms."""
         self._batch.state[:] = other._batch.state
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
 
