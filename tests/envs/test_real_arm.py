@@ -1,6 +1,7 @@
 """An arm that is not its data sheet: what is wrong is wrong by as much as is said, and looks are counted."""
 
 import os
+import re
 from functools import partial
 
 import gymnasium as gym
@@ -13,7 +14,10 @@ import kinreach  # noqa: F401
 from kinreach._registration import REAL_ARM
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.envs._real_arm import (
+    BASE_TURN,
     BUDGET,
+    CAMERAS_OFF,
+    CAMERAS_TURN,
     ECCENTRICITY,
     GEOMETRIC,
     GRAVITY,
@@ -28,6 +32,7 @@ from kinreach.envs._real_arm import (
     STAND_CENTRE,
     STAND_STIFFNESS,
     STIFFNESS,
+    TOOL_OFF,
     UR5S,
     _true_model,
     true_arm,
@@ -132,6 +137,26 @@ def test_hysteresis_and_encoders():
     np.testing.assert_allclose(off.max(axis=0), ECCENTRICITY, rtol=1e-4)
     np.testing.assert_allclose(off.mean(axis=0), 0.0, atol=2e-6)
     assert len({int(k) for k in off.argmax(axis=0)}) == 6
+
+
+def test_errors_are_as_large_as_the_page_says(root):
+    text = " ".join((root / "docs/environments/real_arm.md").read_text(encoding="utf-8").split())
+    text = re.sub(r"(?<=\d) (?=\d{3} )", ",", text)
+    said = [
+        f"its tool is {1e3 * TOOL_OFF:g} mm off",
+        f"its base is turned by {np.degrees(BASE_TURN):g}°",
+        f"mounted {1e3 * CAMERAS_OFF:g} mm and {np.degrees(CAMERAS_TURN):g}° off",
+        f"under {PAYLOAD:g} kg at the tip",
+        f"{STIFFNESS[0]:,.0f} N m/rad in base, shoulder and elbow, {STIFFNESS[3]:,.0f} in the wrists",
+        f"{60 * np.degrees(HYSTERESIS):g} arcmin",
+        f"{1e3 * ECCENTRICITY:.1f} mrad once a turn",
+        f"{STAND_STIFFNESS:,.0f} N m/rad",
+        f"{2 * STAND_CENTRE:g} m high",
+    ]
+    assert [each for each in said if each not in text] == []
+    assert STIFFNESS.shape == (6,)
+    assert pytest.approx(9.81) == GRAVITY
+    assert pytest.approx(0.02 / 32.5) == ECCENTRICITY
 
 
 def test_errors_add_up():
