@@ -1,5 +1,6 @@
 """The reach environments as Gymnasium environments: interface, seeds, rewards, what is impossible."""
 
+import itertools
 import pickle
 import resource
 
@@ -12,8 +13,8 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 import kinreach
 from kinreach.envs._reach.env import UR5SingleStepEnv
 from kinreach.errors import InputError
-from kinreach.kinematics import UR5Kinematics
-from kinreach.thesis import reach_reward
+from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.thesis import posture_error, reach_reward
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 IDS = [SINGLE, MULTI]
@@ -148,6 +149,18 @@ def test_a_press_into_the_table_is_impossible_and_says_table(backend):
         assert info["impossible"]
         assert "table" in info["impossible_reason"]
         assert not info["reached"]
+
+
+def test_postures_are_accepted_that_are_free_and_natural():
+    env, checker, rng = make(SINGLE, backend="kinematic").unwrapped, CollisionChecker("ur5"), np.random.default_rng(0)
+    _, info = env.reset(seed=0)
+    low = natural_postures(info["goal"] - [0, 0, 0.05])[0][0]
+    seen = dict.fromkeys(itertools.product((False, True), repeat=2), 0)
+    for q in [*(HOME + rng.uniform(-0.15, 0.15, (40, 6))), *(low + rng.uniform(-0.1, 0.1, (40, 6)))]:
+        free, natural = checker.free(q), posture_error(q) < 0.15
+        assert env.accept(q) == (free and natural)
+        seen[free, natural] += 1
+    assert min(seen.values()) >= 5
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

@@ -66,6 +66,19 @@ def test_what_is_impossible_reaches_nothing_however_near_the_arm_stands():
         assert score.reached.tolist() == [False, True]
 
 
+def test_rewards_can_be_called_as_a_users_function_is():
+    rng = np.random.default_rng(0)
+    d, q, angle = rng.uniform(0.0, 0.02, 60), NATURAL + rng.normal(0.0, 0.1, (60, 6)), rng.uniform(0.0, 0.3, 60)
+    impossible = rng.random(60) < 0.2
+    for reward, more in ((ThesisReward(), ()), (DistanceReward(0.01), ()), (DirectedReward(0.01), (angle,))):
+        paid, terms = reward(d, q, impossible, *more)
+        score = reward.score(d, q, impossible, *more)
+        np.testing.assert_array_equal(paid, score.reward)
+        np.testing.assert_allclose(sum(terms.values()), paid, rtol=0, atol=1e-12)
+        assert terms.keys() == score.terms.keys()
+        assert 5 < score.reached.sum() < 40
+
+
 def test_the_thesiss_reward_can_be_named():
     rewards = []
     for reward in (None, ThesisReward()):
