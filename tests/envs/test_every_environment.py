@@ -11,7 +11,11 @@ from gymnasium.vector import AutoresetMode
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
+from kinreach.envs._button.world import BatchTorqueWorld
+from kinreach.envs._reach.task import check_cameras
+from kinreach.envs._reach.worlds import BatchDynamicWorld
 from kinreach.errors import InputError
+from kinreach.sim import BatchSimulation
 
 OBSTACLES = "kinreach/Obstacles-v0"
 OBJECTS = {"shapes": ("ball", "cube"), "sizes": (0.02, 0.03), "masses": (0.05, 0.2), "frictions": (0.5, 1.5)}
@@ -213,8 +217,13 @@ def test_the_scene_is_where_the_environment_is(name):
 def test_arguments_are_keywords(name):
     parameters = inspect.signature(type(gym.make(name).unwrapped)).parameters.values()
     assert {parameter.kind for parameter in parameters} == {inspect.Parameter.KEYWORD_ONLY}
-    kind = type(gym.make(name).unwrapped).Options
-    assert [parameter.name for parameter in parameters] == [entry.name for entry in fields(kind)]
+    entries = fields(type(gym.make(name).unwrapped).Options)
+    names = [entry.name for entry in entries]
+    assert [parameter.name for parameter in parameters] == names
+    cameras = {entry.name for entry in entries if entry.metadata["observation"] == "camera"}
+    assert cameras == set(inspect.signature(check_cameras).parameters).intersection(names)
+    flagless = {entry.name for entry in entries if entry.metadata["flag"] is None}
+    assert flagless == {"controls", "frames", "goal_in", "info", "sights"}.intersection(names)
 
 
 @pytest.mark.parametrize("name", [SINGLE, MULTI, SPACE, BUTTON, MOVING, LIFT])
@@ -222,6 +231,8 @@ def test_a_batch_has_one_environment_and_one_thread_by_default(name):
     env = gym.make_vec(name, vectorization_mode="vector_entry_point", num_envs=2).unwrapped
     found = {parameter.name: parameter.default for parameter in inspect.signature(type(env)).parameters.values()}
     assert found["num_envs"] == found.get("threads", 1) == 1
-    assert found["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert found["autoreset_mode"] is env.autoreset_mode is AutoresetMode.SAME_STEP
+    for kind in (BatchSimulation, BatchDynamicWorld, BatchTorqueWorld):
+        assert inspect.signature(kind).parameters["threads"].default == 1
     assert env.metadata["render_fps"] == {MOVING: 30}.get(name, 25)
     assert gym.make(name).metadata.get("render_fps", 25) == 25

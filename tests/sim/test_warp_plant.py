@@ -65,7 +65,7 @@ class Engine:
     def put_data(self, model, start, *, nworld, nconmax, njmax):
         assert self.inside
         assert np.abs(start.xpos).sum() > 0.1  # what follows from the posture is computed
-        assert 4 * nconmax <= njmax
+        assert njmax == 4 * nconmax
         assert nconmax >= 32
         fields = {name: Array(np.tile(getattr(start, name), (nworld, 1))) for name in warp_plant._STATE}
         return SimpleNamespace(**fields)

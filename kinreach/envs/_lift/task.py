@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -137,12 +137,7 @@ class LiftOptions:
         for shape in self.shapes:
             check_known("shape", shape, SHAPES)
         arm = grasping_arm(self.arm)
-        for size in self.sizes:
-            check_size(arm, size)
-        for mass in self.masses:
-            check_mass(mass)
-        for friction in self.frictions:
-            check_friction(friction)
+        check_objects(arm, self.sizes, self.masses, self.frictions)
         as_vector("table [m]", self.table, 3, most=MAX_SHIFT)
         check_flag("clutter", self.clutter)
         check_count("attempts", self.attempts, most=MAX_ATTEMPTS)
@@ -169,31 +164,27 @@ class LiftOptions:
         return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise)
 
 
-def check_size(arm: ArmDescription, size: object) -> float:
-    """Check an object's size [m]: the gripper must get around it.
+def check_objects(
+    arm: ArmDescription, sizes: Iterable[object], masses: Iterable[object], frictions: Iterable[object]
+) -> None:
+    """Check sizes [m], masses [kg] and coefficients of friction: the gripper must get around the objects.
 
     Raises:
-        InputError: It is not a number, or out of range.
+        InputError: One is not a number, or out of range.
     """
     gripper: Any = arm.gripper
     most = (gripper.opening - CLEARANCE) / 2
-    value = check_number("the object's size [m]", size, least=MIN_SIZE)
-    if value > most:
-        raise InputError(
-            f"the object's size must be from {MIN_SIZE:g} to {most:g} m, got {value:g}: it is {2 * value:g} m wide, "
-            f"and the fingers come open by {gripper.opening:g} m (stroke {gripper.stroke:g} m)"
-        )
-    return value
-
-
-def check_mass(mass: object) -> float:
-    """Check an object's mass [kg]."""
-    return check_number("the object's mass [kg]", mass, least=MIN_MASS, most=MAX_MASS)
-
-
-def check_friction(friction: object) -> float:
-    """Check an object's coefficient of friction."""
-    return check_number("the object's friction", friction, least=0.0, most=MAX_FRICTION)
+    for size in sizes:
+        value = check_number("the object's size [m]", size, least=MIN_SIZE)
+        if value > most:
+            raise InputError(
+                f"the object's size must be from {MIN_SIZE:g} to {most:g} m, got {value:g}: it is {2 * value:g} m "
+                f"wide, and the fingers come open by {gripper.opening:g} m (stroke {gripper.stroke:g} m)"
+            )
+    for mass in masses:
+        check_number("the object's mass [kg]", mass, least=MIN_MASS, most=MAX_MASS)
+    for friction in frictions:
+        check_number("the object's friction", friction, least=0.0, most=MAX_FRICTION)
 
 
 def grasping_arm(arm: str | ArmDescription) -> ArmDescription:
@@ -401,12 +392,8 @@ class LiftTask:
                 values = as_floats(name, given[name])
                 given[name] = values[..., None] if values.ndim == (count is not None) else values
         places, yaws, sizes, masses, frictions, views = option_rows(given, _NUMBERS, count)
-        for size in () if sizes is None else np.unique(sizes).tolist():
-            check_size(self.arm, size)
-        for mass in () if masses is None else np.unique(masses).tolist():
-            check_mass(mass)
-        for friction in () if frictions is None else np.unique(frictions).tolist():
-            check_friction(friction)
+        given_numbers = (() if values is None else values.flat for values in (sizes, masses, frictions))
+        check_objects(self.arm, *given_numbers)
         if places is not None:
             self._check_places(places)
         return LiftStart(places, yaws, sizes, masses, frictions, views, self._shapes(shapes, count))
