@@ -16,7 +16,7 @@ import pytest
 from kinreach.cli import main
 from kinreach.deploy import Program, SimulatedUR, URClient
 from kinreach.deploy._controller import FINISHED, Controller
-from kinreach.deploy._move_cli import _Job
+from kinreach.deploy._move_cli import _Job, _stopped_by_signals
 from kinreach.deploy._planning import plan
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, pose, pose_vector
@@ -279,6 +279,23 @@ def test_another_arm_is_recognised(robot, capsys):
         assert main(["move", *flags, "--to", NEAR, "--robot", "127.0.0.1", "--ports", robot.ports, "--yes"]) == 2
         assert re.search(reason, capsys.readouterr().err)
     assert robot.log == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_is_an_interruption_while_the_robot_moves(number):
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt), _stopped_by_signals():
+        signal.raise_signal(number)
+    assert signal.getsignal(number) is before
+
+    class Robot:
+        def run(self, program):
+            signal.raise_signal(number)
+
+    job = _Job(ARM, [KIN.fk(HOME)], linear=False, speed=0.5, blend=0.0, payload=None)
+    with pytest.raises(KeyboardInterrupt, match="stopped; the robot stands"):
+        job.moved(Robot(), None)
+    assert signal.getsignal(number) is before
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Forward kinematics, Jacobian and limits of both arms."""
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics
 from kinreach.kinematics._goals import pose_error
+from kinreach.robots import Gripper, get_arm
 from tests.kinematics.test_six_axis_closed_form import kinematics, motion
 
 ARMS = [("ur5", "tool0"), ("ur5", "tcp"), ("arm3", "end_effector")]
@@ -26,9 +28,12 @@ def test_batched_fk_equals_pinocchio(arm, tip, base):
     np.testing.assert_array_equal(kin.fk(q.reshape(3, 700, kin.n)), T.reshape(3, 700, 4, 4))
     np.testing.assert_array_equal(kin.positions(q), T[:, :3, 3])
     np.testing.assert_array_equal(kin.positions(q[0]), single[0, :3, 3])
+    many = kin.jacobian(q[:60].reshape(6, 10, kin.n))
+    np.testing.assert_allclose(many.reshape(60, 6, kin.n), [kin.jacobian(row) for row in q[:60]], rtol=0, atol=1e-10)
     for malformed in (1.0, q[:, 1:], np.full((2, kin.n), np.nan)):
-        with pytest.raises(InputError):
-            kin.positions(malformed)
+        for method in (kin.positions, kin.jacobian):
+            with pytest.raises(InputError):
+                method(malformed)
 
 
 def without_meshes(urdf):
@@ -80,6 +85,31 @@ def test_axes_that_are_almost_parallel_are_not_taken_for_parallel(tilt, tmp_path
     exact = np.array([kin.fk(one) for one in q])
     np.testing.assert_allclose(kin.fk(q), exact, atol=1e-10, rtol=0)
     assert np.abs(exact[:, 2, :2]).max() > 0.5 * tilt
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"gripper": Gripper("jaw", "finger_right_joint", 0.1, 0.1, 9.0)}, "the URDF has no joint 'jaw'"),
+        ({"gripper": None}, "URDF joints .*'finger_left_joint'.*, described .*from_urdf holds joints"),
+        ({"joints": get_arm("ur5").joints[::-1]}, "URDF joints .*, described .*'wrist_3_joint', 'wrist_2_joint'"),
+        ({"base": "stand"}, "the URDF has no link 'stand'"),
+        ({"tips": {"tool0": "tool0", "tcp": "tcp", "pen": "pen_link"}}, "the URDF has no link 'pen_link'"),
+        ({"build_urdf": lambda: get_arm("ur5").urdf.replace("elbow_joint", "wrist_0_joint")}, "elbow_joint|wrist_0"),
+        (
+            {"build_urdf": lambda: continuous("elbow_joint")},
+            r"joint 'elbow_joint' \(JointModelRUB.\) is not a revolute",
+        ),
+    ],
+)
+def test_a_description_that_does_not_fit_its_urdf_is_named(facts, said):
+    with pytest.raises(InputError, match=said):
+        ArmKinematics(replace(get_arm("ur5"), **facts), tip="tool0")
+
+
+def continuous(joint):
+    """The URDF of the UR5 with a joint that turns without end."""
+    return get_arm("ur5").urdf.replace(f'name="{joint}" type="revolute"', f'name="{joint}" type="continuous"')
 
 
 def test_front_of_the_ur5_is_world_x():

@@ -7,8 +7,17 @@ import pytest
 from scipy.optimize import least_squares
 
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, IKResult, PoseGoal, PositionGoal, URKinematics
+from kinreach.kinematics import (
+    ArmKinematics,
+    CollisionChecker,
+    IKResult,
+    PoseGoal,
+    PositionGoal,
+    URKinematics,
+    _solvers,
+)
 from kinreach.kinematics._solutions import Status
+from kinreach.kinematics._solvers import SOLVERS, ClosedFormSolver, LevenbergMarquardtSolver, new_solver
 
 HIDDEN = """
 import sys
@@ -58,6 +67,25 @@ def test_a_solver_of_ten_lines():
     assert sum(result.success for result in results) >= 18
     assert all(result.position_error < 1e-4 for result in results if result.success)
     assert all(result.iterations > 1 for result in results)
+
+
+def test_solvers_by_their_names():
+    kin, plain = URKinematics("ur5"), ArmKinematics("ur5")
+    for name in SOLVERS:
+        assert new_solver(name, kin).name == name
+        if name != "closed-form":
+            assert new_solver(name, plain).kin is plain
+    with pytest.raises(InputError, match="the arm 'ur5' has no closed form; its solvers are placo, lm and qp"):
+        new_solver("closed-form", plain)
+    with pytest.raises(InputError, match="unknown solver 'ik'; available: closed-form, lm, placo, qp"):
+        new_solver("ik", kin)
+    for what in (plain, "ur5", None):
+        with pytest.raises(InputError, match="has no closed form; the solvers placo, lm and qp take any arm"):
+            ClosedFormSolver(what)
+        if what is not plain:
+            with pytest.raises(InputError, match="kin must be the kinematics of an arm"):
+                LevenbergMarquardtSolver(what)
+    assert not hasattr(_solvers, "NoSolver")
 
 
 def test_results_are_judged_anew():

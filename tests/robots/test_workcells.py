@@ -16,6 +16,22 @@ def test_ranges_that_are_none_are_refused_by_name(coordinate, bad):
         BoxRegion(**ranges)
 
 
+def test_goals_are_in_their_quadrants():
+    region = QuadrantRegion(across=(0.2, 0.6), height=(0.1, 0.5))
+    drawn = region.sample(np.random.default_rng(0), 500)
+    assert drawn.shape == (500, 3)
+    assert ((np.abs(drawn[:, :2]) >= 0.2) & (np.abs(drawn[:, :2]) <= 0.6)).all()
+    assert ((drawn[:, 2] >= 0.1) & (drawn[:, 2] <= 0.5)).all()
+    assert np.ptp(drawn[:, 2]) > 0.39
+    assert len({tuple(row) for row in np.sign(drawn[:, :2])}) == 4
+
+
+def test_a_box_of_goals_can_be_wider():
+    wide = BoxRegion((0.3, 0.6), (-0.2, 0.2), (0.1, 0.4)).wider(0.1, above=0.5)
+    np.testing.assert_allclose((wide.x, wide.y, wide.z), [(0.2, 0.7), (-0.3, 0.3), (0.1, 0.9)])
+    assert BoxRegion((0, 1), (0, 1), (0, 1)).wider(0.0) == BoxRegion((0, 1), (0, 1), (0, 1))
+
+
 def test_goals_are_in_their_box():
     low, high = np.array([0.3, -0.2, 0.1]), np.array([0.6, 0.2, 0.1])
     drawn = BoxRegion(*zip(low.tolist(), high.tolist(), strict=True)).sample(np.random.default_rng(0), 500)
@@ -38,6 +54,29 @@ def test_goals_are_in_their_box():
 def test_what_no_cell_can_have_is_refused(facts, said):
     with pytest.raises(InputError, match=said):
         Workcell(**facts)
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"name": ""}, "the name of a box must be text"),
+        ({"name": 5}, "the name of a box must be text"),
+        ({"size": (1, 1)}, "the size of the box 'crate' must be three numbers"),
+        ({"size": 1.0}, "the size of the box 'crate' must be three numbers"),
+        ({"size": (1, 1, 0)}, "the size of the box 'crate' must be finite and above 0"),
+        ({"size": (1, 1, 1001)}, "the size of the box 'crate' must be .* at most 1000"),
+        ({"position": (0, 0, np.nan)}, "the position of the box 'crate' must be finite"),
+        ({"position": (0, 0, -1001)}, "the position of the box 'crate' must be .* at least -1000"),
+        ({"position": "abc"}, "the position of the box 'crate' must be a number"),
+        ({"legs": -0.1}, "the legs of the box 'crate' must be finite and at least 0"),
+        ({"legs": 1001}, "the legs of the box 'crate' must be .* at most 1000"),
+    ],
+)
+def test_what_no_box_can_have_is_refused(facts, said):
+    good = {"name": "crate", "size": (1000, 1, 1), "position": (-1000, 0, 1000)}
+    assert Box(**good).legs == 0.0
+    with pytest.raises(InputError, match=said):
+        Box(**good | facts)
 
 
 @pytest.mark.parametrize(
