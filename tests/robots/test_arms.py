@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from kinreach.errors import InputError, InstallationError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
-from kinreach.robots import ArmDescription, CameraMount, Workcell, get_arm, register_arm
+from kinreach.robots import (
+    PUBLISHED_CALIBRATIONS,
+    ArmDescription,
+    CameraMount,
+    Tool,
+    Workcell,
+    get_arm,
+    register_arm,
+)
 from kinreach.robots._registry import arm_named
 from kinreach.robots._ur_arms import example_robot_data
 from kinreach.sim._simulation import ArmSimulation
@@ -151,6 +159,51 @@ def test_descriptions_can_be_pickled():
 def test_what_cannot_be_read_is_named(facts, said):
     with pytest.raises(InputError, match=said):
         bare(**facts)
+
+
+CAMERA = CameraMount("palm", "gripper_palm", (0.0, 0.0, 0.1), (0.0, 0.1, 0.5))
+OWN = replace(get_arm("ur5"), cameras=(*get_arm("ur5").cameras, CAMERA), notes=("a",), armature=0.3, meshes="triangles")
+BARE = replace(get_arm("ur5e"), notes=("a",), armature=0.3, meshes="triangles", moves_last=("elbow_joint",))
+TOOL, FILE = Tool.tube([0, 0, 0.1, 0, 0, 0], 0.03, mass=1.0), PUBLISHED_CALIBRATIONS["ur5e_a"]
+
+
+@pytest.mark.parametrize(
+    ("arm", "change", "new"),
+    [
+        (OWN, lambda arm: arm.with_tool(TOOL), {
+            "name": "ur5_tool", "title": "UR5 with tool", "tips": {"tool0": "tool0", "tool": "tool"},
+            "default_tip": "tool", "gripper": None, "cameras": OWN.cameras[:3],
+            "disabled_collisions": (*OWN.disabled_collisions[:10], ("wrist_2_link", "tool_body")),
+        }),
+        (OWN, lambda arm: arm.with_tool([0, 0, 0.1, 0, 0, 0]), {
+            "name": "ur5_tool", "title": "UR5 with tool", "tips": {"tool0": "tool0", "tool": "tool"},
+            "default_tip": "tool", "gripper": None, "cameras": OWN.cameras[:3],
+            "disabled_collisions": OWN.disabled_collisions[:10],
+        }),
+        (BARE, lambda arm: arm.with_tool(TOOL), {
+            "name": "ur5e_tool", "title": "UR5E with tool", "tips": {"tool0": "tool0", "tcp": "tcp", "tool": "tool"},
+            "default_tip": "tool",
+        }),
+        (BARE, lambda arm: arm.with_gripper(), {
+            "title": "UR5E with parallel gripper", "default_tip": "tcp", "gripper": OWN.gripper
+        }),
+        (BARE, lambda arm: arm.calibrated(FILE), {
+            "name": "ur5e_calibrated", "title": "UR5E, calibrated by ur5e_a.yaml"
+        }),
+        (OWN, lambda arm: arm.with_limits({"elbow_joint": (-1.0, 1.0)}), {
+            "home": (*OWN.home[:2], 1.0, *OWN.home[3:])
+        }),
+    ],
+)  # fmt: skip
+def test_a_changed_arm_keeps_everything_else(arm, change, new):
+    changed = change(arm)
+    for field in fields(arm):
+        value = getattr(changed, field.name)
+        if field.name not in ("build_urdf", "package_root"):
+            assert value == new.get(field.name, getattr(arm, field.name)), field.name
+    assert changed.package_root() == arm.package_root()
+    assert changed.urdf != arm.urdf
+    assert pickle.loads(pickle.dumps(changed)).urdf == changed.urdf
 
 
 def test_a_cell_without_goals_says_so():
