@@ -17,15 +17,15 @@ QUICK_GOALS, LONGEST = 5, 90.0
 
 TEXT = """\
 `python -m kinreach.compare --goals {goals}`, once, from the start of its process to its end: {wall:.1f} s, of which the
-processor worked {processor:.1f} s. The table says how long a method takes to decide where to move, acceptance tests
-included, of which the tests alone; for a policy of many steps it is the sum over its decisions. Each decision is on
-one thread.
+processor worked {processor:.1f} s. The table has the time that a method takes to decide where to move, and how much of
+it are the acceptance tests. For a policy of many steps it is the sum over its decisions. Each decision is on one
+thread.
 
 Methods take turns on every goal; what they decide is then simulated.
 
-{profiled}: of 20 goals (`cProfile`), a trial took 8 ms, simulated moves included; the rest is the same for any number
-of goals, and most of it was the report's pictures of the scene (OpenGL in software on a machine without a graphics
-card), then the diagrams, and imports."""
+{profiled}: of 20 goals (`cProfile`), a trial took 8 ms, simulated moves included. The rest is the same for any number
+of goals. Most of it was the report's pictures of the scene (in software on a machine without a graphics card), then
+the diagrams, and imports."""
 UNJUDGED = "\n\nThe target is for {goals} goals: without `--quick`."
 
 

@@ -53,19 +53,19 @@ STEPS_TEXT = f"""\
 Random actions, drawn before the clock runs; resets of ended episodes count as part of the steps. A batch is one
 `gym.make_vec(..., vectorization_mode="vector_entry_point")`. Peers run in a process of their own, as `gym.make` gives
 them, and take turns with the others. The tasks differ: a step of PandaReach-v3 is 40 ms of a position-controlled arm
-in PyBullet, one of Reacher-v5 is 20 ms of a planar arm with two joints, one of UR5SingleStep-v0 under dynamics is a
+in PyBullet, and one of Reacher-v5 20 ms of a planar arm with two joints. One of UR5SingleStep-v0 under dynamics is a
 whole episode, 1.3 s and more of simulated time.
 
 A kinematic step judges the collisions of its target, which is most of a batch's time. {PROFILED}, by `cProfile` and
 `perf record`: under dynamics 90 % of
-a batch's time was MuJoCo's step, the rest the Python that looks whether joints have arrived; the section
-on episodes says why random actions take longer than those that reach. The button's batch was MuJoCo's step to 97 %."""
+a batch's time was MuJoCo's step, the rest the Python that checks whether joints have arrived. The section on episodes
+explains why random actions take longer than those that reach. The button's batch was MuJoCo's step to 97 %."""
 
 RESET_TEXT = f"""\
 `reset()` of one environment with the dynamics. With `observation="camera"` two cameras draw a colour and a depth
-picture of 640 x 360 pixels each (OpenGL in software on a machine without a graphics card), and the ball is found in
-them. {PROFILED}, by `cProfile`: nine tenths of the time were drawing and fetching the pictures, a twentieth was finding
-the ball."""
+picture of 640 x 360 pixels each, and the ball is found in them. Without a graphics card OpenGL draws in software.
+{PROFILED}, by `cProfile`: nine tenths of the time were drawing and fetching the pictures, a twentieth was finding the
+ball."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:

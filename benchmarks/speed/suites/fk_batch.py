@@ -38,11 +38,11 @@ TEXT = """\
 called for each posture in a Python loop: as its examples do (all frames), and the quickest way (one frame). Their
 results agree to 1e-10 before anything is timed.
 
-kinreach's formula is brought to as few numpy calls as possible, on blocks of 4096 postures that stay in the cache;
+kinreach's formula is brought to as few numpy calls as possible, on blocks of 4096 postures that stay in the cache.
 `positions`, which leaves the rotation out, takes {positions:.2g} of its time.
 
 {profiled}: 85 % of the formula's time was arithmetic within the blocks. Of Pinocchio's loop over all frames, a quarter
-was `forwardKinematics`, a fifth the placement of 26 frames, and the rest was turning one of them into a matrix on the
+was `forwardKinematics` and a fifth the placement of 26 frames. The rest was turning one of them into a matrix on the
 Python side."""
 
 

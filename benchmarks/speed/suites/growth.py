@@ -58,12 +58,12 @@ batched(BatchSimulation("ur5", {n}), goals_and_targets({n}, 0)[1])
 """
 
 POSES_TEXT = """\
-Batches of random poses, all eight branches (`UR5Kinematics.batch`), EAIK's `IK_batched` on one thread beside it (the
+Batches of random poses, all eight branches (`UR5Kinematics.batch`). EAIK's `IK_batched` is on one thread beside it (the
 suite `ik-batch` also calls EAIK in a loop), and forward kinematics of as many postures. Memory is the most that a fresh
 process held that did it once, its inputs included.{blank}
 
 Of these sizes, inverse kinematics is cheapest a pose in batches of {ik}, forward kinematics in batches of {fk}. Both
-run over blocks of 4096, whose numbers stay in the second-level cache; the eight branches of six angles of a pose are
+run over blocks of 4096, whose numbers stay in the second-level cache. The eight branches of six angles of a pose are
 384 bytes that are written once, a posture's pose is 128.
 
 {profiled}, by `perf record`: a batch of one was 54 % numpy's machinery for calls on arrays of one element and 34 % the
@@ -95,8 +95,8 @@ Episodes under full dynamics, as in the suite `env`, in batches on one thread an
 
 What a batch costs besides MuJoCo's step, the Python that plans the moves and looks whether joints have arrived, hardly
 grows with the number; MuJoCo steps each by itself. Two threads share out the simulations, and not the rest. One
-simulation cannot be shared: its row says what noise, and the handing over to threads, do to a ratio that should be 1,
-and rows of a few are to be read with that in mind. `cores that two had` says how much of two cores there was.
+simulation cannot be shared: its row shows what noise and threads do to a ratio that should be 1. Read rows of a few
+with that in mind. `cores that two had` says how much of two cores there was.
 
 {PROFILED}: with 256 simulations the step was 90 % of the time (`cProfile`, random actions)."""
 

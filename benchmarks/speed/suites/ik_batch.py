@@ -31,7 +31,7 @@ COLUMNS = (
 
 TEXT = """\
 {poses} poses of tool0, drawn from postures within +-pi; all branches. Peers without a batch are called in a loop over
-the first {looped} of them; EAIK, which has one, is timed both ways, and the target is held against the quicker. Poses
+the first {looped} of them. EAIK, which has one, is timed both ways, and compared by the quicker. Poses
 are in the peer's own frames before the clock runs. Calls are repeated until a turn has lasted a quarter of a second,
 after one that does not count: the first call after another contender finds its memory given back to the kernel.
 
@@ -40,7 +40,7 @@ pose. `nearest_batch` takes {nearest:.3g} times as long: it turns all 48 joints 
 winding next to the seed, and picks one branch.
 
 {profiled}: 60 % of the time of a batch of 100 000 was arithmetic within the blocks (an arctan2 took 2 ns, with
-AVX-512), 17 % was fresh memory for the answer, and the rest was moving poses and answers between memory and cache."""
+AVX-512). Fresh memory for the answer took 17 %, and moving poses and answers between memory and cache the rest."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:

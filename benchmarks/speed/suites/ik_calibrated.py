@@ -36,7 +36,7 @@ WHY = (
 TEXT = """\
 {poses} poses of tool0 in random postures of a real UR10e (`kinreach.robots.PUBLISHED_CALIBRATIONS`: {robot}), whose
 axes neither meet nor are parallel. kinreach fits the nearest arm with a closed form when it is made
-({preparation:.2g} s), and finds each branch by Newton's method, or all by elimination where branches may merge
+({preparation:.2g} s). It finds each branch by Newton's method, or all by elimination where branches may merge
 ([how](accuracy.md#calibrated-urs)). ssik prepares a solver for one arm first{prepared}. EAIK has no class for
 such an arm, and ur-analytic-ik takes no calibration. For comparison the closed form of the data sheet on the same
 poses, which misses them by millimetres."""

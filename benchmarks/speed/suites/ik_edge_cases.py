@@ -27,8 +27,8 @@ Share of poses without any valid solution, in percent; in brackets the share of 
 A solution is valid when Pinocchio's forward kinematics puts tool0 within 1e-6 m and 1e-6 rad of the pose. {poses} poses
 a case, each of which a posture within +-pi reaches to 1e-8.
 
-kinreach clamps what leaves its domain by rounding, chooses the free wrist angle so that the elbow can still reach, and
-checks by forward kinematics every solution in which something was clamped or moved
+kinreach clamps what leaves its domain by rounding, and chooses the free wrist angle so that the elbow can still reach.
+Every solution in which something was clamped or moved is checked by forward kinematics
 (`kinreach/kinematics/_ur/closed_form.py`)."""
 
 

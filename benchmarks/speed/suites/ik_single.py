@@ -48,7 +48,7 @@ also checks that the pose is a finite rigid motion, and applies joint limits; it
 formulas. The array of the postures is made when it is asked for, which takes {array:.2g} times as long as the formulas
 once more.
 
-{profiled}: of the time that the public call adds to the formulas two fifths go into reading and checking the pose, a
+{profiled}: the public call adds some time to the formulas. Two fifths of it go into reading and checking the pose, a
 quarter into the object that it returns, the rest into calls and defaults."""
 LEVEL = "the two are level, in the interpreter and in C++; which one is ahead differs from run to run"
 WHY = (
@@ -144,9 +144,9 @@ restarts; its search ends by itself. roboticstoolbox may search as often. TRAC-I
 {timeout:g} ms are over, and runs two threads.
 
 {profiled}: the loops took 9 steps on half of the poses. In a step of pink, 60 % of the time built the quadratic
-program in Python, 16 % was qpsolvers with daqp; in one of mink, half and a third. The closed form's nearest posture was
-a sixth the formulas, a quarter limits, windings and sorting, a quarter the forward kinematics that tells its error; the
-rest was checks of the input and the objects that are returned."""
+program in Python, 16 % was qpsolvers with daqp; in one of mink, half and a third. Of the closed form's nearest posture
+a sixth was the formulas, a quarter limits, windings and sorting, and a quarter the forward kinematics of its error.
+The rest was checks of the input and the objects that are returned."""
 
 
 def _near_a_seed(options: Options, progress: Progress) -> Section:

@@ -44,8 +44,8 @@ Of what `import kinreach` takes beyond a bare Python, {gymnasium:.0f} % is Gymna
 
 DECISION_TEXT = """\
 One observation in, one action out (`load_policy(name).act`), call by call. The networks are small and in numpy. The
-last column is the time of an observation among {observations} that are decided on in one call, which is arithmetic;
-what a single one takes beyond it is the overhead of the interpreter and of some twenty calls of numpy."""
+last column is the time of an observation among {observations} that are decided on in one call: arithmetic. What a
+single one takes beyond it is the overhead of the interpreter and of some twenty calls of numpy."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:

@@ -42,7 +42,7 @@ updating the gradients; the rest is stable-baselines3's own. Each of these share
 native batch the network is what there is to wait for, with {PANDA.name} the environment.
 
 {PROFILED}: of the environment's time in a run of `single` of {ACTIONS} actions almost half was the seeding of 2048
-generators at the start, which a longer run does not notice and `--quick` notices most."""
+generators at the start. A longer run does not notice it; `--quick` notices it most."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
