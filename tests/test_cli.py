@@ -24,6 +24,7 @@ def test_without_arguments_it_prints_its_help(capsys):
     assert leaving.value.code == 0
     assert capsys.readouterr().out == bare
     assert bare.startswith("usage: kinreach [-h] [-V] COMMAND ...")
+    assert bare == bare.rstrip() + "\n"
     assert all(re.search(rf"  {name} +{re.escape(command.help)}\n", bare) for name, command in cli.COMMANDS.items())
     assert "bench" not in cli.COMMANDS
 
