@@ -172,10 +172,8 @@ def _is_unread(stream: IO[str]) -> bool:
 
 def _discard(stream: IO[str]) -> None:
     """Discard what a stream holds, which the interpreter would try to write again when it ends."""
-    with suppress(OSError, ValueError):  # a stream without a file, such as a test's
-        descriptor = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(descriptor, stream.fileno())
-        os.close(descriptor)
+    with suppress(OSError, ValueError), open(os.devnull, "w") as sink:  # not of a stream without a file
+        os.dup2(sink.fileno(), stream.fileno())
 
 
 def run_command(name: str, argv: Sequence[str] | None = None, *, prog: str) -> int:

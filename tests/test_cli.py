@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import re
+import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -45,3 +49,49 @@ def test_what_is_no_command_is_one_line(argument, capsys):
     said = capsys.readouterr().err
     assert said.startswith("kinreach: error: ")
     assert said.count("\n") == 1
+
+
+def test_what_was_printed_is_written_out_before_the_exit_code(monkeypatch):
+    written = []
+    monkeypatch.setattr(sys, "stdout", SimpleNamespace(flush=lambda: written.append(1)))
+    assert cli.finish(lambda: 3, prog="it") == 3
+    assert written == [1]
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(errno.ENOSPC, 2), (errno.EDQUOT, 2), (errno.EROFS, 2), (errno.EFBIG, 2), (errno.EIO, None)]
+)
+def test_a_full_disk_is_one_line_and_other_errors_are_raised(number, code, capfd):
+    def fails():
+        raise OSError(number, os.strerror(number))
+
+    if code is None:
+        with pytest.raises(OSError, match="Input/output error"):
+            cli.finish(fails, prog="it")
+    else:
+        assert cli.finish(fails, prog="it") == code
+        assert capfd.readouterr().err == f"it: error: cannot write: {os.strerror(number)}\n"
+
+
+def test_words_are_quoted_for_a_shell():
+    assert [cli.quoted(word) for word in ("a", "a b", "it's")] == ["a", "'a b'", "'it'\"'\"'s'"]
+    assert cli.quoted("a\x1bb'\\\u2028") == "$'a\\x1bb\\'\\\\\\xe2\\x80\\xa8'"
+
+
+def test_a_negative_list_after_a_flag_is_its_value():
+    parser = cli.Parser(prog="it")
+    parser.add_argument("--at")
+    parser.add_argument("--to")
+    parser.add_argument("names", nargs="*")
+    found = parser.parse_args(["--at", "-0.4,1", "--to=3", "x"])
+    assert (found.at, found.to, found.names) == ("-0.4,1", "3", ["x"])
+    assert parser.parse_args(["--at", "-.5e-3,1"]).at == "-.5e-3,1"
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--at", "-x"])
+
+
+def test_keywords_in_messages_are_flags():
+    assert (
+        cli.in_flags("give tip=NAME, repair=True or mesh_scale=2") == "give --tip NAME, --repair or --tool-mesh-scale 2"
+    )
+    assert cli.in_flags("package_dirs=[A]") == "--package-dir [A]"

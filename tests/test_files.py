@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from kinreach import _files as files
-from kinreach._files import locked, make_writable, replacing, write_text
-from kinreach.errors import OutputError
+from kinreach._files import UNFINISHED, locked, make_writable, open_input, read_bytes, replacing, write_text
+from kinreach.errors import InputError, OutputError
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path: Path) -> None:
@@ -90,6 +90,7 @@ def test_written_files_have_the_usual_permissions(tmp_path: Path, mask: int, mon
     monkeypatch.setattr(files, "_to_disk", to_disk)
     for write in (add, narrow, replace, create_again, close):
         with replacing(tmp_path / "ours") as temporary:
+            assert temporary.stat().st_mode & 0o600 == 0o600
             write(temporary)
         assert (tmp_path / "ours").stat().st_mode == usual, write.__name__
     assert synced == [0o600] * 5
@@ -178,3 +179,42 @@ def test_an_ending_that_leaves_no_room_for_the_inode_leaves_nothing_behind(tmp_p
         assert os.listdir(tmp_path) == []
     assert 0 < refused < 50
     assert len(os.listdir("/proc/self/fd")) == before
+
+
+@pytest.mark.parametrize("sweep", ["the same file", "its folder"])
+def test_what_a_killed_writer_left_is_removed_and_nothing_else(sweep: str, tmp_path: Path) -> None:
+    def unfinished(stem: str, inode: int = 0) -> Path:
+        (tmp_path / "made").write_text("half")
+        own = (tmp_path / "made").stat().st_ino
+        return (tmp_path / "made").rename(tmp_path / f".{stem}{UNFINISHED}{inode or own:x}-{'0' * 15}{inode % 10}.json")
+
+    left, copy, other = unfinished("a"), unfinished("a", inode=3), unfinished("b")
+    (tmp_path / f".a{UNFINISHED}").write_text("a user's")
+    with replacing(tmp_path / "a.json") as running:
+        running.write_text("new")
+        before = set(tmp_path.iterdir())
+        assert left not in before
+        other_left = unfinished("a")
+        if sweep == "its folder":
+            make_writable(tmp_path)
+        else:
+            write_text(tmp_path / "a.json", "another")
+        assert not other_left.exists()
+        assert other.exists() == (sweep == "the same file")
+        assert copy.exists()
+        assert running.exists()
+    assert (tmp_path / "a.json").read_text() == "new"
+    assert (tmp_path / f".a{UNFINISHED}").exists()
+
+
+def test_files_of_users_have_a_bounded_size(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(b"12345")
+    assert read_bytes(path, "the file", most=5) == b"12345"
+    with pytest.raises(InputError, match=r"cannot read the file .*: it has 5 bytes, larger than 4 bytes"):
+        read_bytes(path, "the file", most=4)
+    with path.open("r+b") as file:
+        file.truncate(3 << 20)
+    for most, said in ((1 << 20, "1 MiB"), (2**20 + 1, "1 MiB"), (2**20 - 1, "1048575 bytes"), (2 << 20, "2 MiB")):
+        with pytest.raises(InputError, match=f"it has 3145728 bytes, larger than {said}$"):
+            open_input(path, "the file", most=most)

@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from kinreach._checks import check_count, check_number
-from kinreach.errors import InputError
+from kinreach._checks import check_count, check_flag, check_number, printable, shown
+from kinreach.errors import InputError, UnknownNameError, raise_unknown
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.sim import ArmSimulation
 from kinreach.vision._cameras import Intrinsics, SensorNoise
@@ -44,3 +44,50 @@ def test_numbers_of_any_type(value):
 def test_nothing_takes_a_truth_value_for_a_number(use, yes):
     with pytest.raises(InputError, match="must be a number, got"):
         use(yes)
+
+
+def test_unknown_names_are_cut_and_guessed():
+    def refused(name, available):
+        with pytest.raises(UnknownNameError) as error:
+            raise_unknown("thing", name, available)
+        return str(error.value)
+
+    assert refused("Panada", ["ur5", "panda"]) == "unknown thing 'Panada'; available: panda, ur5; did you mean panda?"
+    assert refused("x", ["b", "a"]) == "unknown thing 'x'; available: a, b"
+    long = "panda" * 20
+    assert refused(long, [long[:-1] + "x"]).startswith(f"unknown thing {long!r};")
+    assert refused(f"{long}y", [long]) == f"unknown thing '{long}…'; available: {long}"
+
+
+def test_texts_of_values_are_short_whatever_they_are():
+    class Hostile:
+        def __repr__(self):
+            raise ValueError
+
+    assert shown(3) == "3"
+    assert len(shown("x" * 1000)) == len(shown(10**100)) == 60
+    assert shown(Hostile()).startswith("<Hostile instance at") or shown(Hostile()) == "an object of type Hostile"
+    assert printable("a\tb\n\x1b\N{SNOWMAN}") == "a\tb\n\\x1b\N{SNOWMAN}"
+
+
+def test_counts_and_numbers_are_within_their_bounds():
+    assert [check_count("it", value, most=3) for value in (1, 3)] == [1, 3]
+    for value, said in ((0, "at least 1, got 0"), (4, "at most 3, got 4")):
+        with pytest.raises(InputError, match=f"^it must be {said}$"):
+            check_count("it", value, most=3)
+    assert [check_number("it", value, least=1, most=2) for value in (1, 2)] == [1, 2]
+    for bounds, value, said in (
+        ({"least": 1}, 0.5, "finite and at least 1"), ({"above": 0}, 0.0, "finite and above 0"),
+        ({"least": 1, "most": 2}, 3, "finite and at least 1 and at most 2"), ({}, float("inf"), "finite"),
+        ({}, 10**400, "finite"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=f"^it must be {said}, got"):
+            check_number("it", value, **bounds)
+
+
+def test_flags_are_true_or_false():
+    for value in (True, np.False_):
+        check_flag("it", value)
+    for value in (0, 1, "yes", None, np.array([True])):
+        with pytest.raises(InputError, match=r"^it must be true or false, got"):
+            check_flag("it", value)

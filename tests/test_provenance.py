@@ -34,3 +34,18 @@ def test_the_machine_has_a_name() -> None:
     machine = provenance.machine()
     assert machine["processor"]
     assert platform.system() in str(machine["system"])
+
+
+@pytest.mark.parametrize(("known", "name"), [("x86_64", "x86_64"), ("", "unknown")])
+def test_a_processor_without_a_name_is_the_systems(known: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(*_: object, **__: object) -> str:
+        raise OSError
+
+    monkeypatch.setattr(Path, "read_text", missing)
+    monkeypatch.setattr(platform, "processor", lambda: known)
+    assert provenance.machine()["processor"] == name
+
+
+def test_a_digest_is_of_all_contents() -> None:
+    assert provenance.digest(b"abc") == provenance.digest(b"a", b"bc") == "ba7816bf8f01"
+    assert provenance.versions(["no-such-package"])["no-such-package"] is None

@@ -37,6 +37,9 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
     found = json.loads(written.read_text())
     assert found["command"] == f"kinreach evaluate {' '.join(policies)} --goals 20 --backend kinematic"
     assert {summary["goals"] for summary in found["policies"].values()} == {20}
+    assert written.read_text() == json.dumps(found, indent=2) + "\n"
+    for name, policy in zip(("single/seed-0", "single/seed-1"), policies, strict=True):
+        assert read_policy(policy)[0].results == {found["command"]: found["policies"][name]}
     assert main(["evaluate", policies[0], "--goals", "3", "--backend", "kinematic"]) == 0
 
 

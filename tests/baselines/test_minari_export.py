@@ -3,10 +3,15 @@
 import json
 import sys
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
+from kinreach._registration import SINGLE
+from kinreach.baselines import load_policy
+from kinreach.baselines._minari_export import record_episodes
 from kinreach.cli import main
+from kinreach.errors import InputError
 
 GOALS = 4
 
@@ -66,3 +71,22 @@ def test_without_the_package_one_line_says_what_to_install(missing, minari, caps
     errors = capsys.readouterr().err
     assert "pip install 'kinreach[minari]'" in errors
     assert errors.count("\n") == 1
+
+
+def test_progress_is_reported_and_the_environment_closed(minari, monkeypatch):
+    done, closed, make = [], [], gym.make
+
+    def made(*given, **options):
+        env = make(*given, **options)
+        close = env.close
+        monkeypatch.setattr(env, "close", lambda: closed.append(env) or close())
+        return env
+
+    monkeypatch.setattr(gym, "make", made)
+    arguments = {"goals": 2, "seed": 3, "environment": SINGLE}
+    record_episodes(
+        "two-v0", load_policy("single"), **arguments, options={"backend": "kinematic"}, progress=done.append
+    )
+    assert (done, len(closed)) == ([1, 2], 1)
+    with pytest.raises(InputError, match="cannot make the environment"):
+        record_episodes("two-v1", load_policy("single"), **arguments, options={"speed": 3})

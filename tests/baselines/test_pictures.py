@@ -15,6 +15,7 @@ import torch
 from kinreach._registration import SINGLE
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._evaluation import VALIDATION, evaluate
+from kinreach.baselines._eyes import MIDDLE
 from kinreach.baselines._looks import Looks
 from kinreach.baselines._networks import TorchEye
 from kinreach.baselines._policies import load_policy
@@ -178,3 +179,7 @@ def test_damaged_eyes_are_refused(run, tmp_path, name, change, said):
     save_file(tensors, tmp_path / "damaged.safetensors", metadata=header)
     with pytest.raises(InputError, match=said):
         read_policy(tmp_path / "damaged.safetensors")
+
+
+def test_colours_reach_from_minus_one_to_one():
+    assert (0 / MIDDLE - 1, 255 / MIDDLE - 1) == (-1.0, 1.0)

@@ -12,8 +12,10 @@ import kinreach  # noqa: F401 (registers the environments)
 from kinreach._registration import MOVING, SINGLE
 from kinreach._statistics import success_columns
 from kinreach.baselines import _loop, _solver_policy, evaluate, load_policy
+from kinreach.baselines._grasp_policy import GraspPolicy
 from kinreach.baselines._loop import FunctionPolicy, RandomPolicy, as_policy, flat, rollout, rollout_batch
 from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.envs._lift.task import FACES, IS_CUBE, SEEN, SIZE
 from kinreach.errors import InputError
 from kinreach.kinematics import IKResult
 
@@ -139,3 +141,48 @@ def test_what_acts_is_a_policy_and_nothing_else():
     for given in (3, None, "single", SimpleNamespace(act=3)):
         with pytest.raises(InputError, match="a policy has act"):
             as_policy(given)
+
+
+class Scene:
+    """Stands in for `kinreach/Lift-v0`: a tool that is upright at the start, and postures that are counted."""
+
+    def __init__(self):
+        self.unwrapped, self.home, self.accept = self, np.zeros(6), "the test"
+        self.kinematics = SimpleNamespace(fk=lambda q: np.diag([1.0, -1.0, -1.0, 1.0]))
+
+    def grasp_action(self, q, opening):
+        return q, opening
+
+
+@pytest.mark.parametrize(("cube", "turns"), [(False, 12), (True, 4)])
+def test_a_scripted_grasp_tries_every_turn_of_the_fingers(cube, turns):
+    asked = []
+
+    class Refusing:
+        def solve(self, goal, seed, *, accept):
+            asked.append(goal.T)
+            assert (accept, seed.tolist()) == ("the test", [0.0] * 6)
+            return SimpleNamespace(iterations=2, success=len(asked) > turns, reason="no", q=np.ones(6))
+
+    policy = GraspPolicy(Refusing(), Scene())
+    observation = np.zeros(18)
+    observation[SEEN], observation[SIZE], observation[IS_CUBE], observation[FACES] = (0.4, 0.4, -0.2), 0.02, cube, 0.3
+    assert policy.act(observation) is None
+    assert (policy.reason, policy.diagnostics) == ("no", {"iterations": 2 * turns, "poses": turns})
+    np.testing.assert_allclose([T[:3, 3] for T in asked], [(0.4, 0.4, -0.2)] * turns)
+    np.testing.assert_allclose([T[:3, 2] for T in asked], [(0.0, 0.0, -1.0)] * turns, atol=1e-12)
+    angles = np.unwrap([np.arctan2(T[1, 0], T[0, 0]) for T in asked], period=2 * np.pi)
+    steps = np.array([0, *(sign * k for k in range(1, turns) for sign in (-1, 1))])[:turns] * 2 * np.pi / turns
+    np.testing.assert_allclose(np.cos(angles - angles[0] - steps), 1.0)
+    faces = (angles - np.pi / 4 - 0.3) % (np.pi / 2)  # from the direction outwards
+    assert np.allclose(np.minimum(faces, np.pi / 2 - faces), 0.0, atol=1e-9) == cube
+    assert cube or angles[0] == pytest.approx(np.pi / 4)
+    observation[SIZE], observation[SEEN] = 0.01, (0.4, 0.4, -0.195)
+    q, opening = policy.act(observation)
+    assert (q.tolist(), opening) == ([1.0] * 6, 0.0)  # fingers that press on 20 mm are closed
+    assert (asked[-1][2, 3], policy.diagnostics["poses"]) == (pytest.approx(-0.193), 1)
+    observation[SIZE] = 0.03
+    assert policy.act(observation)[1] == pytest.approx(0.036)
+    observation[SEEN] = 0.0
+    assert policy.act(observation) is None
+    assert policy.reason == "no camera found the object"

@@ -17,7 +17,7 @@ from kinreach.baselines import _evaluation as evaluation
 from kinreach.baselines._evaluation import evaluate
 from kinreach.baselines._learning_curve import COLUMNS, read_curve
 from kinreach.baselines._models import build
-from kinreach.baselines._networks import actor_network
+from kinreach.baselines._networks import PairedGaussian, actor_network
 from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import REWARDS
@@ -92,6 +92,12 @@ def test_no_segment_trains_on_the_goals_of_another(tmp_path, monkeypatch):
     groups = np.concatenate(seen).reshape(-1, 8, 3)
     assert len(groups) == 768 // 8
     assert len(np.unique(groups[:, 0], axis=0)) == len(groups)
+
+
+@pytest.mark.parametrize("name", ["single", "ppo-single", "thesis-single"])
+def test_only_ranked_ppo_draws_in_pairs(name):
+    policy = build(replace(get_recipe(name), num_envs=8), 0, steps=100).model.policy
+    assert isinstance(policy.action_dist, PairedGaussian) == (name == "single")
 
 
 @pytest.mark.parametrize(("name", "steps"), [("thesis-single", 128), ("thesis-multi", 4096)])

@@ -18,7 +18,7 @@ from kinreach.compare._task import get_task
 KEPT = Path(__file__).parents[1] / "data" / "decisions.json"
 #: Options with which they are quick, how many steps are compared, and how exactly.
 TASKS = {
-    "real-arm": ({"budgets": (0, 5), "again": 1, "errors": ("all",)}, 4, 1e-5),
+    "real-arm": ({"budgets": (0, 5), "again": 2, "errors": ("all",)}, 6, 1e-5),
     "moving": ({"speeds": (0.4,), "paths": ("circle",)}, 8, 1e-3),
     "obstacles": ({"clutter": (3,)}, 2, 1e-3),
 }

@@ -120,3 +120,22 @@ def test_on_disk(tmp_path, capsys):
 def test_bad_input(arguments, said, tmp_path):
     with pytest.raises(InputError, match=said):
         main(["--task", "moving", *arguments, "--out", str(tmp_path)], prog="compare")
+
+
+def test_the_fit_is_what_it_was_on_a_path_that_turns_left_and_right():
+    rng, fit, place, heading = np.random.default_rng(0), TurnRateFit(9e-5), np.array([0.4, 0.1]), 0.3
+    found = []
+    for frame in range(60):
+        heading += 0.1 * math.sin(0.2 * frame)
+        place = place + 0.02 * np.array([math.cos(heading), math.sin(heading)])
+        fit.see(frame / 30.0, place + rng.normal(0.0, 9e-5, 2))
+        if frame % 12 == 11:
+            found.append(fit.forecast(np.array([0.2]))[0] - place)
+    kept = (
+        (0.0121245, 0.1179133),
+        (0.1044415, 0.0567576),
+        (0.0933483, 0.0742443),
+        (0.0231086, 0.1175416),
+        (0.1185695, 0.0123383),
+    )
+    np.testing.assert_allclose(found, kept, atol=1e-6)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from contextlib import contextmanager
 from dataclasses import replace
 
 import gymnasium as gym
@@ -9,7 +10,9 @@ import numpy as np
 import pytest
 
 from kinreach._files import locked
+from kinreach._jobs import Serial
 from kinreach._statistics import Column, success_columns, summarise
+from kinreach.compare import _runner as runner
 from kinreach.compare import compare
 from kinreach.compare._runner import MAX_SEED, RECORDS, WARM_UP_SEED, prepare, run_trials
 from kinreach.compare._task import arm_version
@@ -156,6 +159,17 @@ def test_another_arm_of_the_same_name_does_not_go_on(tmp_path):
                 progress=lambda done, total: (started.append(done), interrupt_after(done)(done, total)),
             )  # fmt: skip
     assert started == [2, 0]
+
+
+def test_times_of_a_cluster_are_not_said_to_be_of_this_machine(toy, tmp_path, monkeypatch):
+    @contextmanager
+    def engine(name, address):
+        yield Serial()
+
+    monkeypatch.setattr(runner, "open_engine", engine)
+    for options in ({}, {"out": tmp_path}):
+        results = compare(toy, ["right"], goals=1, engine="ray", address="auto", **options)
+        assert results["settings"]["machine"] == {"engine": "ray"}
 
 
 def test_an_arm_has_another_version_whatever_of_it_changes():
