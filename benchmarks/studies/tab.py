@@ -42,13 +42,15 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
 
     Attributes:
         page: As the server has it.
+        taken: Number of messages that have arrived.
     """
 
     def __init__(self, server: Server) -> None:
         before = set(server.pages)
+        self.taken = 0
         self._elements: dict[str, dict[str, Any]] = {}
         self._nodes: dict[str, dict[str, Any]] = {}
-        self._theme: dict[str, Any] = {}
+        self._settings: dict[str, dict[str, Any]] = {}
         self._received: deque[bytes] = deque()
         self._socket = connect(
             server.address.replace("http:", "ws:"), subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
@@ -78,10 +80,15 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
         return self._nodes
 
     @property
+    def settings(self) -> dict[str, dict[str, Any]]:
+        """The last message of each kind that is of no element or node: theme, camera, lights."""
+        self._take_all()
+        return self._settings
+
+    @property
     def theme(self) -> dict[str, Any]:
         """How the page looks, `dark_mode` among it."""
-        self._take_all()
-        return self._theme
+        return self.settings.get("ThemeConfigurationMessage", {})
 
     @property
     def inputs(self) -> list[dict[str, Any]]:
@@ -177,13 +184,12 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
         while self._received:
             for message in _messages(self._received.popleft()):
                 self._take(message)
+                self.taken += 1
 
     def _take(self, message: dict[str, Any]) -> None:
         kind, name = message["type"], message.get("name", "")
         if kind in _NODE_PROPERTIES:
             self._nodes.setdefault(name, {})[_NODE_PROPERTIES[kind]] = message[_NODE_PROPERTIES[kind]]
-        elif kind == "ThemeConfigurationMessage":
-            self._theme = message
         elif kind == "SceneNodeUpdateMessage":
             self._nodes[name] |= message["updates"]
         elif kind == "RemoveSceneNodeMessage":
@@ -192,7 +198,8 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
         elif kind == "GuiUpdateMessage":
             self._elements[message["uuid"]] |= message["updates"]
         elif kind == "GuiModalMessage":
-            self._elements[message["uuid"]] = {"visible": True, "container": "root"}
+            own = {name: message[name] for name in ("uuid", "title")}
+            self._elements[message["uuid"]] = {**own, "visible": True, "container": "root"}
         elif kind in ("GuiRemoveMessage", "GuiCloseModalMessage"):
             self._elements.pop(message["uuid"], None)
         elif "props" in message and "container_uuid" in message:
@@ -200,6 +207,8 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
             self._elements[message["uuid"]] = {**message["props"], **own, "container": message["container_uuid"]}
         elif "props" in message and name:
             self._nodes.setdefault(name, {}).update(message["props"], owner=message["owner"])
+        else:
+            self._settings[kind] = message
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -14,7 +14,6 @@ from kinreach.view._figure import Figure, Piece
 
 Colour = tuple[int, int, int]
 
-GREEN: Colour = (60, 170, 90)
 RED: Colour = (214, 30, 30)
 #: Of postures that are refused.
 PALE_RED: Colour = (235, 150, 150)

@@ -1,0 +1,54 @@
+"""The triangles that are drawn are as they are kept in tests/data/shapes.txt: links, sizes, places and colours."""
+
+import xml.etree.ElementTree as ET
+
+import mujoco
+
+from kinreach.kinematics import ArmKinematics
+from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots._urdf import without_shapes
+from kinreach.view._figure import Figure
+from kinreach.view._mujoco_scene import MujocoScene
+from tests import kept
+
+#: One of each kind of shape; what is in group 3 collides, and the plane is not drawn.
+KINDS = """
+<mujoco>
+  <asset><material name="grey" rgba="0.5 0.5 0.5 1"/></asset>
+  <worldbody>
+    <geom type="plane" size="1 1 0.1"/>
+    <body name="table" pos="0 0 1"><geom type="box" size="0.1 0.2 0.3" pos="0 0 0.1" material="grey"/></body>
+    <body name="ball" pos="1 0 1"><freejoint/>
+      <geom type="sphere" size="0.1" rgba="0.2 0.4 0.8 1"/>
+      <geom type="capsule" size="0.1 0.3" euler="90 0 0"/>
+      <geom type="cylinder" size="0.1 0.4" group="2"/>
+      <geom type="ellipsoid" size="0.1 0.2 0.3" pos="0.1 0 0"/>
+      <geom type="box" size="0.1 0.1 0.1" group="3"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def of(shapes):
+    """Things to keep: pieces of links, fine and coarse."""
+    found = {}
+    for kind, pieces in (("fine", shapes.fine), ("coarse", shapes.coarse)):
+        for number, piece in enumerate(pieces):
+            found[f"{kind} {number}"] = {
+                "link": shapes.links[piece.link], "vertices": kept.written(piece.vertices),
+                "faces": kept.written(piece.faces), "colour": str(tuple(map(int, piece.colour))),
+            }  # fmt: skip
+    return found
+
+
+def test_shapes_are_as_they_were(tmp_path):
+    """Of arms with meshes, drawn finely and simply, of one without, and of a MuJoCo scene with every kind of shape."""
+    bare = tmp_path / "bare.urdf"
+    bare.write_bytes(ET.tostring(without_shapes(get_arm("ur5e").urdf, "visual", "collision")))
+    arms = {"ur5": get_arm("ur5"), "arm3": get_arm("arm3"), "bare": ArmDescription.from_urdf(bare)}
+    shapes = {name: Figure(ArmKinematics.of(arm, base="world")) for name, arm in arms.items()}
+    shapes |= {"simple ur5": Figure(ArmKinematics.of("ur5", base="world"), simple=True)}
+    shapes |= {"kinds": MujocoScene(mujoco.MjModel.from_xml_string(KINDS))}
+    things = {f"{name}: {thing}": each for name, shape in shapes.items() for thing, each in of(shape).items()}
+    kept.check("shapes.txt", {"shapes": things})
