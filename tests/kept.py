@@ -52,9 +52,8 @@ def differences(kept: State, now: State) -> list[str]:
             found.append(f"{'new' if thing in now else 'gone'}: {thing}")
             continue
         before, after = kept[thing], now[thing]
-        for name in {**before, **after}:
-            if not alike(before.get(name, ""), after.get(name, "")):
-                found.append(f"{thing} {name}: {before.get(name)} -> {after.get(name)}")
+        others = [name for name in {**before, **after} if not alike(before.get(name, ""), after.get(name, ""))]
+        found += [f"{thing} {name}: {before.get(name)} -> {after.get(name)}" for name in others]
     return found
 
 

@@ -1,4 +1,4 @@
-"""Figures are drawn as they are kept in tests/data/figures.txt: every line, cell and word, with its place and colour."""
+"""Figures are drawn as they are kept in tests/data/figures.txt: lines, cells and words, with place and colour."""
 
 import numpy as np
 from matplotlib.axes import Axes

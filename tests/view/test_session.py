@@ -3,6 +3,7 @@
 import contextlib
 import re
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +20,7 @@ from kinreach.view._episodes import Episode
 from kinreach.view._server import Server
 from tests import kept
 
+CALIBRATION = str(PUBLISHED_CALIBRATIONS["ur5_a"])
 #: For what is drawn to arrive [s].
 PATIENCE = 20.0
 #: Nothing changes any more, where states are kept [s].
@@ -41,13 +43,14 @@ def turned(wxyz):
 
 
 def properties(thing, hidden):
-    """Those that viser does not give to everything; times and the name of a folder are left out."""
+    """Those that viser does not give to everything; times and folders are left out."""
     shown = {
         name: turned(value) if "wxyz" in name else value
         for name, value in thing.items()
         if name not in OWN and not (name in USUAL and np.array_equal(USUAL[name], value))
     }
-    times = re.compile(rf"\d+(\.\d+)?(e-\d+)?(?= ms\b){f'|{re.escape(hidden)}' * bool(hidden)}")
+    folders = "|".join(map(re.escape, (hidden, str(Path(CALIBRATION).parent))))
+    times = re.compile(rf"\d+(\.\d+)?(e-\d+)?(?= ms\b)|{folders}")
     return {name: times.sub("#", kept.written(value)) for name, value in shown.items()}
 
 
@@ -72,7 +75,7 @@ def state(tab, hidden):
 class Session(contextlib.AbstractContextManager["Session"]):
     """Steps on a page; after each the browser has what is kept in tests/data/page."""
 
-    def __init__(self, name, setup, hidden=""):
+    def __init__(self, name, setup, hidden="/nowhere"):
         self._name, self._states, self._hidden = f"page/{name}.txt", {}, hidden
         self._kept = {} if kept.KEEP else kept.read(self._name)
         self._stack = contextlib.ExitStack()
@@ -101,7 +104,7 @@ class Session(contextlib.AbstractContextManager["Session"]):
 
 
 def test_targets_of_a_calibrated_arm():
-    setup = setup_of("ur5", calibration=str(PUBLISHED_CALIBRATIONS["ur5_a"]), simple=True)
+    setup = setup_of("ur5", calibration=CALIBRATION, simple=True)
     with Session("target", setup) as session:
         tab, target = session.tab, session.tab.page.target
         session.step("start")
