@@ -70,7 +70,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         print(printable(line), flush=True)
     if path is not None:
         with replacing(path) as temporary:
-            draw_workspace(*subject, seed=seed).savefig(temporary, facecolor="white", format="png")
+            draw_workspace(*subject, seed=seed).savefig(temporary, format="png")
         print(printable(f"picture      {path}"))
     return 0
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
@@ -120,30 +119,10 @@ class Film(AbstractContextManager["Film"]):
     def _finish(self) -> None:
         if self._writer is not None:
             self._writer.release()
-            if not _is_complete(self._temporary):
+            whole = cv2.VideoCapture(str(self._temporary)).get(cv2.CAP_PROP_FRAME_COUNT) == self.frames
+            if not whole:  # OpenCV does not report what it could not write
                 raise OutputError(f"cannot write {self.path}: the video is not whole; the disk may be full")
             return
         first, *rest = self._images
         duration = round(GIF_EVERY * 1000 / self._fps)
         first.save(self._temporary, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=True)
-
-
-def _is_complete(video: Path) -> bool:
-    """Return whether an MP4 has all its parts, the index last: OpenCV does not report what it could not write.
-
-    Each part begins with its size in 4 bytes, or 1 and its size in the 8 after the name, and 4 letters that name it
-    (ISO/IEC 14496-12, 4.2).
-    """
-    with video.open("rb") as file:
-        end, at, names = file.seek(0, os.SEEK_END), 0, set()
-        while at < end:
-            file.seek(at)
-            head = file.read(16)
-            size = int.from_bytes(head[:4], "big")
-            if size == 1:
-                size = int.from_bytes(head[8:], "big")
-            if size < 8:  # 0 where it was not known yet
-                return False
-            names.add(head[4:8])
-            at += size
-    return at == end and b"moov" in names

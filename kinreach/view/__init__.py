@@ -1,4 +1,4 @@
-"""The interactive page: `python -m kinreach.view` shows arms, all their postures, and why there are none.
+"""The interactive page, `python -m kinreach.view`: arms, every posture for a target, and why a target has none.
 
 From Python, without a browser:
 
@@ -6,8 +6,8 @@ From Python, without a browser:
 - `new_player`: a policy, solver or method by name, for an environment; programs copied from the page call it.
 - `read_results`: a comparison, goal by goal.
 
-The modules are internal: `target`, `real_arm`, `episodes` and `results` compute what the panels of the same names draw;
-`page` is one tab, `server` all tabs.
+The modules are internal. `_target`, `_real_arm`, `_episodes` and `_results` compute what the panels of the same names
+draw; `_page` is one tab, `_server` serves all.
 """
 
 from __future__ import annotations

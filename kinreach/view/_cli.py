@@ -24,13 +24,13 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
     Args:
         argv: Arguments without the program's name.
-        prog: How the user called it, for messages.
+        prog: Name of the command, for messages.
 
     Returns:
-        Exit code 0; anything else is raised.
+        Exit code 0.
 
     Raises:
-        KinreachError: Bad input, viser is missing, or nothing can be listened to.
+        KinreachError: Bad input, viser is missing, or no port is free.
     """
     arguments = _parser(prog).parse_args(argv)
     import_viser()
@@ -79,7 +79,7 @@ def setup_of(
     Args:
         arm: Name of a registered arm, the path of a URDF, or `module:attribute`.
         calibration: Path of a UR's calibration.
-        repair: Put right a calibration that is folded.
+        repair: Repair a folded calibration.
         tool: On the flange.
         tip: Short name of the tip; default is the arm's own, that of the tool if there is one.
         joints: Of a URDF.
@@ -114,7 +114,10 @@ def setup_of(
 
 
 def _parser(prog: str) -> Parser:
-    parser = Parser(prog=prog, description="A page in the browser: arms, all their postures, and why there are none.")
+    parser = Parser(
+        prog=prog,
+        description="An interactive page in the browser: arms, every posture for a target, and why a target has none.",
+    )
     parser.add_argument(
         "--arm",
         default="ur5",

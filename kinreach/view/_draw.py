@@ -1,4 +1,4 @@
-"""What the page draws in its scene: arms, ghosts of arms, what stands around them."""
+"""Arms, their ghosts and their surroundings in the scene of the page."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
 from kinreach.robots import ArmDescription, Box
@@ -27,9 +28,9 @@ BRANCH_COLOURS: tuple[Colour, ...] = (
 )  # fmt: skip
 _BOX_COLOURS: dict[str, Colour] = {"table": (199, 181, 153)}
 _METAL: Colour = (122, 126, 133)
-#: Two links nearer than this are drawn once: surfaces in one place flicker [m, 1 - cos of half the angle].
+#: Links nearer than this are drawn once, because surfaces in one place flicker [m, 1 - cos of half the angle].
 SAME_PLACE = 1e-6
-#: Where nothing is [m].
+#: A place where nothing is drawn [m].
 FAR = 1e6
 #: How far the camera is moved, by its distance: to the side and away, and on an upright screen down and away.
 ASIDE, AWAY, UNDER, AWAY_UPRIGHT = 0.14, 0.15, 0.25, 0.8
@@ -44,10 +45,16 @@ def box_colour(name: str) -> Colour:
     return _BOX_COLOURS.get(name, _METAL)
 
 
-def overview(client: Any, arm: ArmDescription) -> None:
-    """Look at an arm from where its pictures are taken; an arm without stays as it is.
+def instance_colours(colours: ArrayLike) -> Floats:
+    """Convert colours, 0 to 255, for batched meshes: viser decodes no sRGB there."""
+    shares: Floats = (np.asarray(colours) / 255.0) ** 2.2
+    return shares
 
-    The arm is moved aside for the panel, and on an upright screen up, with a panel below.
+
+def overview(client: Any, arm: ArmDescription) -> None:
+    """Look at an arm from its overview camera, if it has one.
+
+    The view leaves room for the panel: at the side, or below on an upright screen.
     """
     mount = next((mount for mount in arm.cameras if mount.name == "overview"), None)
     if mount is None:
@@ -63,7 +70,7 @@ def overview(client: Any, arm: ArmDescription) -> None:
 
 
 class Shapes(Protocol):
-    """What can be drawn as a `Solid`.
+    """Shapes of a `Solid`.
 
     Attributes:
         links: Names of the links.
@@ -77,13 +84,13 @@ class Shapes(Protocol):
 
 
 class Branch:
-    """What hangs from one node of the scene, and is drawn or not as a whole."""
+    """A node of the scene that is shown or hidden with everything below it."""
 
     _root: Any
 
     @property
     def visible(self) -> bool:
-        """Whether it is drawn."""
+        """Whether it is shown."""
         return bool(self._root.visible)
 
     @visible.setter
@@ -93,7 +100,7 @@ class Branch:
 
 
 class Solid(Branch):
-    """Links that are put somewhere.
+    """Links that are placed together.
 
     Args:
         scene: viser's scene of one client.
@@ -120,7 +127,7 @@ class Solid(Branch):
         self._red: frozenset[str] = frozenset()
 
     def place(self, poses: Floats, *, red: Collection[str] = ()) -> None:
-        """Put the links where they are to be; those named in `red` are drawn so.
+        """Place the links, and draw those named in `red` red.
 
         Args:
             poses: Positions [m] and quaternions w x y z in the world, shape (k, 7).
@@ -157,13 +164,13 @@ class SolidArm(Solid):
         self._figure = figure
 
     def take(self, q: Floats, *, red: Collection[str] = ()) -> None:
-        """Take a posture (n,) [rad]; links named in `red` are drawn so."""
+        """Move to a posture (n,) [rad], and draw the links named in `red` red."""
         self.place(self._figure.poses(q), red=red)
 
 
 @dataclass(frozen=True)
 class Ghost:
-    """A posture (n,) [rad] that is drawn through, in a colour, its red links, and its opacity, 0 to 1."""
+    """A transparent posture (n,) [rad]: its colour, its red links, and its opacity, 0 to 1."""
 
     q: Floats
     colour: Colour
@@ -178,7 +185,7 @@ class Ghosts(Branch):
         scene: viser's scene of one client.
         root: Name of the node that holds them.
         figure: The arm's links.
-        most: How many there may be.
+        most: Largest number of ghosts.
     """
 
     def __init__(self, scene: Any, root: str, figure: Figure, *, most: int) -> None:
@@ -192,7 +199,7 @@ class Ghosts(Branch):
                 batched_wxyzs=np.tile(_IDENTITY, (most, 1)),
                 batched_positions=np.zeros((most, 3)),
                 batched_scales=np.zeros(most),
-                batched_colors=np.zeros((most, 3), dtype=np.uint8),
+                batched_colors=np.zeros((most, 3)),
                 batched_opacities=np.zeros(most),
                 lod="off",
                 cast_shadow=False,
@@ -203,11 +210,11 @@ class Ghosts(Branch):
         self._looks: list[tuple[Colour, frozenset[str], float]] = []
 
     def take(self, ghosts: Sequence[Ghost], *, beside: Floats | None) -> None:
-        """Draw these, and no others; links that are where those of a posture `beside` them are, are left out."""
+        """Draw these ghosts only, without links that coincide with those of the posture `beside`."""
         ghosts = ghosts[: self._most]
         poses = np.zeros((self._most, len(self._figure.links), 7))
         poses[:, :, 3] = 1.0
-        scales = np.zeros((self._most, len(self._figure.links)), dtype=np.float32)
+        scales = np.zeros((self._most, len(self._figure.links)))
         solid = self._figure.poses(beside) if beside is not None else np.full(poses.shape[1:], FAR)
         for row, ghost in enumerate(ghosts):
             poses[row] = self._figure.poses(ghost.q)
@@ -216,15 +223,15 @@ class Ghosts(Branch):
             scales[row] = (apart > SAME_PLACE) | (turned > SAME_PLACE)
         looks = [(ghost.colour, frozenset(ghost.red), ghost.opacity) for ghost in ghosts]
         for piece, node in zip(self._figure.coarse, self._pieces, strict=True):
-            node.batched_positions = poses[:, piece.link, :3].astype(np.float32)
-            node.batched_wxyzs = poses[:, piece.link, 3:].astype(np.float32)
-            node.batched_scales = np.ascontiguousarray(scales[:, piece.link])
+            node.batched_positions = poses[:, piece.link, :3]
+            node.batched_wxyzs = poses[:, piece.link, 3:]
+            node.batched_scales = scales[:, piece.link]
             if looks != self._looks:
                 link = self._figure.links[piece.link]
-                shades, opacities = np.zeros((self._most, 3), dtype=np.uint8), np.zeros(self._most, dtype=np.float32)
+                shades, opacities = np.zeros((self._most, 3)), np.zeros(self._most)
                 for row, (colour, red, opacity) in enumerate(looks):
                     shades[row], opacities[row] = RED if link in red else colour, opacity
-                node.batched_colors, node.batched_opacities = shades, opacities
+                node.batched_colors, node.batched_opacities = instance_colours(shades), opacities
         self._looks = looks
 
 
@@ -233,7 +240,7 @@ class Grid:
 
     Args:
         scene: viser's scene of one client.
-        boxes: What stands around the arm, the floor among it.
+        boxes: Of the work cell.
     """
 
     def __init__(self, scene: Any, boxes: Sequence[Box]) -> None:
@@ -241,7 +248,7 @@ class Grid:
         self._grid = scene.add_grid("/grid", 6.0, 6.0, position=(0.0, 0.0, floor), cell_size=0.25, section_size=1.0)
 
     def colour(self, *, dark: bool) -> None:
-        """Draw it for a light or a dark background."""
+        """Choose colours for a light or a dark background."""
         self._grid.cell_color, self._grid.section_color = DARK_GRID if dark else GRID
 
 
@@ -250,7 +257,7 @@ class Surroundings(Branch):
 
     Args:
         scene: viser's scene of one client.
-        boxes: What stands around the arm.
+        boxes: Of the work cell.
         root: Name of the node that holds the boxes.
     """
 
@@ -274,7 +281,7 @@ class Surroundings(Branch):
                 )
 
     def mark(self, red: Collection[str]) -> None:
-        """Draw the boxes of these names red, and no others."""
+        """Draw only the boxes of these names red."""
         wanted = frozenset(red)
         for name in wanted ^ self._red:
             if name in self._boxes:

@@ -1,4 +1,4 @@
-"""Episodes as they are played back: recorded from the one loop of policies and environments, frame by frame."""
+"""Episodes to play back: recorded from `rollout`, frame by frame."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from kinreach.vision._goal_view import CameraGoalView, GoalMeasurement
 
 #: Frames per second of simulated time.
 FPS = 25
-#: More frames than this are not kept; every second one of those before is left out instead.
+#: Largest number of frames; beyond it every second one is left out.
 MAX_FRAMES = 3000
-#: An episode that does not end is cut off.
+#: Longest episode.
 MAX_STEPS = 10_000
-#: What of an `info` is about the moment, not about the episode.
+#: Entries of `info` that change during an episode.
 CHANGING = {"distance", "posture_error", "time", "status", "impossible_reason"}
-#: The ring around a ball that was found: its width [pixels] and colour.
+#: Width [pixels] and colour of the ring around a ball that was found.
 RING, YELLOW = 3, (255, 255, 0)
 
 
@@ -48,10 +48,10 @@ class Frame:
 
     Attributes:
         time: Simulated [s].
-        step: How many actions have ended.
+        step: Number of actions that have ended.
         poses: Of the scene's bodies, as `MujocoScene.take` has them, shape (k, 7).
-        contacts: What touches.
-        believed: Posture that the arm is believed to be in [rad], shape (n,); None where it is in no other.
+        contacts: Of the bodies.
+        believed: Posture [rad] that the user assumes, shape (n,); None if that is the true one.
     """
 
     time: float
@@ -76,12 +76,12 @@ class Episode:
     """One episode.
 
     Attributes:
-        scene: What is drawn.
-        arm: That acts, as its user believes it to be.
+        scene: The bodies that are drawn.
+        arm: That acts, as the user assumes it to be.
         frames: From the reset to the end.
-        steps: One an action.
-        goal: Where it is in the world in the beginning [m], shape (3,); None where there is not just one.
-        trial: As `rollout` has it.
+        steps: One for each action.
+        goal: First position in the world [m], shape (3,); None if there is not exactly one goal.
+        trial: The row of `rollout`.
         facts: Texts and single numbers of the first `info`, by name.
     """
 
@@ -95,7 +95,7 @@ class Episode:
 
     @property
     def verdict(self) -> str:
-        """How it ended, in a sentence."""
+        """A sentence on how it ended."""
         count = len(self.steps)
         after = f"after {count} step{'' if count == 1 else 's'}"
         if self.trial.get("distance") is not None:
@@ -107,11 +107,11 @@ class Episode:
         return f"Not reached {after}: {self.trial.get('impossible_reason') or 'impossible'}."
 
     def frame_after(self, step: int) -> int:
-        """Index of the first frame in which so many actions have ended; the last frame, if there are not so many."""
+        """Index of the first frame after a number of actions; that of the last frame if there are fewer."""
         return next((i for i, frame in enumerate(self.frames) if frame.step >= step), len(self.frames) - 1)
 
     def pause_after(self, index: int) -> float:
-        """Return the time until the next frame is due [s]; of a jump, as long as of a motion."""
+        """Return the time from a frame to the next [s]; a jump lasts as long as a motion."""
         times = [frame.time for frame in self.frames[index : index + 2]]
         return min(times[-1] - times[0], 1.0 / FPS) or 1.0 / FPS
 
@@ -119,7 +119,7 @@ class Episode:
         """Measure the ball with the cameras from the start pose.
 
         Returns:
-            None for an arm without cameras, without a goal, and where nothing can be drawn.
+            None without cameras, without a goal, or if nothing can be rendered.
         """
         if self.goal is None or not self.arm.goal_cameras:
             return None
@@ -134,14 +134,14 @@ class Episode:
 
 @dataclass(frozen=True)
 class Recording:
-    """Which episode is to be played.
+    """An episode to play.
 
     Attributes:
         name: Id of the environment.
-        player: As `new_player` takes it.
-        arm: Who acts, where the environment takes an arm.
-        seed: Of the episode, and of what the player draws.
-        options: Of the environment, beside those of its comparison.
+        player: Name for `new_player`.
+        arm: The arm that acts, if the environment has the option.
+        seed: Of the episode and of the player.
+        options: Of the environment, in addition to those of its comparison.
     """
 
     name: str
@@ -152,7 +152,7 @@ class Recording:
 
     @property
     def _needed(self) -> dict[str, Any]:
-        """What a trained player must have; objects by `module:attribute` are none."""
+        """Options that a trained player needs; none for `module:attribute`."""
         return {} if ":" in self.player else options_for(self.player, trained_in(self.name))
 
     @property
@@ -163,7 +163,7 @@ class Recording:
         return options
 
     def play(self, *, simple: bool = False, stop: Event | None = None) -> Episode:
-        """Play the episode to its end, and keep what is needed to show it.
+        """Play the episode to its end and record it.
 
         Args:
             simple: As `MujocoScene`.
@@ -171,8 +171,8 @@ class Recording:
 
         Raises:
             Stopped: `stop` was set.
-            KinreachError: Unknown environment or player, it cannot act there, or the arm cannot; or the
-                environment does not give what is to be drawn.
+            KinreachError: Unknown environment or player, one that does not fit the environment or the arm, or an
+                environment that cannot be drawn.
         """
         known = playable(self.name)
         options = {**self.made_with, **({ARM: self.arm} if ARM in known.choices else {})}
@@ -227,10 +227,10 @@ def circled(measured: GoalMeasurement, index: int) -> NDArray[np.uint8]:
 
 
 class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
-    """Takes frames in the course of motions, and after every reset and step.
+    """Record frames during motions and after every reset and step.
 
     Attributes:
-        episode: As far as it has come.
+        episode: Recorded so far.
     """
 
     episode: Episode
@@ -260,7 +260,7 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         self._take()
 
     def _begin(self, info: Mapping[str, Any]) -> None:
-        """An episode in the environment's own scene, or in one that follows its `info`."""
+        """Begin an episode in the environment's own scene, or in one that follows its `info`."""
         self._scene, self._follows = scene_of(self.env, info)
         self._believed = self.env.has_wrapper_attr("believed")
         self._scene.watch = self._moving
@@ -291,7 +291,7 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
 
 
 def _terms(info: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The reward's terms, also where there are only numbers."""
+    """The reward's terms; also from entries `reward_…`."""
     prefix = "reward_"
     numbers = {name.removeprefix(prefix): value for name, value in info.items() if name.startswith(prefix)}
     terms: Mapping[str, Any] = info.get("reward_terms", numbers)

@@ -1,4 +1,4 @@
-"""The part of the page that plays episodes: MuJoCo's scene, the reward's terms, what the cameras see."""
+"""The part of the page that plays episodes, with the reward's terms and the cameras' pictures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from kinreach.view._players import BACKEND, OBSERVATION, playable
 from kinreach.vision._goal_view import GoalMeasurement
 
 PLAY, PAUSE, STEP, START = "play", "pause", "step", "start"
-#: Of a contact [m].
+#: Size of a contact [m].
 DOT = 0.02
 MAX_SEED = 2**31 - 1
 
@@ -32,8 +32,8 @@ class EpisodesPanel(Panel):
     """Plays episodes of any environment and policy.
 
     Attributes:
-        episode: That is shown; None before the first.
-        at: Index of the frame that is shown.
+        episode: On the screen; None before the first.
+        at: Index of its frame.
         playing: Whether it runs.
     """
 
@@ -63,7 +63,7 @@ class EpisodesPanel(Panel):
         return not self._still.is_set()
 
     def show(self, visible: bool) -> None:
-        """Show it, or hide it; hidden it stands still."""
+        """Show or hide it, and pause."""
         with self._lock:
             self.pause()
             super().show(visible)
@@ -77,27 +77,27 @@ class EpisodesPanel(Panel):
         super().close()
 
     def record(self) -> None:
-        """Record the episode that is asked for, in a thread of its own, then play it, unless it is hidden by then."""
+        """Record the chosen episode in a thread of its own, then play it unless the part is hidden by then."""
         self.pause()
         self._button.disabled = True
         self._verdict.content = html.message("The episode is being played through ...")
         self._start(self._record)
 
     def go(self, index: int) -> None:
-        """Show the frame of an index, or the first or last one."""
+        """Show a frame; an index out of range means the first or the last one."""
         with self._lock:
             if self.episode is not None:
                 self.at = int(np.clip(index, 0, len(self.episode.frames) - 1))
                 self._draw(self.episode)
 
     def step(self) -> None:
-        """Go to where the next action has ended."""
+        """Go to the end of the next action."""
         self.pause()
         if self.episode is not None:
             self.go(self.episode.frame_after(self.episode.frames[self.at].step + 1))
 
     def run(self) -> None:
-        """Play from the frame that is shown, or from the start."""
+        """Play from the frame on the screen; from the start if that is the last one."""
         with self._lock:
             if self.episode is None or self.playing or self._gone.is_set():
                 return
@@ -107,7 +107,7 @@ class EpisodesPanel(Panel):
             self._start(self._play, self._still, self.episode)
 
     def pause(self) -> None:
-        """Stand still."""
+        """Pause."""
         self._still.set()
 
     def program(self) -> str:
@@ -148,10 +148,10 @@ class EpisodesPanel(Panel):
 
     def _choose_environment(self, name: str) -> None:
         known = playable(name)
-        takes = OBSERVATION in known.choices
+        observes = OBSERVATION in known.choices
         arm = self._setup.nominal or self._setup.arm
-        self._policy.options = known.players(arm, observation=self._observation.value if takes else "")
-        self._observation.disabled, self._backend.disabled = not takes, BACKEND not in known.choices
+        self._policy.options = known.players(arm, observation=self._observation.value if observes else "")
+        self._observation.disabled, self._backend.disabled = not observes, BACKEND not in known.choices
 
     def _pressed(self, what: str) -> None:
         if what == PLAY:
@@ -169,7 +169,7 @@ class EpisodesPanel(Panel):
         self.go(index)
 
     def _start(self, work: Callable[..., None], *arguments: Any) -> None:
-        """Work in a thread of its own; the page shows its errors."""
+        """Work in a thread of its own and report errors in the page."""
 
         def run() -> None:
             try:
@@ -184,7 +184,7 @@ class EpisodesPanel(Panel):
         threading.Thread(target=run, daemon=True, name=f"kinreach {work.__name__}").start()
 
     def _record(self) -> None:
-        """Runs in a thread of its own, because a renderer belongs to the thread that made it."""
+        """Record and play; a renderer belongs to the thread that made it."""
         try:
             asked = self._asked()
             episode = asked.play(simple=self._setup.simple, stop=self._gone)
@@ -202,10 +202,10 @@ class EpisodesPanel(Panel):
             self._show_cameras(episode, seen)
 
     def _asked(self) -> Recording:
-        """What is to be played.
+        """The chosen episode.
 
         Raises:
-            InputError: A module, which only the command line may load.
+            InputError: A module is named, which only the command line may load.
         """
         environment, file = self._environment.value, self._file.value.strip()
         if ":" in file and file != self._setup.policy:
@@ -235,7 +235,7 @@ class EpisodesPanel(Panel):
         self._draw(episode)
 
     def _furnish(self) -> None:
-        """The work cell that belongs to what is shown, seen from its own place."""
+        """Show the work cell of the episode, or of the arm, from its own camera."""
         taken = self.episode is not None and self._shown
         self._surroundings.visible = not taken
         arm = self.episode.arm if taken else self._setup.arm  # type: ignore[union-attr]
@@ -267,7 +267,7 @@ class EpisodesPanel(Panel):
             )
 
     def _terms(self, episode: Episode, steps: int) -> tuple[Any, ...]:
-        """Numbers of the steps, the reward and its terms, as far as they were done; 0 before the first."""
+        """Numbers, rewards and terms of the first steps; 0 before the first."""
         done, names = episode.steps[:steps], list(episode.steps[0].terms)
         rows = [np.zeros(1 + len(names)), *([s.reward, *(s.terms.get(n, 0.0) for n in names)] for s in done)]
         return (np.arange(1.0 + len(done)), *np.ascontiguousarray(np.array(rows).T))
@@ -281,8 +281,8 @@ class EpisodesPanel(Panel):
                 self._believed.take(frame.believed)
             self._points.visible = bool(frame.contacts)
             if frame.contacts:
-                self._points.points = np.array([contact.position for contact in frame.contacts], dtype=np.float16)
-                self._points.colors = np.tile(np.array(RED, dtype=np.uint8), (len(frame.contacts), 1))
+                self._points.points = np.array([contact.position for contact in frame.contacts])
+                self._points.colors = np.tile(RED, (len(frame.contacts), 1))
         self._slider.value = self.at
         self._now.content = html.moment(episode, frame)
         if frame.step != self._step:
@@ -306,7 +306,7 @@ class EpisodesPanel(Panel):
             self._cameras.visible = True
 
     def _play(self, still: threading.Event, episode: Episode) -> None:
-        """Frame by frame at the clock's pace, in a thread of its own."""
+        """Play in real time, in a thread of its own."""
         while not still.wait(episode.pause_after(self.at)):
             with self._lock:
                 if still.is_set() or self.episode is not episode:

@@ -1,4 +1,4 @@
-"""An arm as the page draws it: the shapes of its links, and where they are in a posture."""
+"""The shapes of an arm's links, and their places in a posture."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from kinreach.robots._shapes import LinkShape, link_shapes
 
 pin: Any = load("pinocchio")
 
-#: Radius of the tubes and of the joints of an arm that has no shapes, by its size.
+#: Radii of tubes and joints of an arm without shapes, relative to its size.
 TUBE, JOINT = 0.035, 0.055
-#: The files' colours are darker than the arms are; they are raised to this power.
+#: Exponent for colours of files, which are darker than the arms.
 GAMMA = 0.75
 _TUBE_COLOUR, _JOINT_COLOUR = (0.78, 0.80, 0.83, 1.0), (0.30, 0.44, 0.54, 1.0)
 
@@ -39,16 +39,16 @@ class Piece:
 
 
 class Figure:
-    """The links of an arm that are drawn.
+    """The drawn links of an arm.
 
     Args:
         kinematics: The arm.
-        simple: Draw the collision shapes, a tenth of the triangles.
+        simple: Draw the collision shapes, which have a tenth of the triangles.
 
     Attributes:
         links: Names of the links, in the order of `poses`.
-        fine: Pieces as the URDF draws them, in colour.
-        coarse: One piece a link, of its collision shapes, for ghosts; without what never moves.
+        fine: Visual shapes, one piece for each link and colour.
+        coarse: Collision shapes, one piece for each link that can move, for ghosts.
     """
 
     def __init__(self, kinematics: ArmKinematics, *, simple: bool = False) -> None:
@@ -96,7 +96,7 @@ def shade(rgba: Sequence[float]) -> tuple[int, int, int]:
 
 
 def _skeleton(kinematics: ArmKinematics) -> list[LinkShape]:
-    """Tubes from joint to joint, for an arm that has kinematics only."""
+    """Tubes from joint to joint, for an arm without shapes."""
     import trimesh
 
     model, data = kinematics.model, kinematics.model.createData()

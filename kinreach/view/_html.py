@@ -1,6 +1,6 @@
-"""The parts of the page that are text: tabs, verdict, list of postures, gauge, tables. Everything is escaped.
+"""Texts of the page as HTML: tabs, verdict, list of postures, gauge, tables. Everything is escaped.
 
-Their classes and what they do when pressed are in `head.html`.
+The classes and the handlers of clicks are in `head.html`.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _GREEN, _RED, _ORANGE = "#37a34b", "#e03131", "#e8910c"
 #: `MAX_POSTURES` others: a calibrated UR has up to sixteen postures.
 SHOW, DO, COLOURS, POSTURE, POINT_AT, METHOD = "show", "do", "colours", "posture", "point at", "method"
 MAX_POSTURES = 16
-#: What stands before the groups of buttons that are not seen: they are the last of their folder.
+#: Hides the groups of buttons that follow it in a folder.
 UNSEEN = '<i class="kr-unseen"></i>'
 #: `slowest_motion` of a gauge that is full, and below which it is orange and red [m/rad].
 FULL, LOW, VERY_LOW = 0.12, 0.04, 0.015
 
-#: What can be done with any part of the page -> its icon.
+#: Actions on any part of the page -> their icons.
 SCREENSHOT, PYTHON = "Screenshot: save the scene as a PNG", "Copy as Python: the program for what is on the screen"
 _SVG = '<svg viewBox="0 0 24 24">{}</svg>'
 _ICONS = {
@@ -53,7 +53,7 @@ def css(colour: Colour) -> str:
 
 
 def block(content: str) -> str:
-    """Wrap content in the margins of the page's elements, without signs that cannot be printed."""
+    """Wrap content in the margins of the page, without unprintable characters."""
     content = "".join(sign for sign in content if sign.isprintable() or sign == "\n")
     return f'<div class="kr">{content}</div>'
 
@@ -69,7 +69,7 @@ def verdict(answer: Answer) -> str:
 
 
 def bar(names: Sequence[str], active: str) -> str:
-    """Draw the parts of the page as tabs, and what can be done with any of them as icons."""
+    """Draw the parts of the page as tabs, and the actions on them as icons."""
     tabs = "".join(
         f'<button role="tab" aria-selected="{"true" if name == active else "false"}" {_press(SHOW, index)}>'
         f"{escape(name)}</button>"
@@ -83,13 +83,13 @@ def bar(names: Sequence[str], active: str) -> str:
 
 
 def legend(answer: Answer, *, shown: int, joints: Sequence[str], chosen: bool = False) -> str:
-    """List all postures, the nearest that can be used first, and why others are refused.
+    """List all postures, usable ones first and the nearest before others, with the reasons against the rest.
 
     Args:
         answer: Of the target.
-        shown: Index of the posture that is drawn solid; -1 if none is.
+        shown: Index of the solid posture; -1 for none.
         joints: Names of the joints.
-        chosen: Whether the user has chosen it.
+        chosen: Whether the user chose it.
     """
     rows: list[str] = []
 
@@ -118,7 +118,7 @@ def branch_colour(branch: int) -> Colour:
 
 
 def _row(index: int, posture: Posture, q: Floats, *, word: str, joints: Sequence[str]) -> str:
-    """A posture that is drawn solid by a click, and whose ghost is seen while the mouse is over it."""
+    """A posture; a click draws it solid, the mouse over it shows its ghost."""
     usable = posture.state is State.USABLE
     values = " ".join(f"{round(degrees(value))}°" for value in q)
     titles = ", ".join(f"{plain(name)} {degrees(value):.1f}°" for name, value in zip(joints, q, strict=True))
@@ -152,11 +152,11 @@ def _entry(sign: str, colour: str, title: str, detail: str, *, does: str = "", a
 
 
 def gauge(stiffness: float, what: str) -> str:
-    """Draw how far a posture is from a singular one.
+    """Draw a posture's distance from singularity.
 
     Args:
         stiffness: `TargetModel.slowest_motion` [m/rad].
-        what: The singularity that it is nearest to; empty if that is not known.
+        what: The nearest singularity; empty if not known.
     """
     share = min(1.0, stiffness / FULL)
     colour = _RED if stiffness < VERY_LOW else _ORANGE if stiffness < LOW else _GREEN
@@ -171,7 +171,7 @@ def gauge(stiffness: float, what: str) -> str:
 
 
 def solvers(finishes: Sequence[Finish]) -> str:
-    """List where each solver ended, and how long it took."""
+    """List the error and time of each solver."""
     rows = []
     for finish in finishes:
         result = finish.result
@@ -189,12 +189,12 @@ def solvers(finishes: Sequence[Finish]) -> str:
 
 
 def ends(results: Results, index: int, chosen: str) -> str:
-    """List where each method ended on a goal.
+    """List the distance of each method from a goal.
 
     Args:
         results: Of a comparison.
         index: Of the goal.
-        chosen: The method that is drawn.
+        chosen: The drawn method.
     """
     x, y, z = results.goals[index]
     names = list(results.colours)
@@ -216,7 +216,7 @@ def ends(results: Results, index: int, chosen: str) -> str:
 
 
 def moment(episode: Episode, frame: Frame) -> str:
-    """Describe a frame: time, steps, reward and its terms, what touches."""
+    """Describe a frame: time, steps, reward, contacts."""
     parts = [f"{frame.time:.2f} s, {frame.step} of {len(episode.steps)} steps"]
     if frame.step:
         step = episode.steps[frame.step - 1]
@@ -244,7 +244,7 @@ def bars(terms: Mapping[str, float]) -> str:
 
 
 def miss(found: Miss, exact: IKResult) -> str:
-    """Write a tip error by its parts, and that of the calibrated arm's own posture.
+    """Write a tip error along x, y and z, and that of the calibrated arm's own posture.
 
     Args:
         found: Of the data sheet's posture.

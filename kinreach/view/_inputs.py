@@ -1,4 +1,4 @@
-"""Inputs of a page, and changes by the user."""
+"""Inputs that the user and the page change."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from kinreach.view import _html as html
 
 pin: Any = load("pinocchio")
 
-#: How far a frame may be dragged [m].
+#: Largest coordinate of a dragged frame [m].
 FARTHEST = 3.0
 
 
@@ -38,14 +38,14 @@ def by_user(handle: Any, react: Callable[[Any], None]) -> None:
 def add_unseen(
     gui: Any, name: str, options: Sequence[str], react: Callable[[str], object], *, order: float | None = None
 ) -> Any:
-    """Add buttons that only texts press, by `data-press` in `head.html`; what follows them is not seen either.
+    """Add hidden buttons that texts press by `data-press` of `head.html`; later inputs of the folder are hidden too.
 
     Args:
         gui: viser's.
         name: Of the group.
         options: Of the buttons.
-        react: Called with the option that was pressed.
-        order: As viser has it.
+        react: Called with the pressed option.
+        order: As in viser.
     """
     gui.add_html(html.UNSEEN, order=order)
     group = gui.add_button_group(name, options, order=order)
@@ -54,11 +54,11 @@ def add_unseen(
 
 
 class Entry:
-    """A number, or several, that the user and the page both write: what the user wrote is not written over unread.
+    """Numbers that the user and the page both write: unread ones of the user are not overwritten.
 
     Args:
         handle: viser's, of the input.
-        react: Called when there is something to be taken.
+        react: Called when `take` has a value.
     """
 
     def __init__(self, handle: Any, react: Callable[[], None]) -> None:
@@ -74,7 +74,7 @@ class Entry:
         by_user(handle, lambda value: react())
 
     def take(self) -> Any:
-        """Return what the user has written since the last call; None for nothing."""
+        """Return what the user wrote since the last call, or None."""
         try:
             self._known = self._written.pop()
         except IndexError:
@@ -82,9 +82,9 @@ class Entry:
         return self._known
 
     def show(self, value: Any) -> None:
-        """Show a value, unless it is shown already: on the way to "-0.2" a user types "-0".
+        """Show a value, unless it is already there: on the way to "-0.2" a user types "-0".
 
-        What differs from the value last taken or shown was written by the user since, noted or not.
+        A value that differs from the last one taken or shown is the user's, even if `note` was not called yet.
         """
         unread = self._written or not np.array_equal(self._handle.value, self._known)
         if not unread and not np.array_equal(self._known, value):
@@ -93,13 +93,13 @@ class Entry:
 
 
 class Latest:
-    """Work that is asked for faster than it is done: of all that wait, only the last is done.
+    """Work that is requested faster than it is done: of the requests that wait, only the last is done.
 
     Args:
         lock: Held while working.
 
     Attributes:
-        ended: Whether nothing is done any more.
+        ended: Whether requests are ignored.
     """
 
     def __init__(self, lock: RLock) -> None:
@@ -109,7 +109,7 @@ class Latest:
         self.ended = False
 
     def __call__(self, work: Callable[[], None]) -> None:
-        """Do this, unless something else is asked for before it begins."""
+        """Do this work, unless there is another request before it begins."""
         with self._numbering:
             self._asked += 1
             mine = self._asked
@@ -118,12 +118,12 @@ class Latest:
                 work()
 
     def end(self) -> None:
-        """Do nothing any more."""
+        """Ignore all further requests."""
         self.ended = True
 
 
 def frame_of(gizmo: Any) -> Floats:
-    """Return the frame (4, 4) to which the user has dragged arrows and arcs."""
+    """Return the frame (4, 4) of arrows and arcs that the user dragged."""
     T = np.eye(4)
     T[:3, :3] = pin.Quaternion(*map(float, gizmo.wxyz)).normalized().matrix()
     T[:3, 3] = np.clip(gizmo.position, -FARTHEST, FARTHEST)

@@ -1,4 +1,4 @@
-"""Messages of a tab: checked before anything reads them, and what goes wrong with one is reported to its page."""
+"""Check the messages of a tab, and report errors in its page."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from kinreach.cli import complain
 from kinreach.errors import InputError, KinreachError
 from kinreach.view import _html as html
 
-#: What viser calls the messages that a page answers. Uploads, forms and commands are not used.
+#: viser's names of the messages that are answered; uploads, forms and commands are not.
 INPUT, DRAG = "GuiUpdateMessage", "TransformControlsUpdateMessage"
 ANSWERED = (INPUT, DRAG, "SceneNodeClickMessage", "ViewerCameraMessage")
-#: Length of a text, and how far a frame is dragged [m].
+#: Largest length of a text, and largest coordinate of a dragged frame [m].
 MAX_TEXT, MAX_DISTANCE = 4096, 1e6
 
-#: Called with what went wrong, or with None when an input was accepted.
+#: Called with an error, or with None when an input is accepted.
 Report = Callable[[Exception | None], None]
 
 
 def watch(client: Any, report: Report) -> None:
-    """Check every message of a tab, and report every exception of what it starts.
+    """Check every message of a tab, and report the exceptions of its handlers.
 
     Args:
         client: viser's handle of the tab.
@@ -50,10 +50,10 @@ def checked(handle: Any, value: Any) -> Any:
 
     Args:
         handle: viser's, of the input.
-        value: As it came.
+        value: As received.
 
     Raises:
-        InputError: It is of another kind, not finite, outside the input's bounds, or none of its options.
+        InputError: It has another type, is not finite, or is not within the bounds or options of the input.
     """
     name, old = handle.label, handle.value
     least, most = getattr(handle, "min", None), getattr(handle, "max", None)
@@ -84,7 +84,7 @@ def _number(name: str, value: Any, least: float | None, most: float | None) -> f
 
 
 def _checking(gui: Any, handlers: list[Any], report: Report) -> Callable[[int, Any], Any]:
-    """The handlers of a kind of messages as one, behind the check."""
+    """Return one handler that checks a message and calls the others."""
 
     async def handle(client_id: int, message: Any) -> None:
         try:
@@ -110,7 +110,7 @@ def _checking(gui: Any, handlers: list[Any], report: Report) -> Callable[[int, A
 
 
 class _Reporting(Executor):
-    """An executor that reports the exceptions of its work, where viser would print them."""
+    """An executor that reports exceptions, which viser would print."""
 
     def __init__(self, executor: Executor, report: Report) -> None:
         self._executor, self._report = executor, report

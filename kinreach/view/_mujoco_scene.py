@@ -1,4 +1,4 @@
-"""A MuJoCo scene as the page draws it: the shapes of its bodies, where they are, and where they touch."""
+"""The shapes, poses and contacts of a MuJoCo scene."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from kinreach.sim._engine import mujoco
 from kinreach.view._draw import box_colour
 from kinreach.view._figure import Piece, shade
 
-#: Groups of geoms that MuJoCo draws; collision meshes are in the next.
+#: Number of groups of geoms that MuJoCo draws, and the group of collision meshes.
 DRAWN, COLLIDING = 3, 3
-#: Sides of what is round.
+#: Sides of round shapes.
 SECTIONS = 24
 
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Two bodies that touch: their names, and where in the world [m], shape (3,)."""
+    """Names of two bodies that touch, and the position in the world [m], shape (3,)."""
 
     bodies: tuple[str, str]
     position: Floats
 
 
 class MujocoScene:
-    """The bodies of a model that are drawn, without the floor.
+    """The drawn bodies of a model, without the floor.
 
     Args:
         model: MuJoCo's model.
-        simple: Draw a link by its collision mesh, a tenth of the triangles.
+        simple: Draw the collision meshes, which have a tenth of the triangles.
 
     Attributes:
         links: Names of the bodies, in the order of `poses`.
@@ -50,7 +50,7 @@ class MujocoScene:
         ]
 
     def take(self, data: Any) -> tuple[Floats, list[Contact]]:
-        """Return poses of the bodies and contacts in a state, which is not changed.
+        """Return poses of the bodies and contacts in a state.
 
         Args:
             data: A state of the model (`mujoco.MjData`).
@@ -88,7 +88,7 @@ def _piece(model: Any, index: int, link: int) -> Piece:
 
 
 def _triangles(model: Any, index: int) -> tuple[Any, Any]:
-    """A geom's corners in its own frame, and its faces."""
+    """Vertices of a geom in its own frame, and faces."""
     import trimesh.creation as make
 
     kind, shapes, size = model.geom_type[index], mujoco.mjtGeom, model.geom_size[index]

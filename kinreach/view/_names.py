@@ -1,4 +1,4 @@
-"""What the page calls postures, links, joints and lengths."""
+"""Names of postures, links and joints, and text for angles and lengths."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _UR_BRANCHES = 8
 def branch_name(kinematics: ArmKinematics, branch: int) -> str:
     """Name a posture by its branch index.
 
-    Names of a UR's tell on which side of the first axis the upper arm passes, seen along the arm; whether the elbow is
-    above or below the line from shoulder to wrist, as it is seen while the arm does not reach over itself; and which
-    way the wrist is turned: flipped is a positive wrist_2.
+    Those of a UR name the side of the first axis on which the upper arm passes, seen along the arm; whether the elbow
+    is above or below the line from shoulder to wrist, while the arm does not reach over itself; and the turn of the
+    wrist: flipped is a positive wrist_2.
     """
     if isinstance(kinematics, URKinematics) and branch < _UR_BRANCHES:
         right, not_flipped, second = branch >> 2 & 1, branch >> 1 & 1, branch & 1

@@ -1,4 +1,4 @@
-"""The page of one browser tab: what the user does goes to the models, what they answer is drawn."""
+"""The page of one browser tab."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kinreach.view._setup import EPISODES, REAL_ARM, RESULTS, TARGET, Setup
 from kinreach.view._target_panel import TargetPanel
 
 LIGHT, DARK = "light", "dark"
-#: The order of what comes after all parts.
+#: Order of elements after all parts.
 LAST = 1e6
 #: Pixels of a screenshot.
 WIDTH, HEIGHT = 1600, 1000
@@ -35,16 +35,16 @@ def panels(setup: Setup) -> dict[str, type[Panel]]:
 
 
 class Page:
-    """One tab. Nothing in it is shared with another.
+    """One tab; it shares nothing with others.
 
     Args:
         client: viser's handle of the tab.
-        setup: What the command line asked for.
+        setup: From the command line.
 
     Attributes:
         client: As given.
-        names: Of the parts that can be shown.
-        shown: The part that is on the screen.
+        names: Of the parts.
+        shown: The part on the screen.
         lock: Held while the scene changes.
     """
 
@@ -60,7 +60,7 @@ class Page:
         watch(client, self.report)
         try:
             self._build()
-        except Exception as error:  # a page without its arm still shows why
+        except Exception as error:  # the page shows it in place of the arm
             self.report(error)
 
     def _build(self) -> None:
@@ -77,24 +77,24 @@ class Page:
         self.show(self._setup.first)
 
     def report(self, error: Exception | None) -> None:
-        """Say in red, and in a line on the terminal, what went wrong; None takes the sentence away."""
+        """Show an error in red and print it on the terminal; None clears it."""
         if not self._closed and (error is not None or self._trouble.content):
             self._trouble.content = "" if error is None else error_message(error)
 
     @property
     def trouble(self) -> str:
-        """What went wrong with the last input, as HTML; empty if nothing did."""
+        """Error of the last input as HTML; empty if there was none."""
         return str(self._trouble.content)
 
     @property
     def target(self) -> TargetPanel:
-        """The panel that every page begins with."""
+        """The panel that is built first."""
         return self._built[TARGET]  # type: ignore[return-value]
 
     def show(self, name: str) -> Panel:
-        """Show one of `panels`, and hide the others; it is built when it is first asked for.
+        """Show one of `panels`, and hide the others; it is built when it is first shown.
 
-        In the place of one that cannot be built stands why.
+        If it cannot be built, the error stands in its place.
         """
         with self.lock:
             for other, panel in self._built.items():
@@ -123,7 +123,7 @@ class Page:
         return panel
 
     def close(self) -> None:
-        """Let go of everything."""
+        """Stop all parts."""
         with self.lock:
             self._closed = True
             for panel in self._built.values():
@@ -136,13 +136,13 @@ class Page:
             self.show_program()
 
     def _colour(self, scheme: str) -> None:
-        """Take the browser's colours."""
+        """Follow the colour scheme of the browser."""
         dark = scheme == DARK
         self.client.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, dark_mode=dark)
         self._grid.colour(dark=dark)
 
     def show_program(self) -> None:
-        """Open a window with the program that reproduces what is on the screen."""
+        """Open a window with a program for what is on the screen."""
         gui = self.client.gui
         with gui.add_modal("What is on the screen, as a program") as modal:
             gui.add_html(html.code(self.shown.program()))

@@ -1,4 +1,4 @@
-"""What the parts of the page have in common: a folder of inputs, and a branch of the scene, shown together or not."""
+"""The base of the parts of the page: a folder of inputs and a branch of the scene, shown or hidden together."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Panel:
 
     Args:
         client: viser's handle of the tab.
-        setup: What the command line asked for.
-        surroundings: Boxes that turn red, and are hidden where a part has its own.
+        setup: From the command line.
+        surroundings: Boxes that turn red; hidden if a part has its own.
         lock: Held while the scene changes.
         title: Of its branch of the scene.
     """
@@ -32,7 +32,7 @@ class Panel:
         """Add the inputs, and draw the initial state."""
 
     def show(self, visible: bool) -> None:
-        """Show its inputs and what it draws, or hide both."""
+        """Show or hide its inputs and its branch of the scene."""
         with self._lock:
             self._branch.visible = self._folder.visible = visible
             if not visible:
@@ -43,11 +43,11 @@ class Panel:
         return "# Nothing is shown.\n"
 
     def close(self) -> None:
-        """Stop working, and let go of what the tab does not free itself."""
+        """Stop working."""
         self._latest.end()
 
     def remove(self) -> None:
-        """Take it out of the page."""
+        """Remove it from the page."""
         self._latest.end()
         self._folder.remove()
         self._branch.remove()

@@ -1,4 +1,4 @@
-"""Environments that the page plays, and who may act in each of them, by name."""
+"""Environments that the page plays, and the players for each of them, by name."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ ARM, OBSERVATION, BACKEND = "arm", "observation", "backend"
 
 @dataclass(frozen=True)
 class Playable:
-    """What the page has to know of a registered environment.
+    """A registered environment.
 
     Attributes:
         name: Its id.
-        choices: Of `ARM`, `OBSERVATION` and `BACKEND`, those that it takes.
+        choices: Which of `ARM`, `OBSERVATION` and `BACKEND` are options of it.
         solvable: Whether solvers of inverse kinematics can act in it.
         drawn: Whether it has a `render_mode`.
         tasks: Comparisons in it.
@@ -48,12 +48,12 @@ class Playable:
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Of an episode, beside the choices: those of the comparison."""
+        """Options of an episode besides the choices: those of the comparison."""
         own = (task.options for task in self.tasks if task.environment == self.name)
         return SHORTER.get(self.name, next(own, {}))
 
     def methods(self, arm: str | None = None) -> dict[str, Method]:
-        """Return the methods of comparisons in it, by name: of all arms, or of one arm and of tasks without one."""
+        """Return the methods of its comparisons by name: all, or those for an arm or for tasks without one."""
         return {
             name: method
             for task in self.tasks
@@ -62,11 +62,11 @@ class Playable:
         }
 
     def players(self, arm: ArmDescription, *, observation: str = "") -> tuple[str, ...]:
-        """Return names that `new_player` takes, solvers first.
+        """Return names for `new_player`, solvers first.
 
         Args:
-            arm: Who acts, where the environment takes an arm.
-            observation: What is observed; pictures are only for policies that see them, or that need no observation.
+            arm: The arm that acts, if the environment has the option.
+            observation: Kind of observation; with pictures only policies that see them, or need none, act.
         """
         eyes, environment = observation == PIXELS, trained_in(self.name)
         closed = self.solvable and ArmKinematics.of(arm).knows_all_postures
@@ -82,7 +82,7 @@ class Playable:
 
 
 def playable_names() -> tuple[str, ...]:
-    """Ids of the package's environments, and of those that registered comparisons are in."""
+    """Return ids of the package's environments and of those of registered comparisons."""
     compared = (get_task(name).environment for name in task_names())
     return tuple(dict.fromkeys((*ENVIRONMENTS, *SINGLE_ENVIRONMENTS, *compared, *KINEMATIC_ENVIRONMENTS)))
 
@@ -91,10 +91,10 @@ def playable(name: str) -> Playable:
     """Look up an environment.
 
     Args:
-        name: Its id; of `module:id` the module is loaded first.
+        name: Its id; for `module:id` the module is imported first.
 
     Raises:
-        InputError: There is none of that id, or the module cannot be loaded.
+        InputError: Unknown id, or the module cannot be imported.
     """
     module, _, name = name.rpartition(":")
     if module:
@@ -118,12 +118,12 @@ def new_player(name: str, env: gym.Env[Any, Any], *, seed: int = 0) -> Policy:
 
     Args:
         name: One of `Playable.players`; of a policy of the package; the path of a policy's file; or
-            `module:attribute`, a solver, a policy or a class of one, as `kinreach.compare` takes it.
-        env: Where, as `gym.make` made it.
-        seed: Of what it draws.
+            `module:attribute`, a solver, a policy or a class of one, as for `kinreach.compare`.
+        env: From `gym.make`.
+        seed: Of the player.
 
     Raises:
-        InputError: There is none of that name, the file is not a policy, or it is for another environment.
+        InputError: Unknown name, the file is not a policy, or it is for another environment.
     """
     known = playable(env.spec.id)  # type: ignore[union-attr]
     methods, environment = known.methods(), trained_in(known.name)
@@ -145,6 +145,6 @@ def new_player(name: str, env: gym.Env[Any, Any], *, seed: int = 0) -> Policy:
 
 
 def trained_in(environment: str) -> str:
-    """Id of the environment that policies for this one were trained in: of the kinematic ones, that with dynamics."""
+    """Return the id of the environment that policies for this one are trained in: the one with dynamics."""
     points = KINEMATIC_ENVIRONMENTS.get(environment)
     return next((name for name, others in ENVIRONMENTS.items() if others == points), environment)

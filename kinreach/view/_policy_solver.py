@@ -18,10 +18,10 @@ from kinreach.kinematics._solutions import Accept
 
 
 class PolicySolver:
-    """A policy as a solver: an episode without dynamics, from the start pose that it was trained from.
+    """A policy as a solver: an episode without dynamics, from the start pose of its training.
 
-    It knows where the goal is, and brings the tool there pointing down; its error to another direction counts
-    like any other error.
+    It gets the position of the goal and brings the tool there pointing down; an error to another direction counts
+    like any other.
 
     Args:
         policy: Name or file, of a policy for one of the thesis's reach tasks.
@@ -29,7 +29,7 @@ class PolicySolver:
 
     Attributes:
         name: As given.
-        seconds: How long it has thought about the last goal [s].
+        seconds: Time of its decisions for the last goal [s].
 
     Raises:
         InputError: It is for another task, or cannot act for this arm.
@@ -48,7 +48,7 @@ class PolicySolver:
         self._policy.check_spaces(self._env.observation_space, self._env.action_space)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """Play the policy and return where it ends; the seed is not used."""
+        """Play the policy and return its end; the seed is not used."""
         (trial,) = rollout(self._env, self._policy, [{"seed": 0, "options": {"goal": goal.position}}])
         self.seconds = trial["solve_s"]
         q = np.array(trial["target"] if trial["steps"] == 1 else trial["q"])

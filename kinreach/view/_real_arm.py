@@ -1,4 +1,4 @@
-"""A calibrated UR beside its data sheet: where its tip ends in a posture that was solved for the data sheet's arm."""
+"""The tip error of a calibrated UR in postures that are solved by its data sheet."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from kinreach.robots import ArmDescription, BoxRegion
 
 #: Cells of a map along its longer edge.
 CELLS = 32
-#: Of an arm without a table: half the edge of the square around its base, by the arm's length stretched out.
+#: Half the edge of the map of an arm without a table, relative to the stretched arm.
 AROUND = 0.9
 _DOWN = (0.0, 0.0, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Miss:
-    """What a posture of the data sheet's comes to on the real arm.
+    """A posture that is solved by the data sheet, on the real arm.
 
     Attributes:
         q: The posture [rad], shape (6,).
-        meant: Frame of the tip as the data sheet has it, shape (4, 4).
-        real: Frame of the tip as it is, shape (4, 4).
+        meant: Frame of the tip by the data sheet, shape (4, 4).
+        real: Frame of the tip of the real arm, shape (4, 4).
     """
 
     q: Floats
@@ -36,7 +36,7 @@ class Miss:
 
     @property
     def vector(self) -> Floats:
-        """From where the tip was meant to be to where it is, in the world [m], shape (3,)."""
+        """From the tip by the data sheet to the real one, in the world [m], shape (3,)."""
         vector: Floats = self.real[:3, 3] - self.meant[:3, 3]
         return vector
 
@@ -55,7 +55,7 @@ class Miss:
 
 @dataclass(frozen=True, eq=False)
 class ErrorMap:
-    """How far the tip is off on a horizontal rectangle, the tool pointing down.
+    """Tip errors on a horizontal rectangle, with the tool pointing down.
 
     Attributes:
         centre: Of the rectangle in the world [m], shape (3,).
@@ -70,13 +70,13 @@ class ErrorMap:
 
     @property
     def known(self) -> Floats:
-        """The errors that there are [m], shape (k,)."""
+        """The errors that are not NaN [m], shape (k,)."""
         known: Floats = self.distances[np.isfinite(self.distances)]
         return known
 
 
 class RealArm:
-    """A UR by its data sheet and as it left the factory.
+    """A UR by its data sheet and by its calibration.
 
     Args:
         nominal: By its data sheet.
@@ -100,7 +100,7 @@ class RealArm:
         self.real: ClosedFormKinematics = arms[1]  # type: ignore[assignment]
 
     def miss(self, q: Floats) -> Miss:
-        """Return where the tip is, and where the data sheet has it, in a posture [rad], shape (6,)."""
+        """Compare the tip with that of the data sheet in a posture [rad], shape (6,)."""
         return Miss(q, self.nominal.fk(q), self.real.fk(q))
 
     def believed(self, T: Floats, seed: Floats) -> IKResult:
@@ -125,7 +125,7 @@ class RealArm:
 
 
 def colours(values: Floats, most: float) -> NDArray[np.uint8]:
-    """Viridis from 0 to `most` as RGBA, shape (..., 4); what is not finite is transparent."""
+    """Viridis from 0 to `most` as RGBA, shape (..., 4); transparent for NaN."""
     import cv2
 
     shares = np.clip(np.nan_to_num(values) / most, 0.0, 1.0)
@@ -136,7 +136,7 @@ def colours(values: Floats, most: float) -> NDArray[np.uint8]:
 
 
 def _surface(kinematics: URKinematics) -> tuple[Floats, tuple[float, float]]:
-    """Centre and edges of what a map is of: the table's top, else where goals are, else around the arm."""
+    """Centre and edges of a map: of the table, else of the goals, else around the arm."""
     cell = kinematics.arm.workcell
     for box in cell.obstacles:
         if box.name == "table":

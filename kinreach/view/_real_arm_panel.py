@@ -1,4 +1,4 @@
-"""The part of the page that lays a calibrated UR over its data sheet."""
+"""The part of the page that shows a calibrated UR over its data sheet."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from kinreach.view._panel import Panel
 from kinreach.view._real_arm import ErrorMap, Miss, RealArm, colours
 from kinreach.view._snippet import calibrated, real_arm_program
 
-#: How many times as long as it is the tip error is drawn in the beginning, and at most.
+#: Factors of the drawn tip error: at the start and the largest.
 TIMES, MAX_TIMES = 30, 100
-#: The map is this far above the table [m].
+#: Height of the map above the table [m].
 ABOVE = 0.002
 #: Pixels of a cell of the map.
 PIXELS = 8
 
 
 class RealArmPanel(Panel):
-    """Nominal and calibrated arm in the posture that the data sheet has for a target, and by how much its tip is off.
+    """Nominal and calibrated arm in the data sheet's posture for a target, and the tip error.
 
     Attributes:
         model: Both arms; None until there is a calibration.
-        map: Of the tip error; None as `model`.
-        miss: Of the posture that is on the screen; None where the data sheet's arm has none.
+        map: Of the tip error; None until there is a calibration.
+        miss: Of the posture on the screen; None if the data sheet's arm has none.
     """
 
     def build(self) -> None:
@@ -65,11 +65,11 @@ class RealArmPanel(Panel):
             )
 
     def open(self, file: str, *, remark: str = "") -> None:
-        """Read a calibration; what cannot be one is refused in the page, and what was there stays.
+        """Read a calibration; if that fails, show the error and keep the last one.
 
         Args:
             file: Its path.
-            remark: Said before what the calibration comes to.
+            remark: Text before the result.
         """
         try:
             arm = self._sheet.calibrated(file.strip())
@@ -88,7 +88,7 @@ class RealArmPanel(Panel):
         self._latest(work)
 
     def program(self) -> str:
-        """Write Python code for the tip error that is on the screen."""
+        """Write Python code for the tip error on the screen."""
         if self.model is None:
             return "# There is no calibration yet.\n"
         return real_arm_program(self.model, self.T, self.q, sheet=self._setup.sheet, arm=self._expression)
@@ -159,7 +159,7 @@ class RealArmPanel(Panel):
             self.move(frame_of(self._gizmo))
 
     def _update(self) -> None:
-        """Solve for the data sheet's arm, and draw what comes of it on the real one."""
+        """Solve for the data sheet's arm, and draw both arms in that posture."""
         model = self.model
         if model is None:
             return
@@ -184,6 +184,6 @@ class RealArmPanel(Panel):
         with self._client.atomic():
             for arm in self._arms:
                 arm.take(miss.q)
-            self._arrow.points = np.array([[tip, tip + times * miss.vector]], dtype=np.float32)
+            self._arrow.points = np.array([[tip, tip + times * miss.vector]])
             self._label.text = length(miss.distance) + (f", drawn × {times}" if times > 1 else "")
             self._label.position = tip + times * miss.vector

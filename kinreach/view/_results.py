@@ -1,4 +1,4 @@
-"""What a comparison wrote, goal by goal: where each method ended. Files are checked before they are believed."""
+"""Results of a comparison, goal by goal, read from files that are checked."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from kinreach._plots._methods import method_colours
 from kinreach.errors import InputError
 from kinreach.robots import arm_names
 
-#: Files that are read; a trial has some 700 bytes.
+#: Names of the files; a trial has about 700 bytes.
 RESULTS, TRIALS = "results.json", "results.csv"
 MAX_BYTES = 256 * 1024 * 1024
-#: Goals and methods that can be shown.
+#: Largest number of goals and methods.
 MAX_GOALS, MAX_METHODS = 20_000, 64
 #: Task -> its arm, for files that do not name it.
 UNNAMED = {"ur5": "ur5", "space": "ur5", "real-arm": "ur5", "moving": "ur5", "arm3": "arm3", "button": "arm3"}
@@ -29,14 +29,14 @@ _NEEDED = ("goal_index", "method", "goal", "distance", "reached")
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """Where a method ended on a goal.
+    """The end of a method on a goal.
 
     Attributes:
         reached: Whether it met the task's criterion.
         distance: Tip to goal [m].
-        reason: Why it was impossible; empty where it was not.
-        tip: In the world [m], shape (3,); None where it was not written.
-        q: Posture [rad], shape (n,); None where it was not written.
+        reason: Why it was impossible; empty if it was not.
+        tip: In the world [m], shape (3,); None if not written.
+        q: Posture [rad], shape (n,); None if not written.
     """
 
     reached: bool
@@ -53,7 +53,7 @@ class Results:
     Attributes:
         file: Of its summary.
         title: Of its task.
-        arm: Name of the arm that did it; empty if it is none of the package's.
+        arm: Name of the arm; empty if it is not in the package.
         colours: Of the methods, by name, red, green and blue of 0 to 255.
         goals: In the world [m], shape (count, 3).
         ends: Of each goal, by method.
@@ -67,18 +67,18 @@ class Results:
     ends: tuple[Mapping[str, End], ...]
 
     def distances(self, method: str) -> Floats:
-        """Return how far a method ended from each goal [m], shape (count,); NaN where that is not known."""
+        """Return the distances of a method from the goals [m], shape (count,); NaN if unknown."""
         return np.array([ends[method].distance if method in ends else np.nan for ends in self.ends])
 
 
 def read_results(file: str | Path) -> Results:
-    """Read what `kinreach compare` wrote: `results.json`, and `results.csv` beside it.
+    """Read the results of `kinreach compare`: `results.json`, and `results.csv` beside it.
 
     Args:
         file: The JSON, or its folder.
 
     Raises:
-        InputError: One of them cannot be read, or has wrong content; the message names the file and the fault.
+        InputError: A file cannot be read or has wrong content; the message names both.
     """
     path = check_path("results", file)
     if path.is_dir():
@@ -104,7 +104,7 @@ def read_results(file: str | Path) -> Results:
 
 
 def _arm(settings: Mapping[str, Any]) -> str:
-    """The name of the arm, also from files that have it among the options, or not at all."""
+    """The name of the arm; from the options or the task if the settings have none."""
     options = settings.get("options")
     named = options.get("arm") if isinstance(options, dict) else None
     return str(settings.get("arm", named or UNNAMED.get(str(settings.get("task")), "")))
@@ -156,7 +156,7 @@ def _trials(rows: csv.DictReader[str], methods: Collection[str]) -> tuple[Floats
 
 
 def _trial(row: Mapping[str, str], methods: Collection[str]) -> Iterator[tuple[int, str, Floats, End]]:
-    """Index of the goal, method, goal and end of a row; nothing of a method that the summary leaves out."""
+    """Index of the goal, method, goal and end of a row, if the method is in the summary."""
     if row["method"] in methods:
         (index,) = _vector(row, "goal_index", MAX_DISTANCE, size=1)
         distance = _vector(row, "distance", MAX_DISTANCE, size=1) if row["distance"] else np.array([np.nan])

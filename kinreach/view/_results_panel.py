@@ -1,4 +1,4 @@
-"""The part of the page that opens a comparison: a goal to click, and where each method ended on it."""
+"""The part of the page that opens a comparison: goals to click, and the end of each method."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kinreach.errors import KinreachError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
 from kinreach.view import _html as html
-from kinreach.view._draw import RED, SolidArm, Surroundings, overview
+from kinreach.view._draw import RED, SolidArm, Surroundings, instance_colours, overview
 from kinreach.view._figure import Figure
 from kinreach.view._inputs import add_unseen, by_user
 from kinreach.view._names import length
@@ -22,21 +22,21 @@ from kinreach.view._real_arm import colours
 from kinreach.view._results import Results, read_results
 from kinreach.view._snippet import results_program
 
-#: Radius of a goal, and by how much that of the chosen one is larger [m].
+#: Radius of a goal [m], and the factor for the chosen one.
 BALL, CHOSEN = 0.008, 2.2
 #: Distances [m] of the darkest and the brightest colour of a goal; the scale between them is logarithmic.
 LEAST, MOST = 1e-4, 1e-1
-#: Of a goal that a method was not put to.
+#: Colour of a goal that the method did not try.
 UNKNOWN = (150, 150, 150)
 
 
 class ResultsPanel(Panel):
-    """The goals of a comparison in the colours of a method's distances from them, and all ends on one of them.
+    """The goals of a comparison, coloured by the distance of a method, and all ends on one of them.
 
     Attributes:
-        results: That are shown; None before a file was opened.
-        chosen: Index of the goal whose ends are shown.
-        method: Name of the method whose distances and arm are shown.
+        results: On the screen; None before a file was opened.
+        chosen: Index of the chosen goal.
+        method: Name of the chosen method.
     """
 
     def build(self) -> None:
@@ -53,7 +53,7 @@ class ResultsPanel(Panel):
             self.open(self._setup.results)
 
     def show(self, visible: bool) -> None:
-        """Show it, or hide it."""
+        """Show or hide it."""
         with self._lock:
             super().show(visible)
             self._surroundings.visible = not visible or self.results is None
@@ -61,7 +61,7 @@ class ResultsPanel(Panel):
                 overview(self._client, get_arm(self.results.arm) if visible else self._setup.arm)  # type: ignore[union-attr]
 
     def open(self, file: str) -> None:
-        """Open a comparison; what cannot be one is refused in the page, and what was there stays."""
+        """Open a comparison; if that fails, show the error and keep the last one."""
         try:
             results = read_results(file.strip())
         except KinreachError as error:
@@ -121,7 +121,7 @@ class ResultsPanel(Panel):
             if written and all(len(q) == kinematics.n for q in written):
                 self._solid = SolidArm(scene, f"{self._root}/cell/arm", Figure(kinematics, simple=self._setup.simple))
         self._goals = self._balls("goals", len(results.goals))
-        self._goals.batched_positions = results.goals.astype(np.float32)
+        self._goals.batched_positions = results.goals
         self._goals.on_click(self._clicked)
         self._tips = self._balls("tips", len(results.colours))
         self._ways = scene.add_line_segments(
@@ -138,12 +138,12 @@ class ResultsPanel(Panel):
         ball = trimesh.creation.icosphere(2, BALL)
         return self._client.scene.add_batched_meshes_simple(
             f"{self._root}/cell/{name}",
-            np.array(ball.vertices, dtype=np.float32),
+            np.array(ball.vertices),
             np.array(ball.faces),
             batched_wxyzs=np.tile((1.0, 0.0, 0.0, 0.0), (count, 1)),
             batched_positions=np.zeros((count, 3)),
             batched_scales=np.ones(count),
-            batched_colors=np.zeros((count, 3), dtype=np.uint8),
+            batched_colors=np.zeros((count, 3)),
             lod="off",
             cast_shadow=False,
         )
@@ -155,11 +155,11 @@ class ResultsPanel(Panel):
     def _draw(self, results: Results) -> None:
         goal, ends = results.goals[self.chosen], results.ends[self.chosen]
         with self._client.atomic():
-            scales = np.ones(len(results.goals), dtype=np.float32)
+            scales = np.ones(len(results.goals))
             scales[self.chosen] = CHOSEN
             self._goals.batched_scales = scales
             self._draw_tips(results, goal)
-            self._goals.batched_colors = _by_distance(results.distances(self.method))
+            self._goals.batched_colors = instance_colours(_by_distance(results.distances(self.method)))
             posture = ends[self.method].q if self.method in ends else None
             if self._solid is not None:
                 self._solid.visible = posture is not None
@@ -179,10 +179,10 @@ class ResultsPanel(Panel):
             end = ends.get(name)
             if end is not None and end.tip is not None:
                 tips[row] = end.tip
-        colours = np.array(list(results.colours.values()), dtype=np.uint8)
-        self._tips.batched_positions = tips.astype(np.float32)
-        self._tips.batched_colors = colours
-        self._ways.points = np.stack([np.tile(goal, (len(tips), 1)), tips], axis=1).astype(np.float32)
+        colours = np.array(list(results.colours.values()))
+        self._tips.batched_positions = tips
+        self._tips.batched_colors = instance_colours(colours)
+        self._ways.points = np.stack([np.tile(goal, (len(tips), 1)), tips], axis=1)
         self._ways.colors = np.repeat(colours[:, None], 2, axis=1)
 
 

@@ -1,4 +1,4 @@
-"""The self-motion of a seven-axis arm's target: the ways of its elbow, and inputs that move the arm along one."""
+"""The self-motion of a seven-axis arm: paths of its elbow, and inputs that move the arm along one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kinreach.view._inputs import Entry, by_user
 
 pin: Any = load("pinocchio")
 
-#: A posture nearer than this to that of the inputs leaves them as they are [rad].
+#: The inputs keep their values for postures nearer than this [rad].
 NEAR = 1e-2
 NONE = "none"
 
@@ -50,13 +50,13 @@ class SelfMotionFolder(Branch):
         self._entry = Entry(self._place, react)
 
     def clear(self, text: str) -> None:
-        """Draw no curves, and write a sentence in their place."""
+        """Remove the curves, and write a sentence."""
         self._curves = []
         self.visible = self._curve.visible = self._place.visible = False
         self._text.content = html.small(text)
 
     def show(self, motions: SelfMotions) -> None:
-        """Draw these curves, or write why there are none."""
+        """Draw curves, or write the reason why there are none."""
         if not motions.success:
             self.clear(f"There is no self-motion: {motions.reason}.")
             return

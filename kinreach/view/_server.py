@@ -18,20 +18,20 @@ from kinreach.errors import InstallationError, OutputError
 from kinreach.view._page import Page
 from kinreach.view._setup import Setup
 
-#: The only address that is listened to: only this machine can connect.
+#: The address of the server; only this machine can connect.
 HOST = "127.0.0.1"
-#: What the page has in its head beside viser's own: styles, and what a browser does by itself.
+#: Styles and scripts for the head of viser's page.
 HEAD = Path(__file__).with_name("head.html")
-#: Names of this machine that a browser may have asked for, in an address of the page.
+#: Names of this machine in addresses of the page.
 OWN_NAMES = (HOST, "localhost", "[::1]")
 #: Held while viser starts a server.
 _STARTING = threading.Lock()
-#: What viser warns of where a tab is closed while something is drawn in it, which is not a fault.
+#: Warning of viser if a tab is closed during drawing, which is not a fault.
 CLOSED = r"Queued a \w+ on a closed connection"
 
 
 def import_viser() -> Any:
-    """viser, which only the page needs.
+    """Import viser, which only the page needs.
 
     Raises:
         InstallationError: It is missing.
@@ -44,12 +44,12 @@ def import_viser() -> Any:
 
 
 def is_own_host(headers: Any) -> bool:
-    """Check that a request names this machine; the name of a site may lead here, too (DNS rebinding)."""
+    """Check that a request names this machine, against DNS rebinding."""
     return _own_host(headers) is not None
 
 
 def is_own_origin(headers: Any) -> bool:
-    """Check that a request comes from a page of this server, at the port that it was asked for."""
+    """Check that a request comes from a page of this server, at the same port."""
     host, origins = _own_host(headers), headers.get_all("Origin")
     return host is not None and len(origins) == 1 and origins[0] in [f"http://{name}{host[1]}" for name in OWN_NAMES]
 
@@ -63,10 +63,10 @@ def _own_host(headers: Any) -> re.Match[str] | None:
 
 @contextlib.contextmanager
 def _guarding(title: str) -> Iterator[threading.Event]:
-    """Let websocket servers that are started here answer only requests of their own page; the event is set by one.
+    """Let websocket servers that start here answer only their own page; the event is set when one starts.
 
-    The page gets its own title and head, and data that is not a message does not end its connection. viser has no
-    options for these; it calls `serve` of websockets, which has.
+    The page gets its own title and head, and data that is not a message does not end the connection. viser has no
+    options for this, but it calls `serve` of websockets, which has.
     """
     from viser._messages import Message
     from websockets.asyncio import server
@@ -123,11 +123,11 @@ def _dressed(page: str, title: str, head: str) -> str:
 
 
 class Server:
-    """Serves a page to every tab that asks.
+    """Serve a page to every tab that connects.
 
     Args:
-        setup: What every tab begins with.
-        port: Where to listen; if it is taken, the next that is free.
+        setup: Of every tab.
+        port: To listen on; if it is taken, the next free one.
 
     Attributes:
         pages: Of the open tabs, by viser's number of the client.
@@ -168,7 +168,7 @@ class Server:
 
     @property
     def address(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return f"http://{HOST}:{self._viser.get_port()}"
 
     def stop(self) -> None:

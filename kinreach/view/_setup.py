@@ -1,4 +1,4 @@
-"""What the command line asks the page to show."""
+"""The setup of the page from the command line."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ TARGET, REAL_ARM, EPISODES, RESULTS = "Target", "Real arm", "Episodes", "Results
 
 @dataclass(frozen=True)
 class Setup:
-    """What every tab begins with.
+    """The start of every tab.
 
     Attributes:
         arm: The arm, calibrated if a calibration was given.
         expression: The arm as Python code.
         sheet: The arm by its data sheet as Python code.
         simple: Draw the arm by its collision shapes, for browsers without a graphics card.
-        nominal: The arm by its data sheet, where `arm` is calibrated.
+        nominal: The arm by its data sheet if `arm` is calibrated.
         calibration: Path of its calibration.
-        policy: Who acts in the first episode: a policy's name or file, or `module:attribute`.
-        environment: Id of the environment that episodes begin with; of `module:id` the module is loaded.
-        results: Path of a comparison that is opened.
+        policy: That acts in the first episode: its name or file, or `module:attribute`.
+        environment: Id of the first environment, or `module:id`.
+        results: Path of a comparison to open.
     """
 
     arm: ArmDescription
@@ -51,7 +51,7 @@ class Setup:
 
     @property
     def first(self) -> str:
-        """The part of the page that a tab begins with."""
+        """The first part on the screen."""
         if self.results is not None:
             return RESULTS
         return TARGET if self.policy is None and self.environment is None else EPISODES
@@ -62,7 +62,7 @@ class Setup:
 
     @property
     def policies(self) -> tuple[str, ...]:
-        """Policies that bring the arm's own tip to a goal: those of the package, and the one that was asked for."""
+        """Policies that bring the arm's own tip to a goal: those of the package and `policy`."""
         name = (self.nominal or self.arm).name
         if name in arm_names() and self.arm.default_tip != get_arm(name).default_tip:
             return ()
@@ -73,10 +73,10 @@ class Setup:
 
     @cached_property
     def policy_environment(self) -> str:
-        """Id of the environment of the policy; empty without a policy, or if the policy does not name one.
+        """Id of the environment of the policy; empty if there is none.
 
         Raises:
-            InputError: Unknown policy, the file is none, or the module cannot be loaded.
+            InputError: Unknown policy, the file is not a policy, or the module cannot be imported.
         """
         if self.policy is None:
             return ""
@@ -87,12 +87,12 @@ class Setup:
 
     @cached_property
     def environments(self) -> tuple[str, ...]:
-        """Environments that can be played, as `playable` takes them; that which was asked for comes first.
+        """Names of environments for `playable`, the wanted one first.
 
-        For an arm without goals these are the ones that have an arm of their own.
+        For an arm without goals, only environments with an arm of their own.
 
         Raises:
-            InputError: Unknown environment, or its module cannot be loaded.
+            InputError: Unknown environment, or its module cannot be imported.
         """
         wanted = self.policy_environment if self.environment is None else self.environment
         if wanted:
@@ -103,5 +103,5 @@ class Setup:
 
     @cached_property
     def figure(self) -> Figure:
-        """The arm's links, read once."""
+        """Shapes of the arm."""
         return Figure(TargetModel(self.arm).kinematics, simple=self.simple)

@@ -1,4 +1,4 @@
-"""A program that reproduces what is on the screen."""
+"""Programs that reproduce what is on the screen."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from kinreach.view._target import TargetModel
 
 
 def program(model: TargetModel, goal: Goal, seed: Floats, *, arm: str) -> str:
-    """Write Python code that prints the postures of a target and what touches in them.
+    """Write Python code that prints the postures of a target and their contacts.
 
     Args:
         model: Of the arm, with the joint limits that count.
-        goal: What is on the screen.
+        goal: On the screen.
         seed: Posture the arm stands in [rad].
         arm: An expression for the arm, such as `"'ur5'"`.
     """
@@ -70,7 +70,7 @@ def with_tool(arm: str, tool: Tool) -> str:
 
 
 def robots(*arms: str) -> list[str]:
-    """The lines that import what expressions for arms need; none where they are names."""
+    """The imports of expressions for arms; none for names."""
     names = ("ArmDescription.", "Tool(", "get_arm(")
     needed = [name[:-1] for name in names if any(name in arm for arm in arms)]
     lines = ["from importlib import import_module"] if any(arm.startswith("import_module(") for arm in arms) else []
@@ -78,7 +78,7 @@ def robots(*arms: str) -> list[str]:
 
 
 def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, sheet: str, arm: str) -> str:
-    """Write Python code that prints by how much a calibrated arm's tip is off in the data sheet's posture.
+    """Write Python code that prints the tip error of a calibrated arm in the data sheet's posture.
 
     Args:
         model: Both arms.
@@ -105,7 +105,7 @@ def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, sheet: str, arm
 
 
 def results_program(results: Results, index: int) -> str:
-    """Write Python code that prints where each method ended on a goal.
+    """Write Python code that prints the end of each method on a goal.
 
     Args:
         results: Of a comparison.

@@ -1,4 +1,4 @@
-"""One target and all postures for it: which can be used, and why the others cannot, in words."""
+"""All postures for a target: which can be used, and why the others cannot."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ from kinreach.robots import ArmDescription
 from kinreach.view._names import angle, branch_name, length, listed, plain
 from kinreach.view._policy_solver import PolicySolver
 
-#: What may be asked of the tool, by the words of the page.
+#: Kinds of goals.
 POSE, AXIS, POINT = "position and orientation", "position and direction", "position only"
-#: The posture on a self-motion that the user has gone to.
+#: Name of the posture on a self-motion that the user chose.
 ALONG = "on the chosen curve"
 #: Starts of the search for postures of an arm without a closed form.
 STARTS = 8
-#: Two postures nearer than this in every joint are one [rad].
+#: Postures nearer than this in every joint are the same [rad].
 SAME = 1e-3
-#: A calibrated arm's border is elsewhere: so much further in than that of the data sheet's [m] postures are looked for.
+#: Depths inside the border of the data sheet's reach at which a calibrated arm's postures are tried [m].
 DEEPER = (0.0, 1e-3, 3e-3, 1e-2, 3e-2)
-#: Where the motion of a turning tool is measured: this far from its axis [m].
+#: Distance from its axis at which the motion of a turning tool counts [m].
 LEVER = 0.2
 
 
 class State(Enum):
-    """What may be done with a posture."""
+    """Whether a posture can be used, or why not."""
 
     USABLE = "can be used"
     COLLIDES = "collides"
@@ -57,7 +57,7 @@ class State(Enum):
     UNREACHED = "out of reach"
 
 
-#: Of several postures.
+#: Verbs for several postures.
 _PLURAL = {
     State.COLLIDES: "collide",
     State.LIMITS: "are outside the joint limits",
@@ -72,13 +72,13 @@ class Posture:
     Attributes:
         branch: Its index.
         name: For people.
-        state: What may be done with it.
+        state: Whether it can be used.
         reason: Why not, one sentence; empty if it can be used.
-        q: Joint angles [rad], shape (n,); None where the branch does not reach.
-        pairs: What touches.
+        q: Joint angles [rad], shape (n,); None if the branch does not reach.
+        pairs: Names of links and boxes that touch.
         stiffness: `slowest_motion` in it [m/rad].
-        distance: How far it is from the posture the arm stood in [rad].
-        lack: What is missing where the branch of a UR does not reach, else None.
+        distance: From the posture before [rad].
+        lack: What is missing if the branch of a UR does not reach, else None.
     """
 
     branch: int
@@ -94,13 +94,13 @@ class Posture:
 
 @dataclass(frozen=True)
 class Approach:
-    """How near the arm comes to a target that it does not reach.
+    """The nearest posture to a target that is not reached.
 
     Attributes:
         q: In this posture [rad], shape (n,).
         distance: Of the tip from the target [m].
-        turned: Angle of the tool from what was asked [rad].
-        least: Whether there is nothing nearer with the tool turned as asked; else it is where a search ended.
+        turned: Angle of the tool from the goal's [rad].
+        least: Whether it is proven to be the nearest with the tool turned as asked; else it is the end of a search.
     """
 
     q: Floats
@@ -114,14 +114,14 @@ class Answer:
     """The answer to a target.
 
     Attributes:
-        goal: What was asked.
-        seed: Posture the arm stood in [rad].
+        goal: Of the target.
+        seed: Posture before [rad].
         postures: By branch index.
-        shown: The posture the arm takes, an index of `postures`: the nearest that can be used, else the nearest that
-            reaches; -1 if none does.
+        shown: Index of the posture to show: the nearest that can be used, else the nearest that reaches; -1 if none
+            does.
         verdict: One or two sentences.
-        approach: How near the arm comes, if no posture reaches; else None.
-        seconds: How long all of it took.
+        approach: The nearest posture if none reaches, else None.
+        seconds: Time of the answer.
     """
 
     goal: Goal
@@ -134,13 +134,13 @@ class Answer:
 
     @property
     def usable(self) -> int:
-        """How many postures can be used."""
+        """Number of postures that can be used."""
         return sum(posture.state is State.USABLE for posture in self.postures)
 
 
 @dataclass(frozen=True)
 class Finish:
-    """Where one solver ended, and how long it took [s]."""
+    """The result of a solver, and its time [s]."""
 
     solver: str
     result: IKResult
@@ -158,9 +158,9 @@ class TargetModel:
     Attributes:
         kinematics: Goals are for its tip, in the world.
         checker: None for an arm without shapes.
-        kinds: What may be asked of the tool.
+        kinds: Of goals for this arm.
         lower, upper: Joint limits that count [rad], shape (n,).
-        solvers: Names of solvers and policies that can be put beside each other.
+        solvers: Names of solvers and policies for `solve`.
 
     Raises:
         UnknownNameError: Unknown arm or tip.
@@ -187,7 +187,7 @@ class TargetModel:
         return np.array(self.kinematics.arm.home, dtype=np.float64)
 
     def limit_joints(self, bound: float) -> None:
-        """Let no joint turn farther than `bound` [rad] from 0, nor farther than the arm's own limits."""
+        """Limit all joints to ±`bound` [rad], within the arm's own limits."""
         lower, upper = self.kinematics.lower, self.kinematics.upper
         self.lower, self.upper = np.clip(-bound, lower, upper), np.clip(bound, lower, upper)
 
@@ -195,7 +195,7 @@ class TargetModel:
         """Make a goal from a frame (4, 4) in the world.
 
         Raises:
-            UnknownNameError: The arm cannot be asked for that.
+            UnknownNameError: The kind is not one of `kinds`.
         """
         check_known("kind of goal", kind, self.kinds)
         if kind == POSE:
@@ -203,7 +203,7 @@ class TargetModel:
         return AxisGoal(T[:3, 3], T[:3, 2]) if kind == AXIS else PositionGoal(T[:3, 3])
 
     def answer(self, goal: Goal, seed: Floats) -> Answer:
-        """Find and judge all postures for a goal; the arm goes to the nearest one.
+        """Find and judge all postures for a goal.
 
         Args:
             goal: For the tip, in the world.
@@ -221,7 +221,7 @@ class TargetModel:
         return Answer(goal, seed, postures, shown, verdict, approach, time.perf_counter() - start)
 
     def along(self, answer: Answer, curve: int, q: Floats) -> Answer:
-        """Add a posture (7,) [rad] on a curve of the target's self-motion to an answer, in the place of the last."""
+        """Add a posture (7,) [rad] on a curve of the self-motion to an answer; it replaces the last one added."""
         posture = replace(self._judged(curve, q, answer.seed), name=ALONG)
         postures = (*(other for other in answer.postures if other.name != ALONG), posture)
         shown = answer.shown if answer.shown >= 0 else len(postures) - 1
@@ -229,7 +229,7 @@ class TargetModel:
         return replace(answer, postures=postures, shown=shown, verdict=verdict, approach=None)
 
     def solve(self, goal: Goal, seed: Floats, names: Sequence[str] | None = None) -> list[Finish]:
-        """Put a goal to solvers, one after the other; each may take only postures that do not collide.
+        """Solve a goal by several solvers, which accept only postures without collisions.
 
         Args:
             goal: For the tip, in the world.
@@ -252,10 +252,10 @@ class TargetModel:
         return finishes
 
     def slowest_motion(self, q: Floats) -> float:
-        """Return how far the tool moves while the joints turn by one radian in all, in its slowest direction [m/rad].
+        """Return the motion of the tool in its slowest direction for one radian of the joints in all [m/rad].
 
-        It is the smallest singular value of the Jacobian, 0 in a singular posture. Turning counts as what it moves
-        at a lever of `LEVER`; of an arm with fewer than six joints only the position counts.
+        It is the smallest singular value of the Jacobian, 0 in a singular posture. Turning counts by the motion at a
+        lever of `LEVER`; for fewer than six joints only the position counts.
         """
         J = self.kinematics.jacobian(q)
         J = np.vstack([J[:3], LEVER * J[3:]]) if self.kinematics.n >= 6 else J[:3]
@@ -292,13 +292,13 @@ class TargetModel:
                 yield Posture(branch, name, State.UNREACHED, _why_short(lack), lack=lack)
 
     def complete(self, goal: Goal) -> bool:
-        """Return whether all postures for a goal are found, not just some."""
+        """Return whether all postures for a goal are found."""
         if isinstance(self.kinematics, SixAxisKinematics):
             return isinstance(goal, PoseGoal)
         return isinstance(self.kinematics, ClosedFormKinematics)
 
     def _found(self, goal: Goal, seed: Floats) -> Iterator[tuple[int, Floats]]:
-        """Branch and principal angles of the postures that reach, whatever the limits."""
+        """Branches and principal angles of postures that reach, without limits."""
         kinematics = self.kinematics
         if not self.complete(goal):
             yield from self._searched(goal, seed)
@@ -314,7 +314,7 @@ class TargetModel:
             yield row[BRANCH], np.array(row[ANGLES])
 
     def _searched(self, goal: Goal, seed: Floats) -> Iterator[tuple[int, Floats]]:
-        """Postures of an arm without a closed form, from its own and from random starts that are always the same."""
+        """Postures of an arm without a closed form, searched from fixed starts."""
         kept: list[Floats] = []
         for result in self._ends(goal, seed):
             if result.success and not any(np.abs(result.q - q).max() < SAME for q in kept):
@@ -327,7 +327,7 @@ class TargetModel:
         return [self._search.solve(goal, start) for start in starts]
 
     def _approach(self, goal: Goal, seed: Floats) -> Approach:
-        """The nearest that the arm comes; of an arm that is not a UR, the nearest of several searches' ends."""
+        """The nearest posture of a UR; for other arms the best end of several searches."""
         if isinstance(self.kinematics, URKinematics):
             T = _frame(goal)
             nearest = self.kinematics.nearest_in_reach(T)
@@ -363,7 +363,7 @@ class TargetModel:
         return Posture(branch, name, state, reason, q, pairs, self.slowest_motion(q), distance)
 
     def _touch(self, pair: Pair) -> str:
-        """Two that touch, what does not move last."""
+        """A contact in words, boxes last."""
         a, b = sorted(pair, key=lambda name: name in {box.name for box in self.kinematics.arm.workcell.obstacles})
         return f"{plain(a)} touches {plain(b)}"
 
@@ -383,7 +383,7 @@ class TargetModel:
                 yield name, at + 2 * pi * round(((low + high) / 2 - at) / (2 * pi)), low, high
 
     def _excess(self, q: Floats) -> float:
-        """By how much a posture is outside the joint limits, all joints together [rad]."""
+        """Sum of the angles beyond the joint limits [rad]."""
         return sum(max(low - value, value - high) for _, value, low, high in self._outside(q))
 
     def _verdict(self, goal: Goal, postures: Sequence[Posture], approach: Approach | None) -> str:
@@ -417,7 +417,7 @@ class TargetModel:
 
 
 def _missing_least(postures: Sequence[Posture]) -> str:
-    """The sentence of the branch that is nearest to reaching; empty if none has a shortfall."""
+    """A sentence on the smallest shortfall; empty if there is none."""
     lacks = [posture.lack for posture in postures if posture.lack is not None]
     if not lacks:
         return ""
@@ -426,7 +426,7 @@ def _missing_least(postures: Sequence[Posture]) -> str:
 
 
 def _frame(goal: Goal) -> Floats:
-    """A frame (4, 4) that a goal for six joints asks for; any, where one turn is free."""
+    """A frame (4, 4) that meets a goal for six joints."""
     if isinstance(goal, PoseGoal):
         return goal.T
     T = np.eye(4)

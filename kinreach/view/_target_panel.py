@@ -1,4 +1,4 @@
-"""The part of the page with the target: a frame to drag, every posture for it, solvers beside each other."""
+"""The part of the page with a target to drag, every posture for it, and solvers."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ from kinreach.view._snippet import program
 from kinreach.view._target import ALONG, AXIS, POSE, SAME, Answer, Finish, State
 
 NOTHING = "nothing"
-#: Which postures are drawn as ghosts.
+#: Choices of postures that are drawn as ghosts.
 THOSE_THAT_CAN, ALL, NONE = "that can be used", "all", "none"
-#: Opacity of the ghost that the mouse is over in the list, and of the others meanwhile.
+#: Opacity of the ghost under the mouse in the list, and of the others meanwhile.
 CLEAR, FAINT = 0.8, 0.07
-#: How far a coordinate may be typed [m].
+#: Largest coordinate [m].
 MAX_POSITION = 1000.0
-#: For so long the target stands still before its self-motion is computed [s].
+#: The self-motion is computed when the target has been still for so long [s].
 STILL = 0.15
 TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 class TargetPanel(Panel):
-    """The target of one tab: its answer and its drawing.
+    """The target of one tab.
 
     Attributes:
         model: Answers.
-        answer: To the target that is on the screen.
-        q: Posture the arm stands in [rad].
-        pointed: Index of the posture in `answer.postures` that the mouse is over in the list; -1 for none.
-        draw_s: How long the last change took from the browser's message to the answer's being on its way [s].
+        answer: On the screen.
+        q: The last posture that could be used [rad].
+        pointed: Index in `answer.postures` of the posture under the mouse in the list; -1 for none.
+        draw_s: Time from the browser's last message to the answer [s].
     """
 
     def build(self) -> None:
@@ -70,12 +70,12 @@ class TargetPanel(Panel):
 
     @property
     def goal(self) -> Goal:
-        """What the target asks."""
+        """The goal of the target."""
         return self.model.goal(self._kind, self.T)
 
     @property
     def solid(self) -> int:
-        """Index of the posture in `answer.postures` that the arm is drawn in; -1 if none is."""
+        """Index in `answer.postures` of the solid posture; -1 for none."""
         for index, posture in enumerate(self.answer.postures):
             if posture.name == self._kept and posture.q is not None:
                 return index
@@ -86,7 +86,7 @@ class TargetPanel(Panel):
         return program(self.model, self.goal, self.q, arm=self._setup.expression)
 
     def show(self, visible: bool) -> None:
-        """Show it, or hide it."""
+        """Show or hide it."""
         super().show(visible)
         self.pointed = -1
         if visible:
@@ -110,14 +110,13 @@ class TargetPanel(Panel):
         self._ghosts = Ghosts(scene, f"{self._root}/ghosts", figure, most=html.MAX_POSTURES)
         self._reaching = SolidArm(scene, f"{self._root}/reaching", figure, colour=AMBER, opacity=0.55)
         self._solved = SolidArm(scene, f"{self._root}/solved", figure, colour=VIOLET, opacity=0.5)
-        self._reaching.visible = self._solved.visible = False
+        self._solved.visible = False
         size = float(np.linalg.norm(self.T[:3, 3]))
         self._gizmo = scene.add_transform_controls(f"{self._root}/goal", scale=0.25 * size, depth_test=False)
         self._gap = scene.add_line_segments(
             f"{self._root}/gap", np.zeros((1, 2, 3)), RED, thickness=3.0, thickness_units="screen"
         )
-        self._label = scene.add_label(f"{self._root}/label", "", anchor="bottom-center", visible=False)
-        self._gap.visible = False
+        self._label = scene.add_label(f"{self._root}/label", "", anchor="bottom-center")
         self._gizmo.on_update(self._dragged)
 
     def _build_gui(self) -> None:
@@ -195,7 +194,7 @@ class TargetPanel(Panel):
         self.move(self.T)
 
     def _keep(self, index: int) -> None:
-        """Draw a posture solid, and its branch from now on; the one that is kept already no longer."""
+        """Draw a posture and then its branch solid; the second time, follow the nearest again."""
         with self._lock:
             if index < len(self.answer.postures):
                 name = self.answer.postures[index].name
@@ -239,7 +238,7 @@ class TargetPanel(Panel):
         self._change(work)
 
     def _change(self, work: Callable[[], None]) -> None:
-        """Change the target; its self-motion is computed when it stands still, because that takes longer."""
+        """Change the target; compute its self-motion, which is slower, when it stands still."""
         self._latest(work)
         if self._motion is not None:
             T = self.T
@@ -248,7 +247,7 @@ class TargetPanel(Panel):
                 self._trace()
 
     def _trace(self) -> None:
-        """Compute the self-motion of the target, and draw it if the target is still there."""
+        """Compute the self-motion of the target, and draw it if the target has not moved."""
         kinematics, T = self.model.kinematics, self.T
         if self._motion is None or not isinstance(kinematics, SevenAxisKinematics):
             return
@@ -272,7 +271,7 @@ class TargetPanel(Panel):
         self._latest(work)
 
     def _start_from(self, q: Floats) -> None:
-        """Let solvers start from a posture, until the next call."""
+        """Let solvers start from a posture."""
         self._start = q
         values = " ".join(f"{round(value)}°" for value in np.degrees(q))
         home = np.abs(q - self.model.home).max() < SAME
@@ -341,7 +340,7 @@ class TargetPanel(Panel):
             entry.show(float(np.clip(round(value, 1), slider.min, slider.max)))
 
     def _changed(self) -> str:
-        """What the calibration changes at the target; nothing where there is none."""
+        """A remark on the effect of the calibration at the target, as HTML."""
         if self._real is None:
             return ""
         sent = self._real.believed(self.T, self.q)
@@ -354,7 +353,7 @@ class TargetPanel(Panel):
         )
 
     def _draw_ghosts(self) -> None:
-        """The postures that are not solid; the one that the mouse is over in the list is seen best."""
+        """Draw the postures that are not solid; the one under the mouse in the list stands out."""
         usual = {THOSE_THAT_CAN: (State.USABLE,), ALL: tuple(State), NONE: ()}[self._ghosted.value]
         ghosts, solid = [], self.solid
         for index, posture in enumerate(self.answer.postures):
@@ -368,7 +367,7 @@ class TargetPanel(Panel):
         self._ghosts.take(ghosts, beside=self._drawn)
 
     def _draw_gap(self) -> None:
-        """The nearest that the arm comes to a target out of reach, and what is missing."""
+        """Draw the nearest posture to a target out of reach, and the gap."""
         approach = self.answer.approach
         shown = approach is not None
         self._reaching.visible = self._gap.visible = self._label.visible = shown
@@ -376,6 +375,6 @@ class TargetPanel(Panel):
             return
         self._reaching.take(approach.q)
         tip, wanted = self.model.kinematics.fk(approach.q)[:3, 3], self.T[:3, 3]
-        self._gap.points = np.array([[tip, wanted]], dtype=np.float32)
+        self._gap.points = np.array([[tip, wanted]])
         self._label.text = f"{'at best' if approach.least else 'a search ends'} {length(approach.distance)} away"
         self._label.position = (tip + wanted) / 2
