@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kinreach._checks import check_count, check_flag, check_number, printable, shown
-from kinreach.errors import InputError, UnknownNameError, raise_unknown
+from kinreach.errors import InputError, PathError, UnknownNameError, raise_unknown
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.sim import ArmSimulation
 from kinreach.vision._cameras import Intrinsics, SensorNoise
@@ -91,3 +91,9 @@ def test_flags_are_true_or_false():
     for value in (0, 1, "yes", None, np.array([True])):
         with pytest.raises(InputError, match=r"^it must be true or false, got"):
             check_flag("it", value)
+
+
+def test_a_path_that_fails_without_a_place_has_none():
+    error = PathError("blocked")
+    assert (error.index, error.fraction, error.q, error.branches, error.starts) == (-1, 0.0, None, (), ())
+    assert PathError("blocked", index=2, fraction=0.5, q=[1.0], branches=(3,), starts=[[0.0]]).args == ("blocked",)
