@@ -20,7 +20,6 @@ from kinreach.compare import _figures as figures
 from kinreach.compare._task import (
     CHANCE,
     CONTROLLER,
-    POLICY,
     Method,
     Task,
     common_columns,
@@ -95,7 +94,7 @@ BUTTON_TASK = Task(
     resets=_resets,
     methods={
         "analytic": Method(_analytic, CONTROLLER),
-        "ppo": Method(lambda env: load_policy("button"), POLICY, versions=policy_version("button")),
+        "ppo": Method(lambda env: load_policy("button"), versions=policy_version("button")),
         "random": Method(lambda env: RandomPolicy(env.action_space), CHANCE),
     },
     columns=(

@@ -131,7 +131,7 @@ REAL_ARM_TASK = Task(
     methods=METHODS,
     columns=(
         *_columns(),
-        Column("reached", "reached", RATE, "", ""),
+        Column("reached", "reached", RATE),
         Column("distance_mm", thousandfold("distance"), QUANTILES),
         Column("solve_ms", thousandfold("solve_s"), QUANTILES, "decisions of\na workplace, ms", "median", TIME_TABLE),
     ),

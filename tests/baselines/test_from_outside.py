@@ -140,6 +140,7 @@ def test_the_curve_counts_what_ends_where_gymnasium_resets(tmp_path):
         ({"algorithm": "PPO", "settings": {"minibatches": 4}}, "PPO needs the setting 'n_steps', which mine lacks"),
         ({"settings": {"speed": 3}}, "SAC does not take the settings of mine.*speed"),
         ({"settings": {"policy_kwargs": {"activation_fn": torch.nn.Softplus}}}, "must be JSON values"),
+        ({"settings": {"gamma": np.nan}}, "must be JSON values"),
         ({"networks": Networks(activation="cube")}, "unknown activation 'cube'"),
         ({"networks": Networks(features="cubes")}, "unknown features 'cubes'"),
         ({"environment": "Blackjack-v1"}, "vectors of numbers"),

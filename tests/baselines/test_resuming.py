@@ -55,6 +55,20 @@ def test_going_on_gives_what_no_interruption_gives(name, kept, uninterrupted, tm
     assert not (tmp_path / "checkpoint.pt").exists()
 
 
+def test_a_run_that_died_after_its_last_segment_is_finished_without_another(uninterrupted, tmp_path, monkeypatch):
+    def die(*arguments):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "save_policy", die)
+        with pytest.raises(KeyboardInterrupt):
+            train(small("single"), tmp_path, seed=4)
+    (tmp_path / "curve.csv").unlink()
+    train(small("single"), tmp_path, seed=4, resume=True, progress=lambda *row: pytest.fail("it trains again"))
+    for name in ("policy.safetensors", "curve.csv"):
+        assert (tmp_path / name).read_bytes() == (uninterrupted["single"].folder / name).read_bytes()
+
+
 def contents(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 

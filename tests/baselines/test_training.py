@@ -168,7 +168,11 @@ def test_evaluation_is_that_of_single_environments_and_of_no_training_goal(monke
     assert summary["success_at_mm_ci"] == intervals
     assert 0 < summary["success_at_mm"]["0.5"] <= 1 == summary["success_at_mm"]["10"]
     monkeypatch.setattr(evaluation, "BATCH", 4)  # in more than one part
-    more = evaluate(policy, goals=9, options={"backend": "kinematic"}).measures["distance"]
+    made, make, done = [], evaluation.make_batch, []
+    monkeypatch.setattr(evaluation, "make_batch", lambda *given: made.append(make(*given)) or made[-1])
+    more = evaluate(policy, goals=9, options={"backend": "kinematic"}, progress=done.append).measures["distance"]
+    assert ([batch.num_envs for batch in made], done) == ([4, 4, 1], [4, 8, 9])
+    assert all(batch.closed for batch in made)
     assert len(np.unique(more)) == 9
     np.testing.assert_allclose(more[:6], found.measures["distance"], atol=1e-12)
     with pytest.raises(InputError, match="at least 1"):
@@ -224,6 +228,8 @@ def test_a_model_is_saved_without_its_simulation(name):
     trainee.model.save(saved)
     assert len(saved.getvalue()) > 1000
     assert "world" in trainee.model._excluded_save_params()
+    trainee.model.learn(8)
+    assert np.isfinite(trainee.model.logger.name_to_value["train/loss"])
     trainee.env.close()
 
 
