@@ -49,7 +49,18 @@ def test_schedules_are_followed_and_are_over_at_the_end():
     model = build(recipe, 0, steps=768).model
     assert not model.policy.log_std.requires_grad  # the schedule alone changes it
     for done in (384, 384):
+        rates, train_once = [], model.train
+
+        def train_and_note(rates=rates, train_once=train_once):
+            before = model.rate
+            train_once()
+            divergence = model.logger.name_to_value["train/approx_kl"]
+            rates.append(model.rate == model.adaptive.after(before, float(divergence)) != before)
+
+        model.train = train_and_note
         model.learn(done, reset_num_timesteps=False)
+        model.train = train_once
+        assert sum(rates) > 0.5 * len(rates) > 1  # the others were near enough
         progress = model.num_timesteps / 768
         std, share = model.exploration.at(progress), model.adaptive.share(progress)
         np.testing.assert_allclose(model.policy.log_std.exp().detach().numpy(), std, rtol=1e-5)
