@@ -13,7 +13,7 @@ from kinreach.envs._reach.space import SpaceOptions
 from kinreach.envs._reach.task import ReachOptions
 from kinreach.envs._real_arm import RealArmOptions
 from kinreach.errors import InputError
-from kinreach.sim import ArmSimulation, Imperfections
+from kinreach.sim import ArmSimulation, BatchSimulation, Imperfections
 from kinreach.vision import Intrinsics, SensorNoise, circle_votes
 from kinreach.vision._ball_finder import find_ball
 
@@ -71,6 +71,7 @@ BOUNDS = [
     (lambda tolerance: ArmSimulation("arm3", tolerance=tolerance), "tolerance", 1e-13, math.pi),
     (lambda timestep: ArmSimulation("arm3", timestep=timestep), "timestep", 1e-5, 0.02),
     (lambda objects: ArmSimulation("arm3", objects=objects), "objects", 0, 2),
+    (lambda objects: BatchSimulation("arm3", 1, objects=objects), "objects", 0, 2),
 ]  # fmt: skip
 
 

@@ -139,12 +139,12 @@ def true_arm(calibration: str | Path) -> ArmDescription:
     return _calibrated(file, file.stat().st_mtime_ns if file.exists() else 0)
 
 
-@lru_cache(maxsize=32)
+@lru_cache
 def _calibrated(file: Path, written: int) -> ArmDescription:
     return get_arm("ur5").calibrated(file)
 
 
-@lru_cache(maxsize=32)
+@lru_cache
 def _chain(arm: ArmDescription) -> SerialChain:
     return ArmKinematics(arm, tip="tcp", base="world").chain
 

@@ -65,9 +65,8 @@ def build_scene(
         A `mujoco.MjSpec`.
 
     Raises:
-        InputError: A timestep out of range, an unusable or missing mesh, or an arm that MuJoCo refuses.
+        InputError: An unusable or missing mesh, or an arm that MuJoCo refuses.
     """
-    check_timestep(timestep)
     check_shapes(arm)
     with _refusals_of(arm):
         spec = _import_urdf(arm)

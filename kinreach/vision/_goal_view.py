@@ -39,7 +39,7 @@ from kinreach.vision._ball_finder import PIPELINES, BallFix, find_ball
 from kinreach.vision._cameras import MAX_PIXELS, OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise, check_noise
 
 
-@lru_cache(maxsize=16)
+@lru_cache
 def goal_camera_poses(arm: ArmDescription) -> Floats:
     """Poses of the goal cameras in the world with the arm in its start pose, optical frames, shape (cameras, 4, 4).
 
@@ -256,7 +256,7 @@ class CameraGoalView:
         self.close()
 
 
-@lru_cache(maxsize=16)
+@lru_cache
 def _world_to_cameras(arm: ArmDescription) -> list[list[float]]:
     """The upper three rows of the transforms from the world to each camera, stacked."""
     T = goal_camera_poses(arm)

@@ -155,10 +155,12 @@ class Blank:
 
     def __init__(self, model, *, width, height, shadows=True):
         self.model, self.width, self.height, self.shadows, self.open = model, width, height, shadows, True
+        self.frames = 0
         self.made.append(self)
 
     def rgb(self, data, camera):
         assert self.open
+        self.frames += 1
         return np.zeros((self.height, self.width, 3), np.uint8)
 
     def depth(self, data, camera):
@@ -178,6 +180,23 @@ DRAWN = {
     "lift, camera": (LIFT, {"backend": "kinematic", "observation": "camera", **CAMERAS}),
     "lift, pixels": (LIFT, {"backend": "kinematic", "observation": "pixels", **CAMERAS}),
 }
+
+
+def test_pictures_are_taken_anew_of_those_that_have_moved(monkeypatch):
+    monkeypatch.setattr(Blank, "made", [])
+    monkeypatch.setattr("kinreach.vision._cameras.FrameRenderer", Blank)
+    name, options = DRAWN["pixels"]
+    env = gym.make_vec(name, 2, "vector_entry_point", autoreset_mode="Disabled", **options)
+    taken = [0]
+    for act in (
+        lambda: env.reset(seed=0),
+        lambda: env.step(np.zeros((2, 6))),
+        lambda: env.reset(options={"reset_mask": np.array([True, False])}),
+        lambda: env.reset(),
+    ):
+        act()
+        taken.append(sum(renderer.frames for renderer in Blank.made))
+    assert np.diff(taken).tolist() == [4, 4, 2, 4]  # two cameras
 
 
 @pytest.mark.parametrize("many", [False, True])

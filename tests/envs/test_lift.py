@@ -346,6 +346,27 @@ def test_a_simulation_that_diverges_ends_the_episode(form):
     assert env.step(np.zeros(7))[4]["status"] != "diverged"
 
 
+@pytest.mark.parametrize("stage", ["drive", "rest"])
+def test_a_simulation_that_diverges_in_a_grasp_ends_the_episode(stage, monkeypatch):
+    """While the fingers close, or the object is held up; the arm is put back to where that began."""
+    env = make(attempts=3)
+    observation, _ = env.reset(seed=0)
+    world = env.unwrapped._grasping
+    act, begun = getattr(world, stage), []
+
+    def unstable(ids, *given):
+        begun.append(world.q[0])
+        world._plant.qvel[ids] = 1e7
+        act(ids, *given)
+
+    monkeypatch.setattr(world, stage, unstable)
+    _, _, terminated, _, info = env.step(scripted(env).act(observation))
+    assert (terminated, info["status"], info["is_success"]) == (True, "diverged", False)
+    assert info["impossible_reason"] == "diverged: the simulation became unstable"
+    np.testing.assert_allclose(info["q"], begun[0], atol=1e-9)
+    assert len(begun) == 1
+
+
 def test_a_collision_ends_an_episode_of_small_steps():
     env = make(steps="multi")
     env.reset(seed=0)

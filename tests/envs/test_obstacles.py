@@ -80,14 +80,14 @@ def test_a_move_is_straight_and_drawn_as_it_goes(env):
     assert world.waypoints_to(world.home, world.home + 1.0)[0][0] == world.home[0] + 1.0
     shown = []
     scene = world._simulated(visual=False)
-    scene.watch = lambda: shown.append(scene.q)
+    scene.watch = mine = lambda: shown.append(scene.q)
     way = 0.3 * np.array([1.0, -1.0, 0.5, 0.0, 0.2, 0.4])
     env.step(world.action_for(world.home + way))
     along = (shown - world.home) @ way / (way @ way)
     assert np.abs(shown - (world.home + along[:, None] * way)).max() < 0.01
     assert along[-1] == pytest.approx(1.0, abs=1e-3)
     np.testing.assert_array_equal(scene.ball_position, world._goal)
-    assert scene.watch is not None  # whoever watches goes on watching
+    assert scene.watch is mine
 
 
 def test_a_seed_is_a_scene(env):

@@ -138,7 +138,7 @@ def meaning(actions: Actions) -> tuple[Floats, Flags]:
 def action_of(change: Floats, press: Flags) -> Actions:
     """Inverse of `meaning`: the actions that add -1, 0 or 1 to each control, shape (n, 3), and press or not, (n,)."""
     digits = np.array([9, 3, 1])
-    return ((np.asarray(change, dtype=np.intp) + 1) @ digits + len(INCREMENTS) * press).astype(np.intp)
+    return ((np.asarray(change) + 1) @ digits + len(INCREMENTS) * press).astype(np.intp)
 
 
 def observation(q: Floats, qd: Floats, tip: Floats, goals: Floats, pushed: Flags) -> Floats:

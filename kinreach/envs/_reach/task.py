@@ -266,7 +266,7 @@ def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
     return Layout.of(3 * len(arm.goal_cameras) or 3, len(arm.joints), direction=3 if directed else 0)
 
 
-@lru_cache(maxsize=16)
+@lru_cache
 def joint_limits(arm: ArmDescription) -> tuple[Floats, Floats]:
     """Lower and upper joint limits [rad], each of shape (n,); where a URDF has pi with eleven digits, pi."""
     kinematics = ArmKinematics(arm)

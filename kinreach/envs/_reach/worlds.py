@@ -262,9 +262,8 @@ class BatchDynamicWorld:
         )
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
-        """Put simulations back, and their balls to goals [m], shape (k, 3)."""
+        """Put simulations back; their balls are not drawn."""
         self._batch.reset(ids, q)
-        self._batch.place_ball(ids, goals)
 
     def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
         """Move by dynamics, as `SingleDynamicWorld` does."""

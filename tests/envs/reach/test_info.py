@@ -93,6 +93,7 @@ def test_a_batch_says_what_single_environments_say(backend):
     without = {"target_tip"} if backend == "kinematic" else set()
     assert {key for key in start if not key.startswith("_")} == START  # the others are Gymnasium's masks
     assert {key for key in info if not key.startswith("_")} == STEP - without
+    assert info["impossible_code"].dtype == np.uint8
     for i, env in enumerate(singles):
         single_start = env.reset(seed=2 + i)[1]
         single = env.step(actions[i])[4]

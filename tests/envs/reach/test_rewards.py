@@ -106,6 +106,18 @@ def test_what_is_no_reward_is_refused(answer, message):
         env.step(np.zeros(6))
 
 
+@pytest.mark.parametrize(("answer", "said"), [(True, r"reached must have shape \(1,\)"), ([0.5], "true or false")])
+def test_what_is_no_verdict_is_refused(answer, said):
+    class Verdict(OwnVerdict):
+        def reached(self, distance, q, impossible):
+            return answer
+
+    env = gym.make(SINGLE, backend="kinematic", reward=Verdict()).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(InputError, match=said):
+        env.step(np.zeros(6))
+
+
 def test_what_cannot_be_called_is_refused():
     with pytest.raises(InputError, match="reward must be a callable"):
         gym.make(SINGLE, reward="much")

@@ -2,6 +2,7 @@
 
 import copy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -85,6 +86,12 @@ def test_what_episodes_start_with():
     assert sum(checker.free(posture) for posture in q[:300]) == 300
     still = SpaceStarts(SpaceOptions(), checker).sample(np.random.default_rng(0), 50)
     assert (still[:, 3:] == [0.0, 0.0, -1.0, *arm.home]).all()
+
+
+def test_where_every_drawn_start_is_impossible_the_arm_begins_in_its_start_pose():
+    crowded = SimpleNamespace(impossible=lambda q: np.ones(len(q), dtype=bool))
+    rows = SpaceStarts(SpaceOptions(**WIDE), crowded).sample(np.random.default_rng(0), 5)
+    np.testing.assert_array_equal(rows[:, 6:], np.tile(get_arm("ur5").home, (5, 1)))
 
 
 @pytest.mark.parametrize(("backend", "count", "steps"), [("kinematic", 12, 3), ("mujoco", 4, 2)])
