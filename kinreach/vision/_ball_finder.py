@@ -110,9 +110,7 @@ def find_ball(
 def _thesis(rgb: NDArray[np.uint8], depth: NDArray[np.floating], camera: Intrinsics, radius: float) -> BallFix | None:
     mask = red_mask(rgb)
     for circle in grey_circles(rgb, _radii(camera, radius)):
-        row, column = round(circle.v), round(circle.u)
-        if not (0 <= row < camera.height and 0 <= column < camera.width):
-            continue
+        row, column = min(round(circle.v), camera.height - 1), min(round(circle.u), camera.width - 1)
         if mask[_disk(circle, 0.5, mask.shape)].mean() < 0.5:  # the goal is known to be a red ball
             continue
         surface = camera.deproject(circle.u, circle.v, depth[row, column])

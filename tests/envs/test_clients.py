@@ -128,6 +128,14 @@ def test_a_film_of_a_single_step_shows_the_motion(films, tmp_path, monkeypatch):
         env.reset()
         env.close()
     ends = [0, round(100 * info["move_s"]) % 256]
+    env = gym.make(SINGLE, arm="arm3", render_mode="rgb_array_list").unwrapped
+    counts = []
+    for _ in range(2):
+        env.reset(seed=0)
+        env.render()
+        env.step(env.action_for(env.home + 0.3))
+        counts.append(len(env.render()))
+    assert counts[0] == counts[1] > 10  # each motion from its beginning
     two, _, times, _ = ([int(frame[0, 0, 0]) for frame in film] for film in films)
     assert two == ends
     assert times[0] == ends[0]

@@ -9,6 +9,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
 import kinreach  # noqa: F401 (registers the environments)
+from kinreach.envs._batch import Outcome
 from kinreach.errors import InputError
 
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
@@ -78,6 +79,16 @@ def test_next_step_is_what_gymnasium_does_with_single_environments(task):
         restarts += ended.sum()
         ended = ours[2] | ours[3]
     assert restarts >= 1
+
+
+def test_who_did_not_act_earns_and_reaches_nothing():
+    yes, half = np.ones(2, dtype=bool), np.array([True, False])
+    info = {"reached": yes, "is_success": yes, "reward_terms": {"near": np.array([2.0, 3.0])}, "q": np.zeros((2, 6))}
+    outcome = Outcome(np.array([2.0, 3.0]), yes, yes, info).of(half)
+    for flags in (outcome.terminated, outcome.truncated, outcome.info["reached"], outcome.info["is_success"]):
+        np.testing.assert_array_equal(flags, half)
+    for rewards in (outcome.reward, outcome.info["reward_terms"]["near"], outcome.info["reward_near"]):
+        np.testing.assert_array_equal(rewards, [2.0, 0.0])
 
 
 def masks_of(info):

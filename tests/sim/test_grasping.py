@@ -126,6 +126,15 @@ def test_a_table_is_still_in_the_way(tool_down):
     assert "table" in results[1].reason
 
 
+@pytest.mark.parametrize(("depth", "collides"), [(-1e-3, False), (0.5e-3, False), (2e-3, True)])
+def test_a_slight_touch_is_not_a_collision(tool_down, depth, collides):
+    simulation = ArmSimulation("ur5", objects=1)
+    world = Grasping(simulation)
+    world.reset(ONE, tool_down((0.45, 0.0, -0.19 - depth))[None])  # fingers end 1 cm below the tip
+    world.put(ONE, 0, kinds(("ball", 0.025, 0.05, 1.0)), np.array([[0.6, 0.2, -0.2]]), np.zeros(1))
+    assert world.grasp(ONE).collides.tolist() == [collides]
+
+
 def test_arms_without_a_gripper_cannot_grasp():
     with pytest.raises(InputError, match="has no gripper"):
         Grasping(ArmSimulation("ur5e", objects=1))

@@ -204,6 +204,17 @@ def test_without_depth_there_is_no_ball(pipeline, missing):
     assert find(rgb, np.full_like(depth, missing), pipeline=pipeline) is None
 
 
+@both
+def test_of_two_balls_the_one_with_depth_is_found(pipeline):
+    balls, found = CAMERA.deproject(np.array([200.0, 420.0]), 180.0, np.array([0.5, 0.5])), 0
+    for blind, seen in ((0, 1), (1, 0)):
+        rgb, depth = picture(*balls)
+        depth[:, np.abs(np.arange(CAMERA.width) - (200, 420)[blind]) < 60] = 0.0
+        assert error_mm(find(rgb, depth, pipeline=pipeline), balls[seen]) < (0.2 if pipeline == "hybrid" else 5.0)
+        found += 1
+    assert found == 2
+
+
 def test_holes_in_the_depth_do_not_matter():
     ball = CAMERA.deproject(250.0, 120.0, 0.5)
     rgb, depth = picture(ball)
