@@ -294,6 +294,17 @@ def test_what_is_not_of_kinreachs_form_is_named(kind, old, new, reason):
         Program.parse(changed)
 
 
+def test_speeds_are_judged_on_the_way_from_the_move_before():
+    """The base of a UR10e turns at 2.09 rad/s, its wrist at 3.14 rad/s."""
+    kin = ArmKinematics.of("ur10e", base="base")
+    home = np.array(kin.arm.home)
+    there = home + np.eye(6)[0]
+    moves = [Move("movej", there, 2.0, 1.0), Move("movej", there + np.eye(6)[5], 3.0, 1.0)]
+    assert Program.of(kin, home, moves).moves == tuple(moves)
+    with pytest.raises(InputError, match=r"move 2 moves shoulder_pan_joint at 3 rad/s, above its limit of 2\.09"):
+        Program.of(kin, home, [moves[0], Move("movej", home, 3.0, 1.0)])
+
+
 def test_only_urs_have_programs():
     with pytest.raises(InputError, match=r"not a UR"):
         Program.of(ArmKinematics("panda"), np.zeros(7), [Move("movej", HOME, 1, 1)])

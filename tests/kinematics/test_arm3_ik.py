@@ -101,6 +101,20 @@ def test_reasons():
     assert blocked > 10
 
 
+def test_what_keeps_a_target_from_an_arm_of_unequal_links(tmp_path):
+    """Links of 0.4 and 0.14 m: the elbow neither folds nor stretches to what is nearer or farther."""
+    straight = [((0, 0, 0.1), (0, 0, 0)), ((0, 0, 0.1), (0, 0, 0)), ((0, 0, 0.4), (0, 0, 0))]
+    file = tmp_path / "arm.urdf"
+    arm_of(tmp_path, straight)
+    file.write_text(file.read_text().replace("0.1 0 0.3", "0 0 0.14"))
+    kin = Arm3Kinematics.from_urdf(file, tip="tip")
+    for away, reason in ((0.25, "too close for the folded elbow"), (0.55, "too far away for the stretched elbow")):
+        found = kin.all_solutions([away, 0.0, 0.2], limits=False)
+        assert (len(found), found.reason, found.status) == (0, reason, Status.OUT_OF_REACH)
+    for away in (0.27, 0.53):
+        assert kin.all_solutions([away, 0.0, 0.2], limits=False).success
+
+
 def test_most_of_the_button_area_is_reachable():
     targets = KIN.arm.workcell.goals.sample(np.random.default_rng(3), 5000)
     share = KIN.nearest_batch(targets, np.zeros(3)).success.mean()

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -191,29 +188,3 @@ def test_bad_input():
     ):
         with pytest.raises(InputError, match=said):
             main(arguments, prog="check")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "said"),
-    [
-        (["check", "nothing"], 2, "python -m kinreach.kinematics check: error: unknown arm 'nothing'"),
-        pytest.param(
-            [],
-            2,
-            "python -m kinreach.kinematics: error: the following arguments are required: COMMAND",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(["--help"], 0, "what an arm is and how its inverse kinematics does", marks=pytest.mark.slow),
-    ],
-)
-def test_as_a_module(arguments, code, said):
-    done = subprocess.run(
-        [sys.executable, "-m", "kinreach.kinematics", *arguments],
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
-    assert done.returncode == code
-    if code:
-        assert done.stderr.startswith(said)
-        assert len(done.stderr.splitlines()) == 1
-    else:
-        assert said in done.stdout

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError, PathError
-from kinreach.kinematics import CollisionChecker, URKinematics, joint_line, plan_path
+from kinreach.kinematics import CollisionChecker, URKinematics, _planning, joint_line, plan_path
 from kinreach.kinematics._motion_check import MotionCheck
 from kinreach.robots import Box, Obstacle, get_arm
 
@@ -118,6 +118,23 @@ def test_no_point_moves_farther_than_the_reach_of_the_joints_says(checker):
         assert moved <= 0.01 * motion.reach[joint] + 1e-12
         nearest = max(nearest, moved / (0.01 * motion.reach[joint]))
     assert nearest > 0.5
+
+
+def test_detours_are_shortened(kin, checker, monkeypatch):
+    """No waypoint is needless, and random parts that become straight make some paths shorter."""
+    motion, shorter, most = MotionCheck(checker), 0, _planning.SHORTCUTS
+    for seed in range(4):
+        start, goals = across(kin, checker, seed)
+        goal = [q for q in goals.q if checker.free(q)][-1]
+        lengths = {}
+        for shortcuts in (most, 0):
+            monkeypatch.setattr(_planning, "SHORTCUTS", shortcuts)
+            path = plan_path(checker, start, goal, seed=seed, timeout=20.0)
+            lengths[shortcuts] = np.abs(np.diff(path, axis=0)).sum(axis=0) @ motion.reach
+        assert not any(motion.motion_free(a, b) for a, b in zip(path[:-2], path[2:], strict=True))
+        assert lengths[most] <= lengths[0] + 1e-9
+        shorter += lengths[most] < 0.98 * lengths[0]
+    assert shorter >= 2
 
 
 def test_a_path_ends_in_a_goal_that_is_free(kin, checker):

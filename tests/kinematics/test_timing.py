@@ -149,6 +149,7 @@ def test_blends_and_paths_are_checked(limits):
     path = np.array([np.zeros(6), np.eye(6)[0], np.eye(6)[0] + np.eye(6)[1], np.ones(6)])
     with pytest.raises(InputError, match=r"blends at waypoints 1 and 2 overlap: 0\.6 \+ 0\.6 rad on a way of 1 rad"):
         time_path(path, limits, blends=0.6)
+    assert time_path(path, limits, blends=0.5).duration > 1.0  # corner to corner
     with pytest.raises(InputError, match="blends at waypoints 0 and 1 overlap"):
         time_path(path, limits, blends=[1.2, 0.1])
     with pytest.raises(InputError, match="or 2 of them"):

@@ -239,6 +239,13 @@ def test_bad_input():
         ArmKinematics.of("panda", base="base")
     with pytest.raises(InputError, match="mass"):
         Tool(TOOLS[0], -1.0)
+    with pytest.raises(InputError, match="mesh of the tool cannot be a path, got 5"):
+        Tool(TOOLS[0], mesh=5)
+    for scale in (0.0, -1.0, 1001.0):
+        with pytest.raises(InputError, match="mesh_scale of the tool"):
+            Tool(TOOLS[0], mesh_scale=scale)
+    with pytest.raises(InputError, match="centre_of_mass of the tool"):
+        Tool(TOOLS[0], 1.0, (0, 0, 6.0))
     for shape, message in (
         ("box", "radius, length"),
         (((), (0, 0, 0)), "radius, length"),
