@@ -98,8 +98,8 @@ class Film(AbstractContextManager["Film"]):
         """
         if self._palette is not None:
             reduced = image.quantize(palette=self._palette, dither=Image.Dither.NONE)
-            now, then = (np.asarray(one, dtype=np.int16)[::4, ::4] for one in (reduced.convert("RGB"), image))
-            if np.abs(now - then).mean() <= MAX_COLOUR_ERROR:
+            now, then = (np.asarray(one)[::4, ::4] for one in (reduced.convert("RGB"), image))
+            if cv2.absdiff(now, then).mean() <= MAX_COLOUR_ERROR:
                 return reduced
         whole = Image.new("RGB", (image.width, image.height + SWATCH))
         whole.paste(image)

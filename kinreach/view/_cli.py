@@ -12,7 +12,7 @@ from kinreach.robots import Tool, arm_names
 from kinreach.robots._flags import add_arm_flags, arm_with, joints_of, package_dirs_of, print_notes, tool_of
 from kinreach.robots._registry import FILES
 from kinreach.view._results import read_results
-from kinreach.view._server import Server, import_viser
+from kinreach.view._server import Server
 from kinreach.view._setup import Setup
 from kinreach.view._snippet import calibrated, with_tool
 
@@ -33,7 +33,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         KinreachError: Bad input, viser is missing, or no port is free.
     """
     arguments = _parser(prog).parse_args(argv)
-    import_viser()
     check_count("port", arguments.port, least=1, most=MAX_PORT)
     setup = setup_of(
         arguments.arm,

@@ -11,7 +11,7 @@ from kinreach._checks import Floats
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, IKResult, URKinematics
 from kinreach.kinematics._closed_form import ClosedFormKinematics
-from kinreach.robots import ArmDescription, BoxRegion
+from kinreach.robots import ArmDescription
 
 #: Cells of a map along its longer edge.
 CELLS = 32
@@ -136,14 +136,10 @@ def colours(values: Floats, most: float) -> NDArray[np.uint8]:
 
 
 def _surface(kinematics: URKinematics) -> tuple[Floats, tuple[float, float]]:
-    """Centre and edges of a map: of the table, else of the goals, else around the arm."""
-    cell = kinematics.arm.workcell
-    for box in cell.obstacles:
+    """Centre and edges of a map: of the table, else around the arm."""
+    for box in kinematics.arm.workcell.obstacles:
         if box.name == "table":
             x, y, z = box.position
             return np.array([x, y, z + box.size[2] / 2]), (box.size[0], box.size[1])
-    if isinstance(cell.goals, BoxRegion):
-        (x0, x1), (y0, y1), (z0, _) = cell.goals.x, cell.goals.y, cell.goals.z
-        return np.array([(x0 + x1) / 2, (y0 + y1) / 2, z0]), (x1 - x0, y1 - y0)
     edge = 2 * AROUND * kinematics.geometry.stretched
     return np.array(kinematics.T_world_base[:3, 3]), (edge, edge)

@@ -43,7 +43,6 @@ class RealArmPanel(Panel):
         self.miss: Miss | None = None
         self._arms: list[SolidArm] = []
         self._published = [name for name in PUBLISHED_CALIBRATIONS if name.startswith(f"{self._sheet.name}_")]
-        self._remark = ""
         with self._folder:
             self._build_gui()
         scene = self._client.scene

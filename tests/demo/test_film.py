@@ -155,6 +155,12 @@ def test_a_film_is_whole_also_with_ctrl_c(error, path, frame):
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
+def test_the_folder_of_a_film_is_made(tmp_path, frame):
+    with Film(tmp_path / "new" / "film.gif", fps=10) as film:
+        film.add(frame)
+    assert (tmp_path / "new" / "film.gif").stat().st_size > 0
+
+
 def test_a_failed_film_leaves_the_old_one(path):
     with pytest.raises(AttributeError), Film(path, fps=10) as film:
         film.add("not a frame")

@@ -130,6 +130,14 @@ def test_what_is_no_message_is_left_out(own, sent, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_connection_without_a_request_is_not_reported(own, capfd):
+    """Browsers open some in advance."""
+    port = int(own.address.rpartition(":")[2])
+    socket.create_connection(("127.0.0.1", port)).close()
+    urlopen(own.address).close()
+    assert capfd.readouterr().err == ""
+
+
 def test_the_page_has_its_own_title_and_no_frame_around_it(own):
     with urlopen(own.address) as answer:
         assert answer.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
