@@ -86,11 +86,6 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
         return self._settings
 
     @property
-    def theme(self) -> dict[str, Any]:
-        """How the page looks, `dark_mode` among it."""
-        return self.settings.get("ThemeConfigurationMessage", {})
-
-    @property
     def inputs(self) -> list[dict[str, Any]]:
         """All inputs of the page, hidden ones too."""
         return [element for element in self.elements.values() if "value" in element]

@@ -121,7 +121,6 @@ class Answer:
             does.
         verdict: One or two sentences.
         approach: The nearest posture if none reaches, else None.
-        seconds: Time of the answer.
     """
 
     goal: Goal
@@ -130,7 +129,6 @@ class Answer:
     shown: int
     verdict: str
     approach: Approach | None
-    seconds: float
 
     @property
     def usable(self) -> int:
@@ -212,13 +210,11 @@ class TargetModel:
         Raises:
             InputError: The goal or the seed is malformed.
         """
-        start = time.perf_counter()
         postures = tuple(sorted(self._postures(goal, seed), key=lambda posture: posture.branch))
         reached = [i for i, posture in enumerate(postures) if posture.q is not None]
         shown = min(reached, key=lambda i: (postures[i].state is not State.USABLE, postures[i].distance), default=-1)
         approach = self._approach(goal, seed) if not reached else None
-        verdict = self._verdict(goal, postures, approach)
-        return Answer(goal, seed, postures, shown, verdict, approach, time.perf_counter() - start)
+        return Answer(goal, seed, postures, shown, self._verdict(goal, postures, approach), approach)
 
     def along(self, answer: Answer, curve: int, q: Floats) -> Answer:
         """Add a posture (7,) [rad] on a curve of the self-motion to an answer; it replaces the last one added."""

@@ -215,6 +215,14 @@ def test_policies_get_what_they_learned_from(tmp_path, capsys):
     assert "goal reached in 3" in capsys.readouterr().out
 
 
+def test_episodes_are_short_unless_options_say_otherwise(monkeypatch, capsys):
+    made, make = [], gym.make
+    monkeypatch.setattr(gym, "make", lambda name, **options: made.append(options) or make(name, **options))
+    for more in ([], ["--balls", "2"]):
+        assert main(["demo", "--env", "real-arm", "--steps", "1", "--print", "nothing", *more]) == 0
+    assert [options["balls"] for options in made] == [4, 2]
+
+
 def test_methods_of_a_comparison_act(capsys):
     assert main(["demo", "--env", "moving", "--policy", "interception", "--steps", "60", "--print", "nothing"]) == 0
     assert "60 steps" in capsys.readouterr().out

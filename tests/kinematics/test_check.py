@@ -17,6 +17,7 @@ from kinreach.kinematics import _check as check
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
 from kinreach.robots._urdf import without_shapes
 from kinreach.view._target import TargetModel
+from tests import kept
 
 ROOT = Path(__file__).parents[2]
 CALIBRATIONS = ROOT / "tests/data/calibrations"
@@ -132,6 +133,7 @@ def test_solvers_are_judged_by_forward_kinematics(kin):
 def test_one_screen(tmp_path, capsys):
     file = f"{get_arm('ur5').package_root()}/example-robot-data/robots/xarm_description/urdf/xarm7.urdf"
     said = {"ur5": "UR: every", "arm3": "turning base", file: "as curves, by Newton's method from a closed form"}
+    printed = {}
     for arm, kind in said.items():
         picture = tmp_path / "workspace.png"
         assert main([arm, "--poses", "10", "--picture", str(picture)], prog="check") == 0
@@ -145,6 +147,22 @@ def test_one_screen(tmp_path, capsys):
         assert "\n             solver        reached  singular   time, ms: median / p95   largest error, mm\n" in text
         assert len(text.splitlines()) < 25
         assert picture.read_bytes().startswith(b"\x89PNG")
+        printed |= lines(Path(arm).stem, text)
+    kept.check("checks.txt", {"printed": printed})
+
+
+def lines(arm, text):
+    """What is printed for an arm, to keep; without folders, and without what a solver or a search finds."""
+    found = {}
+    for number, line in enumerate(text.splitlines()):
+        shown = re.sub(r"\S*/", "", line)
+        if "%   " in line:
+            shown = re.sub(r"\d+\.\d+(e[-+]\d+)?", "#", shown)
+        elif line.startswith("singular"):
+            shown = re.sub(r"-?\d+(\.\d+)?(?![\w_])", "#", shown.partition(";")[0])
+        shown = re.sub(r"\d+ singular ones", "# singular ones", shown)
+        found[f"{arm} {number}"] = {"line": re.sub(" +", " ", shown)}
+    return found
 
 
 def test_names_are_drawn_as_they_are(tmp_path, capsys):
@@ -162,6 +180,7 @@ def test_what_a_calibration_changes(tmp_path, capsys):
     file = PUBLISHED_CALIBRATIONS["ur5_a"]
     assert main([str(file), "--model", "ur5", "--poses", "10", "--picture", str(picture)], prog="check") == 0
     text = capsys.readouterr().out
+    kept.check("checks_calibrated.txt", {"printed": lines("ur5", text)})
     assert "UR with its calibration" in text
     median, late, most = map(
         float, re.search(r"([\d.]+) mm off in the median, p95 ([\d.]+), most ([\d.]+);", text).groups()
