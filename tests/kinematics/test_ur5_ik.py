@@ -272,6 +272,16 @@ def test_where_the_seeds_wrist_3_is_refused_the_joint_turns_on_as_little_as_it_m
     assert checked > 10
 
 
+def test_turns_of_wrist_3_beyond_its_limits_are_left_out():
+    """A quarter of a turn up is beyond them, one down is not."""
+    kin = UR5Kinematics(get_arm("ur5").with_limits({"wrist_3_joint": (-2.0, 0.2)}), tip="tool0")
+    q = np.array([0.3, -1.0, 1.2, -0.4, 0.9, 0.0])
+    T = kin.fk(q)
+    result = kin.axis_goal(T[:3, 3], T[:3, 2], q, accept=lambda found: abs(found[5]) > 0.1)
+    assert result.success
+    assert result.q[5] == pytest.approx(-np.pi / 4)
+
+
 def test_axis_goal_with_the_tool_parallel_to_the_middle_axes():
     kin = UR5Kinematics(tip="tool0")
     for q in postures(10, 300):
