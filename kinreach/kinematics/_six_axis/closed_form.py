@@ -37,14 +37,16 @@ from kinreach.kinematics._angles import wrap
 from kinreach.kinematics._general_6r import COEFFICIENTS, SAMPLES
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
 from kinreach.kinematics._solutions import Row
-from kinreach.kinematics._ur.closed_form import ELBOW, MERGED, MOVED, NEAR_WRIST, SHOULDER, WRIST, nearest_in_reach
+from kinreach.kinematics._ur.closed_form import ELBOW, MERGED, MOVED, NEAR_WRIST, SHOULDER, WRIST, arc_in_reach, nearest_in_reach
 
 #: Cosines and lengths below this are 0 [m].
 ZERO = 1e-12
 #: Roots of the quadratic equation are polished in as many steps, and are apart by more than this [rad].
 POLISH, APART = 4, 1e-6
-#: Angles of a free joint that are tried, from the seed's [rad].
-TURNS = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False).tolist()
+#: How many angles of a free joint are tried; and shares of a turn by which one is after the other, of each such joint.
+TURNS, SHARES = 48, np.sqrt([5.0, 2.0, 3.0, 7.0, 11.0, 13.0]) % 1.0
+#: By how much an elbow may be missed at such an angle, to be reached at one near it [m, rad].
+FAR_MISS = 0.03
 #: How far a complex root may be off the unit circle to count.
 OFF_CIRCLE = 1e-3
 
@@ -64,10 +66,12 @@ class Doubt:
     Attributes:
         found: Whether it may.
         off: As given.
+        free: Joints (0 is the first) that took the seed's value.
     """
 
     def __init__(self, off: float) -> None:
         self.found, self.off = False, off
+        self.free: set[int] = set()
 
     def folded(self, sine2: float, length: float, gain: float = 1.0) -> None:
         """Take two postures that meet into account.
@@ -170,43 +174,43 @@ class DecoupledArm:
             for branch, flags, q1, q2, q3, q4, q5, q6 in found
         ]
 
-    def asked(self, T: Floats, tol: float, seed: Sequence[float]) -> list[tuple[Floats, list[float]]]:
-        """A pose (4, 4) and a seed (6,); if joint 1 or 2 is free, or almost, also other seeds.
+    def near_singular(
+        self, T: Floats, tols: Sequence[float], seed: Sequence[float], joints: set[int]
+    ) -> tuple[list[Row], list[Row]]:
+        """Compute postures of a pose that may be singular.
 
-        They have many angles of that joint, as the elbow or the wrist reaches at few of them. If it is joint 1, the
-        pose beside them is the one where it is free. Where three parallel axes are parallel to axis 6, too, joints 2,
-        3, 4 and 6 move together: many angles of joint 6.
+        Args:
+            T: As in `solve`.
+            tols: Tolerances, as in `solve`.
+            seed: As in `solve`.
+            joints: Which of the joints (0 is the first) take many values if they are free.
+
+        Returns:
+            The postures with each tolerance; and those with many values of the joints that are free.
         """
-        pose, given, free = self.before @ T @ self.after, list(seed), T
-        x, y, z = pose[:3, 3].tolist()
-        first, second = hypot(x, y) <= tol, self._on_axis_2(x, y, z, tol)
-        if not (first or second):
-            return [(T, given)]
-        step = 4 if first and second else 1
-        seeds = [
-            [given[0] + turn, given[1] + bend, *given[2:]]
-            for turn in (TURNS[::step] if first else [0.0])
-            for bend in (TURNS[::step] if second else [0.0])
-        ]
-        if first:
-            free = T.copy()
-            free[:3, 3] -= self.before[:2, :3].T @ pose[:2, 3]
-            way = pose[:3, 2]
-            q1 = atan2(self.sa1 * way[0], -self.sa1 * way[1])
-            parallel = np.cross(way, (sin(q1) * self.sa1, -cos(q1) * self.sa1, copysign(self.ca1, way[2])))
-            if not self.spherical and np.abs(parallel).max() <= tol:
-                for turned in (q1, q1 + pi):
-                    start = self._sign[0] * (turned - self._offset[0])
-                    seeds += [[start, *given[1:5], given[5] + turn] for turn in TURNS]
-        return [(T, given), *((free, start) for start in seeds)]
+        doubt = Doubt(0.0)
+        found = [row for tol in tols for row in self.solve(T, tol=tol, seed=seed, doubt=doubt)]
+        free = sorted(doubt.free & joints)
+        if not free:
+            return found, []
+        count = TURNS if len(free) == 1 else 3 * TURNS
+        starts = np.tile(seed, (count, 1))
+        starts[:, free] += 2.0 * np.pi * np.arange(1, count + 1)[:, None] * SHARES[: len(free)]
+        if 0 in free:
+            for q1 in self._parallel_hands(T, tols[-1]):
+                starts = np.vstack([starts, starts[::3]])
+                starts[-len(starts[::3]) :, 0] = q1
+        tries = [(start, tol) for start in starts.tolist() for tol in (tols[-1], FAR_MISS)]
+        return found, [row for start, tol in tries for row in self.solve(T, tol=tol, seed=start)]
 
-    def _on_axis_2(self, x: float, y: float, z: float, tol: float) -> bool:
-        """Whether the centre of a spherical wrist may be on axis 2, so that joint 2 only turns the wrist."""
-        square = x * x + y * y + z * z
-        off_axis = abs(self.ca1 * self.ca1 * (square - self.a1 * self.a1) - z * z)
-        return (
-            self.spherical and (not self.by_shoulder or self.folded <= tol) and off_axis <= tol * (sqrt(square) + 1.0)
-        )
+    def _parallel_hands(self, T: Floats, tol: float) -> list[float]:
+        """Angles of a free joint 1 at which axis 6 is parallel to three parallel axes, so that they move together."""
+        (_, _, x, _), (_, _, y, _), (_, _, z, _) = (self.before @ T @ self.after)[:3].tolist()
+        q1 = atan2(self.sa1 * x, -self.sa1 * y)
+        off = np.cross((x, y, z), (sin(q1) * self.sa1, -cos(q1) * self.sa1, copysign(self.ca1, z)))
+        if self.spherical or np.abs(off).max() > tol:
+            return []
+        return [self._sign[0] * (turned - self._offset[0]) for turned in (q1, q1 + pi)]
 
     def _spherical(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
         """Postures of an arm with a spherical wrist."""
@@ -250,6 +254,8 @@ class DecoupledArm:
         square = [s + c for s, c in zip(_square(sine), _square(cosine), strict=True)]
         square[0] -= 1.0
         roots = _roots(square, start[0], tol / self.size, doubt, 2.0 / abs(by_s5) + 2.0 / abs(by_c5))
+        if doubt is not None and roots == [(start[0], True)]:
+            doubt.free.add(0)
         slope = 2.0 / min(abs(by_s5), abs(by_c5))  # of q1, if the nearest other root is 1 rad away
         for root, (q1, merged) in enumerate(roots):
             apart = min((abs(wrap(q1 - other)) for index, (other, _) in enumerate(roots) if index != root), default=1.0)
@@ -264,9 +270,10 @@ class DecoupledArm:
             if doubt is not None:
                 doubt.aligned(aligned, turned)
             through = 1.0 + turned * (hypot(x, y) + palm[2] / max(aligned, tol))
-            q234, q6, flag = self._outer(turn, q5, tol, None, palm)
-            flags = flag | (SHOULDER if merged else 0)
-            yield from self._arms(2 * root, flags, q1, q234, q5, q6, palm, tol, start[1], doubt, through)
+            for arc, q234, q6, flag in self._outer(turn, q5, tol, 0.0, palm, doubt):
+                flags = flag | (SHOULDER if merged else 0)
+                branch = 2 * root ^ arc
+                yield from self._arms(branch, flags, q1, q234, q5, q6, palm, tol, start[1], doubt, through)
 
     def _arms(
         self,
@@ -346,6 +353,8 @@ class DecoupledArm:
                 on_axis = hypot(u, v) <= tol
                 q1 = start[0] if on_axis else atan2(py, px) - atan2(v, u)
                 branch = 4 * root + other if meet or parallel else 4 * (root // 2) + root % 2
+                if doubt is not None:
+                    doubt.free |= {joint for joint, is_free in enumerate((on_axis, r2 <= tol)) if is_free}
                 yield branch, flags | (SHOULDER if on_axis or r2 <= tol else 0), q1, q2, q3
 
     def _point(self, c3: float, s3: float) -> tuple[float, float, float]:
@@ -377,7 +386,7 @@ class DecoupledArm:
         m2 = r2 - across * across
         if doubt is not None:
             doubt.folded(m2 / r2 if r2 > 0.0 else 0.0, sqrt(r2))
-        if m2 > MERGED * MERGED * r2 + ZERO * ZERO:
+        if m2 > MERGED * MERGED * r2 + ZERO * ZERO and r2 > tol * tol:
             along = sqrt(m2)
             gain = 1.0 + (sqrt(r2) + abs(across)) / along
             for branch, m in ((0, along), (4, -along)):
@@ -388,6 +397,8 @@ class DecoupledArm:
         if r < abs(across) - tol:
             return
         if r <= tol:  # P is on the first axis
+            if doubt is not None:
+                doubt.free.add(0)
             yield 0, SHOULDER, start, cos(start), sin(start), -a1, v, 1.0
         else:
             sign = copysign(1.0, across)
@@ -412,7 +423,7 @@ class DecoupledArm:
         doubt: Doubt | None,
         gain: float,
         *,
-        first: float | None = None,
+        first: float = 0.0,
         palm: _Palm | None = None,
     ) -> Iterator[tuple[int, int, float, float, float]]:
         """Both ways to make a rotation of three turns, Rz(first) Rx(alpha4) Rz(q5) Rx(alpha5) Rz(last).
@@ -442,13 +453,13 @@ class DecoupledArm:
             if merged:  # between the two
                 middle = 0.0 if cosine > 0.0 else pi
         for side, q5 in ((0, middle),) if merged else ((0, middle), (2, -middle)):
-            q4, q6, flags = self._outer(turn, q5, tol, first, palm)
-            yield side, flags | (WRIST if merged else 0), q4, q5, q6
+            for arc, q4, q6, flags in self._outer(turn, q5, tol, first, palm, doubt):
+                yield side ^ arc, flags | (WRIST if merged else 0), q4, q5, q6
 
     def _outer(
-        self, turn: _Rows, q5: float, tol: float, first: float | None, palm: _Palm | None
-    ) -> tuple[float, float, int]:
-        """The first and the last of three turns, of which the middle one is known, and flags.
+        self, turn: _Rows, q5: float, tol: float, first: float, palm: _Palm | None, doubt: Doubt | None
+    ) -> Iterator[tuple[int, float, float, int]]:
+        """The first and the last of three turns, of which the middle one is known, with branch and flags.
 
         Args:
             turn: Rows of the rotation.
@@ -457,6 +468,7 @@ class DecoupledArm:
             first: Value of the first turn where it is free [rad].
             palm: Instead: the first turn is the pitch of this hand, and the last one keeps its value as far as the
                 elbow reaches.
+            doubt: As in `DecoupledArm.solve`.
         """
         (n11, _, n13), (n21, _, n23), (n31, n32, n33) = turn
         ca4, sa4, ca5, sa5 = self.ca4, self.sa4, self.ca5, self.sa5
@@ -466,13 +478,24 @@ class DecoupledArm:
             q4 = atan2(n23 * g - n13 * f, n13 * g + n23 * f)
             if s > NEAR_WRIST:
                 g, f = sa4 * s5, sa4 * c5 * ca5 + ca4 * sa5
-                return q4, atan2(n31 * f - n32 * g, n31 * g + n32 * f), 0
-            flags = 0
-        elif palm is None:
-            q4, flags = first or 0.0, WRIST
+                yield 0, q4, atan2(n31 * f - n32 * g, n31 * g + n32 * f), 0
+                return
+            pitches = [(0, q4, 0)]
+            if palm is not None:
+                _, nearest, flags = next(self._pitches(q4, palm))
+                if 0.0 < abs(nearest - q4) * s <= tol:  # the wrist is almost free
+                    pitches = [(0, nearest, flags)]
         else:
-            q4, flags = self._pitch(self._last(n11, n21, n31, 0.0, q5), copysign(1.0, n33), palm)
-        return q4, self._last(n11, n21, n31, q4, q5), flags
+            if doubt is not None:
+                doubt.free.add(3 if palm is None else 5)
+            if palm is None:
+                pitches = [(0, first, WRIST)]
+            else:
+                sign = copysign(1.0, n33)  # the last joint falls as the pitch grows, or grows
+                wanted = wrap(sign * (self._last(n11, n21, n31, 0.0, q5) - palm[-1]))
+                pitches = list(self._pitches(wanted, palm))
+        for arc, q4, flags in pitches:
+            yield arc, q4, self._last(n11, n21, n31, q4, q5), flags
 
     def _last(self, n11: float, n21: float, n31: float, q4: float, q5: float) -> float:
         """The last of three turns, from the first column of their product and the other two."""
@@ -483,21 +506,23 @@ class DecoupledArm:
         x, y = c * x + s * y, c * y - s * x
         return atan2(self.ca5 * y + self.sa5 * z, x)
 
-    def _pitch(self, total: float, sign: float, palm: _Palm) -> tuple[float, int]:
-        """The pitch of a hand that turns in the plane with the last joint, and flags.
+    def _pitches(self, wanted: float, palm: _Palm) -> Iterator[tuple[int, float, int]]:
+        """The pitch nearest to a wanted one at which the elbow reaches a hand, of each arc of them; branch and flags.
 
-        The last joint keeps its wanted value as far as the elbow reaches.
-
-        Args:
-            total: Angle of the last joint with pitch 0 [rad].
-            sign: 1 if it falls as the pitch grows, -1 if it grows.
-            palm: The hand.
+        The hand turns on a circle. Where the elbow reaches neither its nearest point nor its farthest one, or both are
+        too far or too close, that part of the circle is two arcs.
         """
-        u, v, hand, hand_angle, last = palm
-        wanted = wrap(sign * (total - last))
+        u, v, hand, hand_angle, _ = palm
+        distance = hypot(u, v)
         eta = wrap(wanted + hand_angle - atan2(v, u) + pi)
-        moved = nearest_in_reach(eta, hypot(u, v), hand, self.stretched, self.folded) - eta
-        return wanted + moved, WRIST | MOVED if moved else WRIST
+        nearest = nearest_in_reach(eta, distance, hand, self.stretched, self.folded)
+        lower, upper = arc_in_reach(distance, hand, self.stretched, self.folded)
+        apart = 0.0 < lower and upper < pi
+        moved = nearest - eta
+        yield (2 if apart and nearest < 0.0 else 0), wanted + moved, WRIST | MOVED if moved else WRIST
+        if apart:
+            other = lower if abs(eta) + lower < 2.0 * pi - abs(eta) - upper else upper
+            yield (0 if nearest < 0.0 else 2), wanted - copysign(other, nearest) - eta, WRIST | MOVED
 
     def _elbows(
         self, u: float, v: float, tol: float, start: float, doubt: Doubt | None, gain: float
@@ -510,7 +535,7 @@ class DecoupledArm:
             doubt.folded(1.0 - c3 * c3, upper * fore / self.stretched, gain)
         s3 = sqrt(1.0 - c3 * c3) if -1.0 < c3 < 1.0 else 0.0
         way = atan2(v, u)
-        if s3 >= MERGED:
+        if s3 >= MERGED and rho2 > tol * tol:
             q3, psi = atan2(s3, c3), atan2(fore * s3, upper + fore * c3)
             yield 0, 0, way - psi, q3 - self.fore_angle
             yield 1, 0, way + psi, -q3 - self.fore_angle
@@ -519,6 +544,8 @@ class DecoupledArm:
         if self.folded - tol <= rho <= self.stretched + tol:
             if rho <= tol:
                 way = start
+                if doubt is not None:
+                    doubt.free.add(1)
             straight = c3 > 0.0
             q2 = way if straight or upper >= fore else way + pi
             yield 0, ELBOW, q2, (0.0 if straight else pi) - self.fore_angle
@@ -556,7 +583,7 @@ def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None, ga
     """
     one, c, s, cc, cs, ss = k
     largest = max(map(abs, k))
-    if largest < ZERO:
+    if largest < max(ZERO, tol):
         return [(start, True)]
     fold = 0.0 if doubt is None else 2.0 * sqrt(doubt.off * gain / largest)  # angle between roots that may meet [rad]
     high, low = complex(0.25 * (cc - ss), -0.25 * cs), complex(0.5 * c, -0.5 * s)

@@ -45,10 +45,16 @@ CAUTION = 3.0
 #: How far parts of the geometry may be missed for Newton's method to begin [m, rad]: where two are singular at once,
 #: rounding grows to this.
 AMISS = 1e-4
+#: By how much a posture may miss its pose and be counted as exact [m, rad].
+MISSED = 1e-9
+#: Joints (0 is the first) that move the wrist.
+POSITIONING = {0, 1, 2}
 #: By how much starts of Newton's method may miss a pose [m, rad].
 NEAR_MISS = 0.03
 #: Random postures by which a method is judged, and the share that elimination has to find again.
 TRIALS, MIN_SHARE = 100, 0.98
+#: Samples of a family of postures are tested against so many others, and are apart by less than this [rad].
+NEIGHBOURS, NEIGHBOURING = 4, 0.6
 _JOINTS = 6
 
 
@@ -98,11 +104,8 @@ class ClosedForm:
         self._arm, self._chain = arm, Chain(placements)
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        given = seed.tolist()
-        return self._reached(self._arm.solve(T, tol=tol, seed=given), T, tol) or next(
-            (found for pose, start in self._arm.asked(T, AMISS, given)
-             if (found := self._reached(self._arm.solve(pose, tol=AMISS, seed=start), T, tol))), [],
-        )  # fmt: skip
+        rows = self._arm.solve(T, tol=tol, seed=seed.tolist())
+        return self._singular(T, seed, tol) if not rows or any(row[FLAGS] for row in rows) else sorted(rows)
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         q, valid, singular = solve_poses(self._arm, T, tol)
@@ -111,21 +114,49 @@ class ClosedForm:
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         return _starts(self._arm, T)
 
-    def _reached(self, rows: list[Row], T: Floats, tol: float) -> list[Row]:
-        """Postures that reach a pose; those of a singular one that miss it after some steps of Newton's method."""
-        if not any(row[FLAGS] for row in rows):
-            return sorted(rows)
-        q = np.array([row[ANGLES] for row in rows])
+    def _singular(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
+        """Postures of a pose that may be singular; those that miss it by up to `tol` on branches without an exact one.
+
+        What is singular by less than the tolerance of the closed form is free, and otherwise it is not: several
+        tolerances find the postures of both. Those that miss the pose go there by Newton's method. If the widest
+        tolerance has one from which that fails, two singularities are close to each other, and all joints that are
+        free take many values.
+        """
+        rows, q, off, samples = self._refined(T, seed, tol, POSITIONING)
+        if (off[: len(rows) - samples] > MISSED).any():
+            rows, q, off, samples = self._refined(T, seed, tol, set(range(_JOINTS)))
+        exact = np.flatnonzero(off <= MISSED)
+        exact = exact[first_of_each(q[exact], SAME)]
+        if samples:
+            exact = exact[_families(self._chain, q[exact], T)]
+        named: dict[int, int] = {}
+        for index in exact.tolist():
+            named.setdefault(rows[index][BRANCH], index)
+        spare = [index for index in exact.tolist() if index not in named.values()]
+        for index in np.flatnonzero(off <= tol).tolist():
+            named.setdefault(rows[index][BRANCH], index)
+        free = [branch for branch in range(BRANCHES) if branch not in named]
+        named |= dict(zip(free, spare, strict=False))
+        return [(branch, rows[named[branch]][FLAGS], *q[named[branch]].tolist()) for branch in sorted(named)]
+
+    def _refined(self, T: Floats, seed: Floats, tol: float, joints: set[int]) -> tuple[list[Row], Floats, Floats, int]:
+        """Rows of the closed form near a pose, their postures (m, 6) after Newton's method and by how much these miss.
+
+        The last ones, whose number is returned too, are those with many values of some `joints` that are free.
+        """
+        rows, samples = self._arm.near_singular(T, (MISSED, EXACT, tol, AMISS), seed.tolist(), joints)
+        q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
+        rows = [rows[index] for index in np.flatnonzero(first_of_each(q, SAME))] + samples
+        q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
         poses = np.broadcast_to(T, (len(q), 4, 4))
         off = missed_by(miss(self._chain.fk(q), poses))
-        far = np.flatnonzero(off > tol)
+        far = np.flatnonzero(off > MISSED)
         if len(far):
-            moved, off[far] = nearest_by_newton(self._chain, q[far], poses[far])
-            off[far[np.abs(moved - q[far]).max(axis=1) > FAR]] = np.inf
-            q[far] = wrapped(moved)
-        arrived = np.flatnonzero(off <= tol)
-        kept = arrived[first_of_each(q[arrived], SAME)]
-        return sorted((rows[index][BRANCH], rows[index][FLAGS], *q[index].tolist()) for index in kept)
+            moved, missing = nearest_by_newton(self._chain, q[far], poses[far])
+            by = np.abs(moved - q[far]).max(axis=1)
+            near = (missing < off[far]) & ((by < FAR) | (far >= len(rows) - len(samples)))
+            q[far[near]], off[far[near]] = wrapped(moved[near]), missing[near]
+        return rows, q, off, len(samples)
 
 
 class NearlyDecoupled(NearClosedForm):
@@ -180,9 +211,10 @@ class NearlyDecoupled(NearClosedForm):
         for this pose and for others about it, too.
         """
         sound, wide = self._elimination[1] >= MIN_SHARE, 10.0 * self._off
-        asked = [each for pose in self._about(T, alone=sound) for each in self._arm.asked(pose, wide, seed.tolist())]
-        near = [self._arm.solve(pose, tol=wide, seed=start) for pose, start in asked]
-        starts = np.array([row[ANGLES] for rows in near for row in rows]).reshape(-1, _JOINTS)
+        near, samples = self._arm.near_singular(T, (wide,), seed.tolist(), set(range(_JOINTS)))
+        others = [] if sound else [self._arm.solve(pose, tol=wide, seed=seed.tolist()) for pose in self._about(T)]
+        starts = [row[ANGLES] for rows in (near, samples, *others) for row in rows]
+        starts = np.array(starts).reshape(-1, _JOINTS)
         poses = np.broadcast_to(T, (len(starts), 4, 4))
         q, off = newton(self.chain, starts, poses) if sound else nearest_by_newton(self.chain, starts, poses)
         every = np.vstack([eliminated, wrapped(q[off < EXACT])])
@@ -196,7 +228,7 @@ class NearlyDecoupled(NearClosedForm):
         exact = self._arm.solve(T, tol=EXACT, seed=seed.tolist())
         near_by = sorted(
             (wider, float(np.abs(wrapped(one - row[ANGLES])).max()), index, int(row[BRANCH]))
-            for wider, rows in enumerate((exact, near[0]))  # a wide tolerance may count other branches
+            for wider, rows in enumerate((exact, near))  # a wide tolerance may count other branches
             for row in rows
             for index, one in enumerate(every)
         )
@@ -210,12 +242,9 @@ class NearlyDecoupled(NearClosedForm):
         named |= {next(spare): index for index in order.tolist() if index not in known}
         return [(branch, 0, *every[named[branch]].tolist()) for branch in sorted(named)]
 
-    def _about(self, T: Floats, *, alone: bool) -> list[Floats]:
-        """A pose, and unless it is alone those that are off by as much as the two arms along each axis."""
-        if alone:
-            return [T]
-        moves = np.concatenate([np.zeros((1, 6)), self._off * np.eye(6), -self._off * np.eye(6)])
-        return list(moved_frames(T[None], moves))
+    def _about(self, T: Floats) -> list[Floats]:
+        """The poses that are off by as much as the two arms along each axis."""
+        return list(moved_frames(T[None], self._off * np.concatenate([np.eye(6), -np.eye(6)])))
 
 
 class Elimination:
@@ -317,6 +346,24 @@ def _with_others(
         for branch, _, *angles in method.one(T[row], seeds[row], tol):
             q[:, branch, row], valid[branch, row] = angles, True
     return q, valid
+
+
+def _families(chain: Chain, q: Floats, T: Floats) -> NDArray[np.bool_]:
+    """Which of the postures (m, 6) of a pose (4, 4) are the first of those from which the arm moves to one another."""
+    away = wrapped(q[:, None] - q)
+    distance = np.abs(away).max(axis=2)
+    near = np.argsort(distance, axis=1)[:, 1 : 1 + NEIGHBOURS]
+    one, other = np.repeat(np.arange(len(q)), near.shape[1]), near.ravel()
+    close = distance[one, other] < NEIGHBOURING
+    one, other = one[close], other[close]
+    step = away[other, one]
+    middle = q[one] + 0.5 * step
+    found, off = nearest_by_newton(chain, middle, np.broadcast_to(T, (len(middle), 4, 4)))
+    joined = (off < MISSED) & (np.abs(found - middle).max(axis=1, initial=0.0) < 0.5 * np.abs(step).max(axis=1, initial=0.0))
+    label = np.arange(len(q))
+    for a, b in zip(one[joined].tolist(), other[joined].tolist(), strict=True):
+        label[label == max(label[a], label[b])] = min(label[a], label[b])
+    return label == np.arange(len(q))
 
 
 def _inverse(T: Floats) -> Floats:

@@ -256,14 +256,19 @@ def nearest_in_reach(eta: float, distance: float, radius: float, stretched: floa
         stretched: The links' longest reach [m].
         folded: Their shortest reach [m].
     """
-    scale = 2.0 * distance * radius
-    if scale < 1e-12:
-        return eta
-    rest = distance * distance + radius * radius
-    lower = acos(min(1.0, max(-1.0, (stretched**2 - rest) / scale)))
-    upper = acos(min(1.0, max(-1.0, (folded**2 - rest) / scale)))
+    lower, upper = arc_in_reach(distance, radius, stretched, folded)
     nearest = min(max(abs(eta), lower), upper)
     return eta if nearest == abs(eta) else copysign(nearest, eta)
+
+
+def arc_in_reach(distance: float, radius: float, stretched: float, folded: float) -> tuple[float, float]:
+    """Return between which absolute angles a point on a circle is in reach; arguments as for `nearest_in_reach`."""
+    scale = 2.0 * distance * radius
+    if scale < 1e-12:
+        return 0.0, pi
+    rest = distance * distance + radius * radius
+    lower = acos(min(1.0, max(-1.0, (stretched**2 - rest) / scale)))
+    return lower, acos(min(1.0, max(-1.0, (folded**2 - rest) / scale)))
 
 
 def _verified(found: list[Row], miss: int, reaches: Callable[[Sequence[float]], bool]) -> tuple[list[Row], int]:
