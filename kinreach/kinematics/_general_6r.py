@@ -77,7 +77,7 @@ SAME_IF_CONNECTED = 2e-2
 #: Newton's method has diverged if the error is larger after `2 * STEPS` steps [m, rad].
 DIVERGED = 1e-3
 #: Singular values below this are 0.
-MIN_SINGULAR_VALUE = 1e-8
+MIN_SINGULAR_VALUE = 1e-12
 #: Starting points closer than this are the same, where Newton's method converges slowly [rad].
 SAME_START = 1e-3
 #: Steps of Newton's method from an eigenvalue, and near a singularity.
@@ -376,6 +376,9 @@ class General6R:
             part = slice(begin, end)
             if clear[row]:
                 found.append(q[part][real[part]])
+                continue
+            if len(T) > 1:  # rounding differs between one and many; what it changes here must be the same for both
+                found += self._solve_some(T[row : row + 1], tol)
                 continue
             angles, complexity = start[part, 1], imaginary[part]
             kept, others = q[part][off[part] < EXACT], start[part][complexity >= MIN_COMPLEX]

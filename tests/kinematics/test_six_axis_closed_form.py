@@ -219,7 +219,7 @@ def test_a_wrist_centre_on_the_second_axis(parallel, tmp_path):
         assert found.success
         assert found.residual.max() < 1.1e-7
         assert np.flatnonzero(kin.batch(T[None], limits=False).valid[0]).tolist() == found.branch.tolist()
-        solved += len(kin._method._arm.near_singular(T, (1e-4,), [0.0] * 6, {1})[1]) > 40
+        solved += 1 in kin._method._arm.near_singular(T, (1e-4,), [0.0] * 6)[1]
     assert solved == 12
 
 
@@ -254,7 +254,7 @@ def test_joint_1_and_the_pitch_of_the_hand_are_free(off, tmp_path):
             assert found.success
             assert found.residual.max() < 1.1e-7
             assert np.flatnonzero(valid).tolist() == found.branch.tolist()
-            solved += len(kin._method._arm.near_singular(pose, (1e-3,), [0.0] * 6, {0, 5})[1]) > 100
+            solved += len(kin._method._arm.near_singular(pose, (1e-3,), [0.0] * 6)[1]) > 1
     assert solved >= 5
 
 

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._chain import blocks
-from kinreach.kinematics._six_axis.closed_form import ZERO, DecoupledArm
+from kinreach.kinematics._six_axis.closed_form import AMISS, ZERO, DecoupledArm
 from kinreach.kinematics._ur.batch import flange_entries
 from kinreach.kinematics._ur.closed_form import NEAR_WRIST
 from kinreach.kinematics._ur.geometry import BRANCHES
 
 #: Where the square of a sine is less, a shoulder, elbow or wrist is left to `DecoupledArm.solve`.
-NEAR = 1e-10
+NEAR = 1e-8
 
 _Mask = NDArray[np.bool_]
 
@@ -49,14 +49,14 @@ def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, 
     entries = flange_entries(np.ascontiguousarray(T[:, :3].reshape(-1, 12).T), arm.before, arm.after)
     x, y, z = entries[3::4]
     columns = entries.reshape(3, 4, -1)[:, :3]
-    ca1, sa1 = arm.ca1, arm.sa1
+    ca1, sa1, amiss = arm.ca1, arm.sa1, max(tol, AMISS)
     with np.errstate(invalid="ignore", divide="ignore"):
         across = (ca1 * z - arm.height) / sa1
         v = ca1 * across + sa1 * z
         r2 = x * x + y * y
         m2 = r2 - across * across
         r = np.sqrt(r2)
-        doubtful = (m2 <= NEAR * r2 + ZERO * ZERO) & (r >= np.abs(across) - tol) | (np.abs(m2) < 4.0 * off * r)
+        doubtful = (m2 <= NEAR * r2 + ZERO * ZERO) & (r >= np.abs(across) - amiss) | (np.abs(m2) < 4.0 * off * r)
         along = np.sqrt(m2)
         reached = m2 > 0.0
         moved: Floats | float = 0.0
@@ -113,12 +113,12 @@ def _elbows(
     arm: DecoupledArm, u: Floats, v: Floats, tol: float, off: Floats | float, doubtful: _Mask
 ) -> Iterator[tuple[int, _Mask, Floats, Floats, Floats, Floats]]:
     """Both elbows: branch, which reach, cosine and sine of q2 + q3, q2 and q3. Adds to the doubtful poses."""
-    upper, fore = arm.upper, arm.fore
+    upper, fore, amiss = arm.upper, arm.fore, max(tol, AMISS)
     rho2 = u * u + v * v
     c3 = (rho2 - upper * upper - fore * fore) / (2.0 * upper * fore)
     s2 = 1.0 - c3 * c3
     rho = np.sqrt(rho2)
-    doubtful |= (s2 <= NEAR) & (rho <= arm.stretched + tol) & (rho >= arm.folded - tol) | (
+    doubtful |= (s2 <= NEAR) & (rho <= arm.stretched + amiss) & (rho >= arm.folded - amiss) | (
         np.abs(s2) < 4.0 * off * arm.stretched / (upper * fore)
     )
     bent = s2 > 0.0
@@ -142,7 +142,7 @@ def _wrists(
     c5 = (ca4 * ca5 - n33) / (sa4 * sa5)
     s2 = square if arm.right_angles else 1.0 - c5 * c5
     if not arm.right_angles:
-        doubtful |= (s2 <= NEAR) & (np.abs(sa4 * sa5) * (np.abs(c5) - 1.0) <= tol) | (
+        doubtful |= (s2 <= NEAR) & (np.abs(sa4 * sa5) * (np.abs(c5) - 1.0) <= max(tol, AMISS)) | (
             np.abs(s2 * sa4 * sa5) < 4.0 * off
         )
     turns, s5 = s2 > 0.0, np.sqrt(s2)

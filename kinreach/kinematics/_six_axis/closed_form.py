@@ -43,8 +43,11 @@ from kinreach.kinematics._ur.closed_form import ELBOW, MERGED, MOVED, NEAR_WRIST
 ZERO = 1e-12
 #: Roots of the quadratic equation are polished in as many steps, and are apart by more than this [rad].
 POLISH, APART = 4, 1e-6
+#: By how much parts of the geometry may be missed in a posture that is then looked at more closely [m, rad]: where two
+#: are singular at once, rounding grows to this.
+AMISS = 1e-4
 #: How many angles of a free joint are tried; and shares of a turn by which one is after the other, of each such joint.
-TURNS, SHARES = 48, np.sqrt([5.0, 2.0, 3.0, 7.0, 11.0, 13.0]) % 1.0
+TURNS, SHARES = 36, np.sqrt([5.0, 2.0, 3.0, 7.0, 11.0, 13.0]) % 1.0
 #: By how much an elbow may be missed at such an angle, to be reached at one near it [m, rad].
 FAR_MISS = 0.03
 #: How far a complex root may be off the unit circle to count.
@@ -175,33 +178,30 @@ class DecoupledArm:
         ]
 
     def near_singular(
-        self, T: Floats, tols: Sequence[float], seed: Sequence[float], joints: set[int]
-    ) -> tuple[list[Row], list[Row]]:
-        """Compute postures of a pose that may be singular.
+        self, T: Floats, tols: Sequence[float], seed: Sequence[float]
+    ) -> tuple[list[Row], set[int]]:
+        """Compute the postures of a pose with each of some tolerances, and which joints (0 is the first) are free.
 
-        Args:
-            T: As in `solve`.
-            tols: Tolerances, as in `solve`.
-            seed: As in `solve`.
-            joints: Which of the joints (0 is the first) take many values if they are free.
-
-        Returns:
-            The postures with each tolerance; and those with many values of the joints that are free.
+        Arguments are those of `solve`.
         """
         doubt = Doubt(0.0)
-        found = [row for tol in tols for row in self.solve(T, tol=tol, seed=seed, doubt=doubt)]
-        free = sorted(doubt.free & joints)
-        if not free:
-            return found, []
-        count = TURNS if len(free) == 1 else 3 * TURNS
+        return [row for tol in tols for row in self.solve(T, tol=tol, seed=seed, doubt=doubt)], doubt.free
+
+    def samples(self, T: Floats, tol: float, seed: Sequence[float], free: set[int]) -> list[Row]:
+        """Compute postures of a pose with many values of the joints that are free; arguments are those of `solve`."""
+        joints = sorted(free)
+        if not joints:
+            return []
+        count = TURNS if len(joints) == 1 else 3 * TURNS
         starts = np.tile(seed, (count, 1))
-        starts[:, free] += 2.0 * np.pi * np.arange(1, count + 1)[:, None] * SHARES[: len(free)]
+        starts[:, joints] += 2.0 * np.pi * np.arange(1, count + 1)[:, None] * SHARES[: len(joints)]
         if 0 in free:
-            for q1 in self._parallel_hands(T, tols[-1]):
-                starts = np.vstack([starts, starts[::3]])
-                starts[-len(starts[::3]) :, 0] = q1
-        tries = [(start, tol) for start in starts.tolist() for tol in (tols[-1], FAR_MISS)]
-        return found, [row for start, tol in tries for row in self.solve(T, tol=tol, seed=start)]
+            for q1 in self._parallel_hands(T, tol):
+                more = starts[: count : 3].copy()
+                more[:, 0] = q1
+                starts = np.vstack([starts, more])
+        tries = [(start, missed) for start in starts.tolist() for missed in (tol, FAR_MISS)]
+        return [row for start, missed in tries for row in self.solve(T, tol=missed, seed=start)]
 
     def _parallel_hands(self, T: Floats, tol: float) -> list[float]:
         """Angles of a free joint 1 at which axis 6 is parallel to three parallel axes, so that they move together."""
@@ -223,8 +223,12 @@ class DecoupledArm:
             else:
                 turn = self._behind(turn, cos(q2), sin(q2), self.ca2, self.sa2)
                 turn = self._behind(turn, cos(q3), sin(q3), self.ca3, self.sa3)
+            reached = False
             for side, flag, q4, q5, q6 in self._wrists(turn, tol, doubt, gain, first=start[3]):
+                reached = True
                 yield branch + side, flags | flag, q1, q2, q3, q4, q5, q6
+            if flags and not reached:  # other values of a free joint may reach
+                yield branch, flags, q1, q2, q3, *start[3:]
 
     def _three_parallel(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
         """Postures of an arm with axes 2, 3 and 4 parallel, and 5 and 6 that meet."""
@@ -232,11 +236,16 @@ class DecoupledArm:
             palm = (u, v, self.hand, self.hand_angle, start[5])
             turn = self._behind(pose, c1, s1, self.ca1, self.sa1)
             turned = 1.0 + 1.0 / max(abs(u + self.a1), tol)
+            reached = not flags
             for side, flag, q234, q5, q6 in self._wrists(turn, tol, doubt, turned, palm=palm):
                 through = gain + turned * self.hand / max(abs(self.sa4 * self.sa5 * sin(q5)), tol)
-                yield from self._arms(
+                for row in self._arms(
                     branch + side, flags | flag, q1, q234, q5, q6, palm, tol, start[1], doubt, through
-                )
+                ):
+                    reached = True
+                    yield row
+            if not reached:  # other values of a free joint may reach
+                yield branch, flags, q1, *start[1:]
 
     def _three_parallel_by_roots(
         self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None
@@ -394,7 +403,7 @@ class DecoupledArm:
                 yield branch, 0, atan2(s1, c1), c1, s1, m - a1, v, gain
             return
         r = sqrt(r2)
-        if r < abs(across) - tol:
+        if r < abs(across) - max(tol, AMISS):
             return
         if r <= tol:  # P is on the first axis
             if doubt is not None:
@@ -446,7 +455,7 @@ class DecoupledArm:
             cosine = (ca4 * ca5 - n33) / (sa4 * sa5)
             if doubt is not None:
                 doubt.folded(1.0 - cosine * cosine, abs(sa4 * sa5), gain)
-            if abs(sa4 * sa5) * (abs(cosine) - 1.0) > tol:
+            if abs(sa4 * sa5) * (abs(cosine) - 1.0) > max(tol, AMISS):
                 return
             middle = acos(min(1.0, max(-1.0, cosine)))
             merged = sin(middle) < MERGED
@@ -541,7 +550,8 @@ class DecoupledArm:
             yield 1, 0, way + psi, -q3 - self.fore_angle
             return
         rho = sqrt(rho2)
-        if self.folded - tol <= rho <= self.stretched + tol:
+        amiss = max(tol, AMISS)
+        if self.folded - amiss <= rho <= self.stretched + amiss:
             if rho <= tol:
                 way = start
                 if doubt is not None:
@@ -562,7 +572,7 @@ def _chord(given: float, radius: float, tol: float, doubt: Doubt | None, gain: f
     square = radius * radius - given * given
     if square > (MERGED * radius) ** 2:
         return [(sqrt(square), 0), (-sqrt(square), 0)]
-    return [(0.0, SHOULDER)] if abs(given) <= radius + tol else []
+    return [(0.0, SHOULDER)] if abs(given) <= radius + max(tol, AMISS) else []
 
 
 def _square(line: Sequence[float]) -> tuple[float, float, float, float, float, float]:
@@ -600,6 +610,7 @@ def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None, ga
             (way + apart, False), (way - apart, False)
         ]  # fmt: skip
     found: list[tuple[float, bool]] = []
+    middles: list[float] = []  # of two roots that almost merge
     off_circle = max(OFF_CIRCLE, 2.0 * sqrt(tol))
     for z in np.roots([high, low, middle, low.conjugate(), high.conjugate()]).tolist():
         off = abs(abs(z) - 1.0)
@@ -628,6 +639,16 @@ def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None, ga
                 if abs(slope) >= abs(bend) * off_circle:
                     break
                 q -= slope / bend
+            else:
+                x, y = cos(q), sin(q)
+                value = one + c * x + s * y + cc * x * x + cs * x * y + ss * y * y
+                apart = sqrt(max(0.0, -2.0 * value / bend))
+                if apart > MERGED:
+                    steady = [index for index, other in enumerate(middles) if abs(wrap(other - q)) < APART]
+                    middles.append(q)
+                    if not steady:
+                        found += [(q + apart, False), (q - apart, False)]
+                    continue
         if doubt is not None and any(abs(wrap(other - q)) < fold for other, _ in found):
             doubt.found = True
         if near:

@@ -15,18 +15,18 @@ from kinreach.kinematics._general_6r import (
     EXACT,
     MAX_POSTURES,
     SAME,
+    SAME_START,
     Chain,
     General6R,
     first_of_each,
     miss,
     missed_by,
     nearest_by_newton,
-    newton,
 )
 from kinreach.kinematics._identification import moved_frames
 from kinreach.kinematics._near_closed_form import FAR, NearClosedForm, no_postures
 from kinreach.kinematics._six_axis.batch import solve_poses
-from kinreach.kinematics._six_axis.closed_form import DecoupledArm, Doubt, decouples
+from kinreach.kinematics._six_axis.closed_form import AMISS, DecoupledArm, Doubt, decouples
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Row
 from kinreach.kinematics._ur.geometry import BRANCHES
@@ -42,9 +42,6 @@ ALWAYS_SINGULAR = 1e-9
 SINGULAR = -1.0
 #: By how many times that a pose may be missed by the closed form and yet be reached.
 CAUTION = 3.0
-#: How far parts of the geometry may be missed for Newton's method to begin [m, rad]: where two are singular at once,
-#: rounding grows to this.
-AMISS = 1e-4
 #: By how much a posture may miss its pose and be counted as exact [m, rad].
 MISSED = 1e-9
 #: Joints (0 is the first) that move the wrist.
@@ -122,9 +119,15 @@ class ClosedForm:
         tolerance has one from which that fails, two singularities are close to each other, and all joints that are
         free take many values.
         """
-        rows, q, off, samples = self._refined(T, seed, tol, POSITIONING)
-        if (off[: len(rows) - samples] > MISSED).any():
-            rows, q, off, samples = self._refined(T, seed, tol, set(range(_JOINTS)))
+        given = seed.tolist()
+        rows, free = self._arm.near_singular(T, (MISSED, EXACT, tol, AMISS), given)
+        q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
+        rows = [rows[index] for index in np.flatnonzero(first_of_each(q, SAME))]
+        q, off = self._refined(rows, T, FAR)
+        samples = self._arm.samples(T, AMISS, given, free if (off > MISSED).any() else free & POSITIONING)
+        if samples:
+            more, missing = self._refined(samples, T, np.inf)
+            rows, q, off = rows + samples, np.vstack([q, more]), np.append(off, missing)
         exact = np.flatnonzero(off <= MISSED)
         exact = exact[first_of_each(q[exact], SAME)]
         if samples:
@@ -135,28 +138,25 @@ class ClosedForm:
         spare = [index for index in exact.tolist() if index not in named.values()]
         for index in np.flatnonzero(off <= tol).tolist():
             named.setdefault(rows[index][BRANCH], index)
-        free = [branch for branch in range(BRANCHES) if branch not in named]
-        named |= dict(zip(free, spare, strict=False))
+        unnamed = [branch for branch in range(BRANCHES) if branch not in named]
+        named |= dict(zip(unnamed, spare, strict=False))
         return [(branch, rows[named[branch]][FLAGS], *q[named[branch]].tolist()) for branch in sorted(named)]
 
-    def _refined(self, T: Floats, seed: Floats, tol: float, joints: set[int]) -> tuple[list[Row], Floats, Floats, int]:
-        """Rows of the closed form near a pose, their postures (m, 6) after Newton's method and by how much these miss.
+    def _refined(self, rows: list[Row], T: Floats, far: float) -> tuple[Floats, Floats]:
+        """Postures (m, 6) near those of rows, by Newton's method if they miss a pose; and by how much they do (m,).
 
-        The last ones, whose number is returned too, are those with many values of some `joints` that are free.
+        A joint that would move by `far` stays where it is [rad].
         """
-        rows, samples = self._arm.near_singular(T, (MISSED, EXACT, tol, AMISS), seed.tolist(), joints)
-        q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
-        rows = [rows[index] for index in np.flatnonzero(first_of_each(q, SAME))] + samples
         q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
         poses = np.broadcast_to(T, (len(q), 4, 4))
         off = missed_by(miss(self._chain.fk(q), poses))
-        far = np.flatnonzero(off > MISSED)
-        if len(far):
-            moved, missing = nearest_by_newton(self._chain, q[far], poses[far])
-            by = np.abs(moved - q[far]).max(axis=1)
-            near = (missing < off[far]) & ((by < FAR) | (far >= len(rows) - len(samples)))
-            q[far[near]], off[far[near]] = wrapped(moved[near]), missing[near]
-        return rows, q, off, len(samples)
+        some = np.flatnonzero(off > MISSED)
+        if len(some):
+            moved, missing = nearest_by_newton(self._chain, q[some], poses[some])
+            nearer = (missing < off[some]) & (np.abs(moved - q[some]).max(axis=1) < far)
+            some, moved, missing = some[nearer], moved[nearer], missing[nearer]
+            q[some], off[some] = wrapped(moved), missing
+        return q, off
 
 
 class NearlyDecoupled(NearClosedForm):
@@ -210,22 +210,25 @@ class NearlyDecoupled(NearClosedForm):
         By elimination; and where that may be singular for the arm, by Newton's method from the closed form's postures
         for this pose and for others about it, too.
         """
-        sound, wide = self._elimination[1] >= MIN_SHARE, 10.0 * self._off
-        near, samples = self._arm.near_singular(T, (wide,), seed.tolist(), set(range(_JOINTS)))
-        others = [] if sound else [self._arm.solve(pose, tol=wide, seed=seed.tolist()) for pose in self._about(T)]
-        starts = [row[ANGLES] for rows in (near, samples, *others) for row in rows]
-        starts = np.array(starts).reshape(-1, _JOINTS)
-        poses = np.broadcast_to(T, (len(starts), 4, 4))
-        q, off = newton(self.chain, starts, poses) if sound else nearest_by_newton(self.chain, starts, poses)
+        sound, wide, given = self._elimination[1] >= MIN_SHARE, 10.0 * self._off, seed.tolist()
+        near = self._arm.solve(T, tol=wide, seed=given)
+        # At one singularity an angle moves by the root of what the arm is off; at a second, that counts.
+        rows, free = self._arm.near_singular(T, (sqrt(wide),), given)
+        rows += near + self._arm.samples(T, sqrt(wide), given, free)
+        if not sound:
+            rows += [row for pose in self._about(T) for row in self._arm.solve(pose, tol=wide, seed=given)]
+        starts = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
+        starts = starts[first_of_each(starts, SAME_START)]
+        away = np.random.default_rng(0).normal(size=starts.shape) * sqrt(self._off)
+        starts = np.vstack([starts, starts + away])
+        q, off = nearest_by_newton(self.chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
         every = np.vstack([eliminated, wrapped(q[off < EXACT])])
         if not len(every):
-            # At one singularity an angle moves by the root of what the arm is off; at a second, that counts.
-            rows = self._arm.solve(T, tol=sqrt(wide), seed=seed.tolist())
-            starts = np.vstack([starts, np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)])
-            q, off = nearest_by_newton(self.chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
-            every = wrapped(q[off < (EXACT if (off < EXACT).any() else tol)])
-        every = every[first_of_each(every, SAME)][:MAX_POSTURES]
-        exact = self._arm.solve(T, tol=EXACT, seed=seed.tolist())
+            every = wrapped(q[off < tol])
+        every = every[first_of_each(every, SAME)]
+        if len(every) > MAX_POSTURES:
+            every = every[_families(self.chain, every, T)][:MAX_POSTURES]
+        exact = self._arm.solve(T, tol=EXACT, seed=given)
         near_by = sorted(
             (wider, float(np.abs(wrapped(one - row[ANGLES])).max()), index, int(row[BRANCH]))
             for wider, rows in enumerate((exact, near))  # a wide tolerance may count other branches
