@@ -52,6 +52,8 @@ NEAR_MISS = 0.03
 TRIALS, MIN_SHARE = 100, 0.98
 #: Samples of a family of postures are tested against so many others, and are apart by less than this [rad].
 NEIGHBOURS, NEIGHBOURING = 4, 0.6
+#: Starts of Newton's method near a singular pose, at most.
+MAX_STARTS = 160
 _JOINTS = 6
 
 
@@ -124,7 +126,8 @@ class ClosedForm:
         q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
         rows = [rows[index] for index in np.flatnonzero(first_of_each(q, SAME))]
         q, off = self._refined(rows, T, FAR)
-        samples = self._arm.samples(T, AMISS, given, free if (off > MISSED).any() else free & POSITIONING)
+        free &= POSITIONING | {_JOINTS - 1} if (off > MISSED).any() else POSITIONING
+        samples = self._arm.samples(T, AMISS, given, free)
         if samples:
             more, missing = self._refined(samples, T, np.inf)
             rows, q, off = rows + samples, np.vstack([q, more]), np.append(off, missing)
@@ -218,8 +221,9 @@ class NearlyDecoupled(NearClosedForm):
         if not sound:
             rows += [row for pose in self._about(T) for row in self._arm.solve(pose, tol=wide, seed=given)]
         starts = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
-        starts = starts[first_of_each(starts, SAME_START)]
-        away = np.random.default_rng(0).normal(size=starts.shape) * sqrt(self._off)
+        starts, rng = starts[first_of_each(starts, SAME_START)], np.random.default_rng(0)
+        starts = starts[rng.permutation(len(starts))[:MAX_STARTS]]
+        away = rng.normal(size=starts.shape) * sqrt(self._off)
         starts = np.vstack([starts, starts + away])
         q, off = nearest_by_newton(self.chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
         every = np.vstack([eliminated, wrapped(q[off < EXACT])])
