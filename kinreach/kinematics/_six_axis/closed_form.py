@@ -37,7 +37,16 @@ from kinreach.kinematics._angles import wrap
 from kinreach.kinematics._general_6r import COEFFICIENTS, SAMPLES
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
 from kinreach.kinematics._solutions import Row
-from kinreach.kinematics._ur.closed_form import ELBOW, MERGED, MOVED, NEAR_WRIST, SHOULDER, WRIST, arc_in_reach, nearest_in_reach
+from kinreach.kinematics._ur.closed_form import (
+    ELBOW,
+    MERGED,
+    MOVED,
+    NEAR_WRIST,
+    SHOULDER,
+    WRIST,
+    arc_in_reach,
+    nearest_in_reach,
+)
 
 #: Cosines and lengths below this are 0 [m].
 ZERO = 1e-12
@@ -177,9 +186,7 @@ class DecoupledArm:
             for branch, flags, q1, q2, q3, q4, q5, q6 in found
         ]
 
-    def near_singular(
-        self, T: Floats, tols: Sequence[float], seed: Sequence[float]
-    ) -> tuple[list[Row], set[int]]:
+    def near_singular(self, T: Floats, tols: Sequence[float], seed: Sequence[float]) -> tuple[list[Row], set[int]]:
         """Compute the postures of a pose with each of some tolerances, and which joints (0 is the first) are free.
 
         Arguments are those of `solve`.
@@ -197,7 +204,7 @@ class DecoupledArm:
         starts[:, joints] += 2.0 * np.pi * np.arange(1, count + 1)[:, None] * SHARES[: len(joints)]
         if 0 in free:
             for q1 in self._parallel_hands(T, tol):
-                more = starts[: count : 3].copy()
+                more = starts[:count:3].copy()
                 more[:, 0] = q1
                 starts = np.vstack([starts, more])
         tries = [(start, missed) for start in starts.tolist() for missed in (tol, FAR_MISS)]
@@ -526,7 +533,7 @@ class DecoupledArm:
         eta = wrap(wanted + hand_angle - atan2(v, u) + pi)
         nearest = nearest_in_reach(eta, distance, hand, self.stretched, self.folded)
         lower, upper = arc_in_reach(distance, hand, self.stretched, self.folded)
-        apart = 0.0 < lower and upper < pi
+        apart = lower > 0.0 and upper < pi
         moved = nearest - eta
         yield (2 if apart and nearest < 0.0 else 0), wanted + moved, WRIST | MOVED if moved else WRIST
         if apart:

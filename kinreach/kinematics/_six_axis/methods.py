@@ -366,7 +366,8 @@ def _families(chain: Chain, q: Floats, T: Floats) -> NDArray[np.bool_]:
     step = away[other, one]
     middle = q[one] + 0.5 * step
     found, off = nearest_by_newton(chain, middle, np.broadcast_to(T, (len(middle), 4, 4)))
-    joined = (off < MISSED) & (np.abs(found - middle).max(axis=1, initial=0.0) < 0.5 * np.abs(step).max(axis=1, initial=0.0))
+    moved, apart = (np.abs(each).max(axis=1, initial=0.0) for each in (found - middle, step))
+    joined = (off < MISSED) & (moved < 0.5 * apart)
     label = np.arange(len(q))
     for a, b in zip(one[joined].tolist(), other[joined].tolist(), strict=True):
         label[label == max(label[a], label[b])] = min(label[a], label[b])
