@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._chain import blocks
-from kinreach.kinematics._six_axis.closed_form import AMISS, ZERO, DecoupledArm
+from kinreach.kinematics._six_axis.closed_form import CLOSE, ZERO, DecoupledArm
 from kinreach.kinematics._ur.batch import flange_entries
 from kinreach.kinematics._ur.closed_form import NEAR_WRIST
 from kinreach.kinematics._ur.geometry import BRANCHES
@@ -49,7 +49,7 @@ def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, 
     entries = flange_entries(np.ascontiguousarray(T[:, :3].reshape(-1, 12).T), arm.before, arm.after)
     x, y, z = entries[3::4]
     columns = entries.reshape(3, 4, -1)[:, :3]
-    ca1, sa1, amiss = arm.ca1, arm.sa1, max(tol, AMISS)
+    ca1, sa1, amiss = arm.ca1, arm.sa1, max(tol, CLOSE)
     with np.errstate(invalid="ignore", divide="ignore"):
         across = (ca1 * z - arm.height) / sa1
         v = ca1 * across + sa1 * z
@@ -113,7 +113,7 @@ def _elbows(
     arm: DecoupledArm, u: Floats, v: Floats, tol: float, off: Floats | float, doubtful: _Mask
 ) -> Iterator[tuple[int, _Mask, Floats, Floats, Floats, Floats]]:
     """Both elbows: branch, which reach, cosine and sine of q2 + q3, q2 and q3. Adds to the doubtful poses."""
-    upper, fore, amiss = arm.upper, arm.fore, max(tol, AMISS)
+    upper, fore, amiss = arm.upper, arm.fore, max(tol, CLOSE)
     rho2 = u * u + v * v
     c3 = (rho2 - upper * upper - fore * fore) / (2.0 * upper * fore)
     s2 = 1.0 - c3 * c3
@@ -142,7 +142,7 @@ def _wrists(
     c5 = (ca4 * ca5 - n33) / (sa4 * sa5)
     s2 = square if arm.right_angles else 1.0 - c5 * c5
     if not arm.right_angles:
-        doubtful |= (s2 <= NEAR) & (np.abs(sa4 * sa5) * (np.abs(c5) - 1.0) <= max(tol, AMISS)) | (
+        doubtful |= (s2 <= NEAR) & (np.abs(sa4 * sa5) * (np.abs(c5) - 1.0) <= max(tol, CLOSE)) | (
             np.abs(s2 * sa4 * sa5) < 4.0 * off
         )
     turns, s5 = s2 > 0.0, np.sqrt(s2)

@@ -52,9 +52,9 @@ from kinreach.kinematics._ur.closed_form import (
 ZERO = 1e-12
 #: Roots of the quadratic equation are polished in as many steps, and are apart by more than this [rad].
 POLISH, APART = 4, 1e-6
-#: By how much parts of the geometry may be missed in a posture that is then looked at more closely [m, rad]: where two
-#: are singular at once, rounding grows to this.
-AMISS = 1e-4
+#: By how much parts of the geometry may be missed where the pose is singular [m, rad]: where two are singular at once,
+#: rounding grows to this. By up to the second a posture may miss anywhere for the pose to be looked at more closely.
+AMISS, CLOSE = 1e-4, 1e-5
 #: How many angles of a free joint are tried; and shares of a turn by which one is after the other, of each such joint.
 TURNS, SHARES = 36, np.sqrt([5.0, 2.0, 3.0, 7.0, 11.0, 13.0]) % 1.0
 #: By how much an elbow may be missed at such an angle, to be reached at one near it [m, rad].
@@ -410,7 +410,7 @@ class DecoupledArm:
                 yield branch, 0, atan2(s1, c1), c1, s1, m - a1, v, gain
             return
         r = sqrt(r2)
-        if r < abs(across) - max(tol, AMISS):
+        if r < abs(across) - max(tol, CLOSE):
             return
         if r <= tol:  # P is on the first axis
             if doubt is not None:
@@ -462,7 +462,7 @@ class DecoupledArm:
             cosine = (ca4 * ca5 - n33) / (sa4 * sa5)
             if doubt is not None:
                 doubt.folded(1.0 - cosine * cosine, abs(sa4 * sa5), gain)
-            if abs(sa4 * sa5) * (abs(cosine) - 1.0) > max(tol, AMISS):
+            if abs(sa4 * sa5) * (abs(cosine) - 1.0) > max(tol, CLOSE):
                 return
             middle = acos(min(1.0, max(-1.0, cosine)))
             merged = sin(middle) < MERGED
@@ -557,7 +557,7 @@ class DecoupledArm:
             yield 1, 0, way + psi, -q3 - self.fore_angle
             return
         rho = sqrt(rho2)
-        amiss = max(tol, AMISS)
+        amiss = max(tol, CLOSE)
         if self.folded - amiss <= rho <= self.stretched + amiss:
             if rho <= tol:
                 way = start
@@ -579,7 +579,7 @@ def _chord(given: float, radius: float, tol: float, doubt: Doubt | None, gain: f
     square = radius * radius - given * given
     if square > (MERGED * radius) ** 2:
         return [(sqrt(square), 0), (-sqrt(square), 0)]
-    return [(0.0, SHOULDER)] if abs(given) <= radius + max(tol, AMISS) else []
+    return [(0.0, SHOULDER)] if abs(given) <= radius + max(tol, CLOSE) else []
 
 
 def _square(line: Sequence[float]) -> tuple[float, float, float, float, float, float]:
