@@ -311,7 +311,9 @@ def test_a_search_survives_its_driver(cluster, root, tmp_path, monkeypatch):
         states = sorted(folder.glob("tune/experiment_state-*.json"))
         trials = [json.loads(trial) for trial, _ in json.loads(states[-1].read_text())["trial_data"]] if states else []
         names = [trial["trial_id"] for trial in trials if trial["status"] == "TERMINATED"]
-        return {name: next(folder.glob(f"tune/*{name}*/result.json")).read_bytes() for name in names}
+        # Tune may write its state before a result
+        files = [(name, path) for name in names for path in folder.glob(f"tune/*{name}*/result.json")]
+        return {name: path.read_bytes() for name, path in files}
 
     driver = start(root, *command)
     wait_until(finished, driver)
