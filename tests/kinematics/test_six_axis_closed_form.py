@@ -23,6 +23,9 @@ CLASSES = {
     "three parallel axes, right angles": {"a": {4: 0}, "alpha": {0: -RIGHT, 1: 0, 2: 0, 3: RIGHT, 4: -RIGHT}},
 }
 
+#: Those of which the wrist is straight at 0 and pi.
+RIGHT_WRISTS = ("three parallel axes, right angles", "right angles")
+
 
 def motion(turn, along, out, tilt):
     """Rz(turn) Tz(along) Tx(out) Rx(tilt)."""
@@ -142,6 +145,69 @@ def test_singular_poses_are_solved(name, backwards, tmp_path):
                 assert np.flatnonzero(row.valid[0]).tolist() == found.branch.tolist()
                 solved += 1
     assert solved == 60
+
+
+def moves_to(chain, q, others, T):
+    """Whether the arm can move from a posture to one of others, with each posture on the way within 1e-8 of a pose.
+
+    It follows the curve of such postures either way.
+    """
+
+    def off(q):
+        return np.linalg.norm(chain.step(q[None], T[None])[0])
+
+    def null(q):
+        _, s, V = np.linalg.svd(chain.step(q[None], T[None])[1][0])
+        return V[s < max(1e-3, 1.5 * s[-1])]
+
+    for way in [sign * row for row in null(q) for sign in (1, -1)]:
+        at, t = q, way
+        for _ in range(300):
+            nearest = others[np.abs((others - at + np.pi) % (2 * np.pi) - np.pi).max(axis=1).argmin()]
+            rest = (nearest - at + np.pi) % (2 * np.pi) - np.pi
+            step = rest if np.abs(rest).max() < 0.06 else 0.04 * t
+            new = at + step
+            for _ in range(5):
+                error, J, _ = chain.step(new[None], T[None])
+                new = new + np.linalg.lstsq(np.vstack([J[0], t]), [*error[0], 0.0], rcond=1e-6)[0]
+            if apart(new, nearest[None]) < 1e-2:
+                return True
+            if off(new) > 1e-8 or np.abs(new - at - step).max() > 0.03:
+                break
+            N = null(new)
+            t = N.T @ (N @ (new - at))
+            if np.linalg.norm(t) < 0.3 * np.linalg.norm(new - at):
+                break
+            at, t = new, t / np.linalg.norm(t)
+    return False
+
+
+@pytest.mark.parametrize("backwards", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name",
+    [RIGHT_WRISTS[0], *(pytest.param(name, marks=pytest.mark.slow) for name in CLASSES if name != RIGHT_WRISTS[0])],
+)
+def test_the_posture_of_a_singular_pose_is_found(name, backwards, tmp_path):
+    """Or one that the arm can move to while its tip stays: straight wrist and bent or straight elbow."""
+    rng, exact, joined = np.random.default_rng(21), 0, 0
+    for _ in range(2):
+        kin = kinematics(tmp_path, placements(rng, name, backwards=backwards))
+        arm = (kin._method._method if backwards else kin._method)._arm
+        for kind in range(8):
+            theta = rng.uniform(-np.pi, np.pi, 6)
+            beside = (0.0, 1e-12, 1e-9, 1e-7)[kind % 4]
+            theta[4] = rng.choice([0, np.pi]) + beside
+            if kind % 2:
+                theta[2] = rng.choice([0, np.pi]) - arm.fore_angle + beside
+            q = (theta - arm.dh.offset) * arm.dh.sign
+            q = -q[::-1] if backwards else q
+            T = kin.fk(q)
+            found = kin.all_solutions(T, limits=False).q
+            near = apart(q, found) < 1e-5
+            assert near or moves_to(Chain(kin._placements), q, found, T), (kind, q.tolist())
+            exact, joined = exact + near, joined + (not near)
+    assert exact + joined == 16
+    assert joined >= (3 if name in RIGHT_WRISTS else 0)
 
 
 def test_a_free_joint_keeps_the_seeds_value_and_the_limits(tmp_path):
