@@ -57,11 +57,11 @@ def finding(results: Mapping[str, Any]) -> list[str]:
     top = [entry for entry in ranked if entry["reached"] == share]
     near = ranked[len(top) :]
     every = f"every one of {goals} goals" if goals > 1 else "the goal"
-    said = every if share == 1 else f"{100 * share:.1f} % of {goals} goals"
+    share_text = every if share == 1 else f"{100 * share:.1f} % of {goals} goals"
     who = _listed(_names(top)) if len(top) <= MAX_LISTED else f"{len(top)} of {len(entries)} methods"
     if len(top) == len(entries) > 1:
         who = "Both methods" if len(top) == 2 else f"All {len(top)} methods"
-    sentence = f"{who} {'reach' if len(top) > 1 else 'reaches'} {said}"
+    sentence = f"{who} {'reach' if len(top) > 1 else 'reaches'} {share_text}"
     if near:
         sentence += f"; {_shares(near)} {'are' if len(near) > 1 else 'is'} indistinguishable"
     sentences = [sentence]

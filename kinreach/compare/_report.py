@@ -396,9 +396,9 @@ def _option(task: Task, name: str, value: Any) -> str:
     """Return an option with its value and, if declared, its description."""
     declared = options_class(task.environment)
     meanings = {entry.name: entry.metadata.get("description", "") for entry in fields(declared)} if declared else {}
-    said = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+    text = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
     meaning = re.sub(r'[`"]', "", meanings.get(name, ""))
-    return f"{name.replace('_', ' ')} {said}{f' ({meaning})' if meaning else ''}"
+    return f"{name.replace('_', ' ')} {text}{f' ({meaning})' if meaning else ''}"
 
 
 def _sentence(text: str) -> str:

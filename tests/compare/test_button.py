@@ -1,5 +1,8 @@
 """The button task: whole episodes with a controller, a policy and chance."""
 
+from contextlib import closing
+
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -7,7 +10,9 @@ from kinreach.baselines._loop import RandomPolicy
 from kinreach.compare import compare
 from kinreach.compare._button import SPACING
 from kinreach.compare._runner import MAX_GOALS, MAX_SEED
+from kinreach.compare._task import get_task
 from kinreach.envs._button.task import action_space
+from kinreach.envs._button.world import ButtonDrawing, ButtonState
 
 
 @pytest.fixture(scope="module")
@@ -62,3 +67,16 @@ def test_chance_is_another_in_every_episode_and_the_same_in_the_same():
 
     episodes = {tuple(draws(observation)) for observation in (0.1, 0.2, 0.3, 0.1, 0.2, 0.3)}
     assert len(episodes) == 3
+
+
+@pytest.mark.parametrize(("pressed", "wrong"), [(True, 0.0), (False, 1.0), (False, 0.0)])
+def test_a_picture_has_the_last_posture_and_what_became_of_the_button(pressed, wrong, monkeypatch):
+    task, shown = get_task("button"), []
+    monkeypatch.setattr(ButtonDrawing, "show", lambda drawing, *given: shown.append(given[1:]))
+    with closing(gym.make(task.environment, **task.options)) as env:
+        q = [0.3, -0.2, 0.4]
+        scene = task.scene(env, {"q": q, "goal": [0.4, 0.3, 0.2], "pressed": pressed, "wrong_press": wrong})
+    np.testing.assert_allclose(scene.data.qpos[:3], q)
+    ((goal, state),) = shown
+    np.testing.assert_array_equal(goal, [0.4, 0.3, 0.2])
+    assert state == (ButtonState.PRESSED if pressed else ButtonState(int(wrong)))

@@ -70,17 +70,17 @@ def _trained(looks: int, noise: float, seed: int, joints: bool) -> tuple[Floats,
         return np.asarray((errors @ change.reshape(3 * len(points), -1).T).reshape(ARMS, len(points), 3))
 
     places = on_table(looks)
-    said = summary(places, off(places) + rng.normal(0.0, noise, (ARMS, looks, 3)))
+    summaries = summary(places, off(places) + rng.normal(0.0, noise, (ARMS, looks, 3)))
     wanted = off(balls).reshape(-1, 3)
-    x = np.concatenate([_features(one, balls) for one in said])
+    x = np.concatenate([_features(one, balls) for one in summaries])
     gram = x.T @ x
     weights = np.linalg.solve(gram + RIDGE * np.diag(np.diag(gram)), x.T @ wanted)
     return weights, math.sqrt(float(np.mean((wanted - x @ weights) ** 2)))
 
 
-def _features(said: Floats, places: Floats) -> Floats:
+def _features(summaries: Floats, places: Floats) -> Floats:
     """Products of nine numbers, shape (9,), and ten of places on the table (m, 3), shape (m, 90)."""
     middle = on_table(50).mean(axis=0)
     x, y = 5.0 * (places - middle)[:, :2].T
     basis = np.column_stack([x**i * y**j for i in range(4) for j in range(4 - i)])
-    return np.asarray((basis[:, :, None] * said).reshape(len(places), -1))
+    return np.asarray((basis[:, :, None] * summaries).reshape(len(places), -1))
