@@ -249,7 +249,8 @@ def test_a_bar_shows_each_seed_and_how_far_it_is(tmp_path, monkeypatch, capsys):
             calls.append((task, completed, total, figures.split()[0] if figures else ""))
 
     monkeypatch.setattr(train_cli, "Progress", Bar)
-    assert main(["train", "single", "--steps", "4096", "--seeds", "2", "--seed", "3", "--out", str(tmp_path)]) == 0
+    monkeypatch.setattr(train_cli, "GOALS", 10)
+    assert main(["train", "single", "--steps", "2048", "--seeds", "2", "--seed", "3", "--out", str(tmp_path)]) == 0
     assert (calls[0], calls[-1]) == ((6, True, True), "closed")
     assert [each for each in calls if each[1:] in (("single, seed 3",), ("single, seed 4",))] == [
         (7, "single, seed 3"), (7, "single, seed 4"),
