@@ -223,6 +223,26 @@ def test_episodes_are_short_unless_options_say_otherwise(monkeypatch, capsys):
     assert [options["balls"] for options in made] == [4, 2]
 
 
+def test_films_name_the_method_that_acts(monkeypatch):
+    """`analytic` is the closed form, except where a script of its own acts."""
+
+    class Seen(Exception):
+        pass
+
+    def make(task, mode, options, caption):
+        raise Seen(caption.name)
+
+    monkeypatch.setattr("kinreach.demo._cli._make", make)
+    cases = (
+        ("single", "analytic", "closed-form"),
+        ("lift", "analytic", "closed-form"),
+        ("button", "analytic", "analytic"),
+    )
+    for env, policy, name in (*cases, ("moving", "interception", "interception")):
+        with pytest.raises(Seen, match=f"^{name}$"):
+            main(["demo", "--env", env, "--policy", policy])
+
+
 def test_methods_of_a_comparison_act(capsys):
     assert main(["demo", "--env", "moving", "--policy", "interception", "--steps", "60", "--print", "nothing"]) == 0
     assert "60 steps" in capsys.readouterr().out

@@ -8,7 +8,9 @@ from urllib.request import urlopen
 
 import pytest
 
+from kinreach import view
 from kinreach.cli import run_command
+from kinreach.view import _cli
 
 
 @pytest.mark.parametrize(
@@ -42,6 +44,42 @@ def test_a_missing_extra_is_said_in_one_line(monkeypatch, capsys):
     assert run_command("view", [], prog="kinreach view") == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith("the page needs: pip install 'kinreach[view]'")
+
+
+def test_a_page_is_opened_and_served_until_ctrl_c(monkeypatch, capsys):
+    pytest.importorskip("viser")
+    done = []
+
+    class Standin:
+        address = "http://127.0.0.1:8123"
+
+        def __init__(self, setup, *, port):
+            done.append((setup.arm.name, setup.simple, port))
+
+        def stop(self):
+            done.append("stopped")
+
+    class Waiting:
+        def wait(self):
+            done.append("waits")
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(_cli, "Server", Standin)
+    monkeypatch.setattr(_cli.threading, "Event", Waiting)
+    monkeypatch.setattr(_cli.webbrowser, "open", done.append)
+    for more, simple, port in (([], False, 8080), (["--simple", "--open", "--port", "8123"], True, 8123)):
+        with pytest.raises(KeyboardInterrupt):
+            _cli.main(["--arm", "arm3", *more], prog="view")
+        opened = [Standin.address] if more else []
+        assert done == [("arm3", simple, port), *opened, "waits", "stopped"]
+        assert capsys.readouterr().out.startswith(f"{Standin.address}  (only on this machine")
+        done.clear()
+
+
+def test_the_face_has_its_names_only():
+    assert view.TargetModel("arm3").kinds == ("position only",)
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        view.nothing  # noqa: B018
 
 
 @pytest.mark.slow
