@@ -400,9 +400,6 @@ class MovingBallEnv(SingleEnv):
     * v0: initial version
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
-    render_mode = None
-
     def __init__(self, **options: Any) -> None:
         self.options = options_from(MovingOptions, options)
         self._episodes = world = MovingEpisodes(self.options, 1)

@@ -194,9 +194,6 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         obstacles: Of this episode, without those of the work cell.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
-    render_mode = None
-
     def __init__(self, **options: Any) -> None:
         self.options = options_from(ObstaclesOptions, options)
         arm = get_arm(ARM)

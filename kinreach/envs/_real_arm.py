@@ -307,9 +307,6 @@ class RealArmEnv(gym.Env[Any, Any]):
         believed: The arm as its user believes it to be.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
-    render_mode = None
-
     def __init__(self, **options: Any) -> None:
         self.options = given = options_from(RealArmOptions, options)
         high = np.array([*6 * [REACH], *6 * [math.pi], max(given.again, 1), max(*given.budgets, 1)])

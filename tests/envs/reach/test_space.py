@@ -245,6 +245,11 @@ def test_starts_of_a_smaller_number_are_the_first_of_a_larger_one():
             np.testing.assert_array_equal(few[name], many[name][:3])
 
 
+def test_starts_around_a_region_need_a_box():
+    with pytest.raises(InputError, match="goals are drawn around a BoxRegion, arm 'arm3' has"):
+        gym.make("kinreach/UR5SingleStep-v0", arm="arm3").unwrapped.starts(np.random.default_rng(0), 1)
+
+
 def test_a_comparison_in_space():
     entry = compare("space", methods=["closed-form"], goals=4, seed=3)["methods"][0]
     assert entry["reached"] == 1.0
