@@ -14,6 +14,12 @@ from benchmarks.learners.button import (
     button_report_controls,
     button_report_frames,
 )
+from benchmarks.learners.button_exploration import (
+    button_report_careful,
+    button_report_demonstrated,
+    button_report_imitated,
+    button_report_starts,
+)
 from benchmarks.learners.off_policy import (
     ddpg_multi,
     ddpg_single,
@@ -52,8 +58,12 @@ __all__ = [
     "button_guided_controls",
     "button_report_actuation",
     "button_report_both",
+    "button_report_careful",
     "button_report_controls",
+    "button_report_demonstrated",
     "button_report_frames",
+    "button_report_imitated",
+    "button_report_starts",
     "ddpg_multi",
     "ddpg_single",
     "ik_net",

@@ -34,7 +34,7 @@ def test_one_kind_of_path_alone(tmp_path, capsys):
     """The first sight is on the way of a ball on a circle again, and not of a straight one."""
     shares = {}
     for path in ("circle", "straight"):
-        given = ["--methods", "first-sight", "--speeds", "0.6", "--balls", "4", "--out", str(tmp_path)]
+        given = ["--methods", "first-sight", "--speeds", "0.6", "--balls", "2", "--out", str(tmp_path)]
         assert moving_ball.main([*given, "--paths", path]) == 0
         shares[path] = float(capsys.readouterr().out.splitlines()[-1].split("|")[3].split()[0])
     assert shares == {"circle": 100.0, "straight": 0.0}

@@ -1,0 +1,214 @@
+"""Is it exploration that fails on the course report's gears? Two ways around it, with the report's own reward.
+
+`button-report-starts`: episodes start on the way from the target's posture to home, farther away the longer the
+training lasts. `button-report-demonstrated`: PPO goes on from a policy that imitates the analytic controller. In both
+the controls are observed, so that nothing is hidden.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks.learners.button import button_report_controls
+from kinreach._checks import Floats
+from kinreach.baselines import Algorithm, Recipe, SB3VecEnv, register_algorithm, register_recipe
+from kinreach.baselines._adaptive_ppo import AdaptivePPO
+from kinreach.baselines._algorithms import adaptive_arguments
+from kinreach.baselines._button_controller import ButtonController
+from kinreach.baselines._rewards import goal_postures
+from kinreach.envs._button.episodes import SPREAD, ButtonEpisodes
+
+#: Adam's, of the imitation.
+IMITATION_RATE = 2e-3
+
+Array = np.ndarray[Any, Any]
+#: From observations and the numbers of their rows to a loss of each.
+Loss = Callable[..., torch.Tensor]
+
+
+class StartsOnTheWay:
+    """Starts at rest between the target's posture and the one that was drawn.
+
+    Args:
+        streams: Draw starts, as `ButtonStarts.sample` does.
+
+    Attributes:
+        share: Of the way from the target, at most.
+        least: Of the way from the target, at least.
+    """
+
+    def __init__(self, streams: Any) -> None:
+        self._streams = streams
+        self.least, self.share = 0.0, 0.0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._streams, name)
+
+    def draw(self, ids: np.ndarray[Any, Any]) -> Floats:
+        """Return the next start of each environment; the first joint's drawn speed says how far on the way."""
+        rows: Floats = self._streams.draw(ids)
+        targets, postures, speeds = np.split(rows, 3, axis=1)
+        far = self.least + (self.share - self.least) * (0.5 + 0.5 * speeds[:, :1] / SPREAD)
+        near = goal_postures(targets)
+        return np.concatenate([targets, near + far * (postures - near), (far >= 1.0) * speeds], axis=1)
+
+
+class StartsPPO(AdaptivePPO):
+    """Train with starts that move away from the target.
+
+    Args:
+        world: The episodes of the batch.
+        until: Share of the training after which all start as the environment has it.
+        **kwargs: Of `AdaptivePPO`.
+    """
+
+    def __init__(self, *args: Any, world: ButtonEpisodes, until: float, **kwargs: Any) -> None:
+        self.starts: Any = StartsOnTheWay(world._streams)
+        world._streams, self.until = self.starts, until
+        super().__init__(*args, **kwargs)
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "starts"]
+
+    def collect_rollouts(self, *args: Any, **kwargs: Any) -> bool:
+        """Say how far away episodes start, then act."""
+        self.starts.share = min(self.progress / self.until, 1.0)
+        self.starts.least = float(self.progress >= self.until)
+        return super().collect_rollouts(*args, **kwargs)
+
+
+class DemonstratedPPO(AdaptivePPO):
+    """Imitate the analytic controller before training: its answers to what the policy itself comes to see (DAgger).
+
+    Args:
+        controller: Answers.
+        rounds: Of acting and imitating; in the first half more and more actions are the policy's, then all.
+        length: Steps of a round.
+        **kwargs: Of `AdaptivePPO`.
+    """
+
+    def __init__(self, *args: Any, controller: ButtonController, rounds: int, length: int, **kwargs: Any) -> None:
+        self.controller, self.rounds, self.length = controller, rounds, length
+        super().__init__(*args, **kwargs)
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "controller"]
+
+    def collect_rollouts(self, *args: Any, **kwargs: Any) -> bool:
+        """Imitate first, once; then act."""
+        if self.num_timesteps == 0:
+            self._imitate()
+        return super().collect_rollouts(*args, **kwargs)
+
+    def _imitate(self) -> None:
+        """Fit the actor to all answers after every round, then the critic to the last round's returns."""
+        optimizer = torch.optim.Adam(self.policy.parameters())
+        generator = np.random.default_rng(self.seed)
+        seen, wanted = [], []
+        for turn in range(self.rounds):
+            own = min(2.0 * turn / self.rounds, 1.0)
+            observations, answers, returns = self._round(own, generator)
+            seen.append(observations)
+            wanted.append(answers)
+            x, y = torch.as_tensor(np.concatenate(seen)), torch.as_tensor(np.concatenate(wanted))
+            rate = IMITATION_RATE * (1.0 - turn / self.rounds)
+            self._fit(optimizer, rate, x, lambda some, rows, y=y: -self._log_prob(some, y[rows]))
+        x, y = torch.as_tensor(observations), torch.as_tensor(returns[:, None])
+        self._fit(optimizer, rate, x, lambda some, rows: (self.policy.predict_values(some) - y[rows]).square())
+
+    def _round(self, own: float, generator: np.random.Generator) -> tuple[Array, Array, Array]:
+        """Act, with a share of actions that are the policy's; return observations, answers and discounted returns."""
+        env: Any = self.get_env()
+        seen, wanted, rewards, ends = [], [], [], []
+        for _ in range(self.length):
+            answers = self.controller.actions(np.asarray(self._last_obs, dtype=np.float64))
+            seen.append(self._last_obs)
+            wanted.append(answers)
+            actions, _ = self.policy.predict(self._last_obs, deterministic=own == 1.0)
+            mine = generator.random(len(answers)) < own
+            self._last_obs, reward, done, _ = env.step(np.where(mine, actions, answers))
+            self._last_episode_starts = done
+            self.controller.restart(np.flatnonzero(done))
+            rewards.append(reward)
+            ends.append(done)
+        returns = np.array(rewards)
+        for t in reversed(range(len(returns) - 1)):
+            returns[t] += self.gamma * returns[t + 1] * ~ends[t]
+        return np.concatenate(seen), np.concatenate(wanted), returns.ravel()
+
+    def _log_prob(self, observations: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
+        return self.policy.get_distribution(observations).log_prob(actions)
+
+    def _fit(self, optimizer: torch.optim.Optimizer, rate: float, x: torch.Tensor, loss: Loss) -> None:
+        """Go down the gradient of the mean loss, five times through all rows."""
+        optimizer.param_groups[0]["lr"] = rate
+        for _ in range(5):
+            for rows in torch.randperm(len(x)).split(1024):
+                optimizer.zero_grad()
+                loss(x[rows], rows).mean().backward()
+                optimizer.step()
+
+
+def starts_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of adaptive PPO, and the episodes that it acts in."""
+    return adaptive_arguments(recipe, env, planned) | {"world": env.get_attr("unwrapped")[0]._episodes}
+
+
+def demonstrated_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of adaptive PPO, and the controller that it imitates."""
+    controller = ButtonController(recipe.options["actuation"], count=recipe.num_envs)
+    return adaptive_arguments(recipe, env, planned) | {"controller": controller}
+
+
+def _recipe(name: str, summary: str, algorithm: str, steps: int, **settings: Any) -> Recipe:
+    base = button_report_controls
+    settings = {**base.settings, **settings}
+    return register_recipe(
+        replace(base, name=name, summary=summary, algorithm=algorithm, steps=steps, settings=settings)
+    )
+
+
+register_algorithm(Algorithm("StartsPPO", StartsPPO, arguments=starts_arguments))
+register_algorithm(Algorithm("DemonstratedPPO", DemonstratedPPO, arguments=demonstrated_arguments))
+#: Of PPO after an imitation: small steps, and no bonus for randomness.
+_CAREFUL = {
+    "ent_coef": 0.0,
+    "clip_range": 0.2,
+    "target_kl": 0.03,
+    "adaptive": {"first": 3e-4, "target_kl": 0.02, "factor": 1.3, "decay": 1.0},
+}
+_IMITATION = {"rounds": 8, "length": 400}
+
+button_report_starts = _recipe(
+    "button-report-starts",
+    "As `button-report-controls`; episodes start near the target, and farther away the longer it lasts.",
+    "StartsPPO",
+    600_000,
+    until=0.7,
+)
+button_report_imitated = _recipe(
+    "button-report-imitated",
+    "A policy that imitates the analytic controller, and one update that hardly changes it.",
+    "DemonstratedPPO",
+    6_400,
+    **_CAREFUL | _IMITATION | {"adaptive": {"first": 1e-6, "target_kl": 0.02, "factor": 1.0}},
+)
+button_report_demonstrated = _recipe(
+    "button-report-demonstrated",
+    "As `button-report-controls`, from a policy that imitates the analytic controller.",
+    "DemonstratedPPO",
+    600_000,
+    **_CAREFUL | _IMITATION,
+)
+button_report_careful = _recipe(
+    "button-report-careful",
+    "As `button-report-demonstrated`, from nothing.",
+    "AdaptivePPO",
+    600_000,
+    **_CAREFUL,
+)
