@@ -12,7 +12,7 @@ import torch
 
 from kinreach.baselines._descent import DOWN, GRIPPER_CLEARANCE, LEVER, WAY
 from kinreach.baselines._evaluation import VALIDATION, evaluate
-from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines._expert import table_top, tool_down_postures
 from kinreach.baselines._models import build
 from kinreach.baselines._random_arms import ur5
 from kinreach.baselines._recipes import get_recipe
@@ -20,6 +20,7 @@ from kinreach.baselines._training import train
 from kinreach.envs._reach.space import SpaceTask
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
+from kinreach.robots import get_arm
 from kinreach.vision._goal_view import goal_in_world
 
 RECIPE = get_recipe("space-single")
@@ -160,3 +161,8 @@ def test_what_the_simulation_knows_is_learned(name, tmp_path):
     rows = np.genfromtxt(tmp_path / "curve.csv", delimiter=",", names=True)
     assert rows["reward"][-1] > rows["reward"][0]
     assert run.card.meaning == "posture"
+
+
+def test_an_arm_without_a_table_may_go_as_low_as_it_likes():
+    assert table_top(get_arm("arm3")) == -math.inf
+    assert table_top(get_arm("ur5")) == pytest.approx(-0.2)

@@ -15,6 +15,7 @@ from kinreach.baselines import _train_cli as train_cli
 from kinreach.baselines._evaluation import HELD_OUT, VALIDATION, evaluate
 from kinreach.baselines._policy_file import read_policy, save_policy
 from kinreach.cli import main
+from kinreach.errors import InputError
 from tests.baselines.small_runs import interrupted, small
 
 SHIPPED = Path(str(resources.files("kinreach.baselines"))) / "pretrained"
@@ -267,3 +268,16 @@ def test_what_a_bar_says_of_a_row():
     assert train_cli._figures({**nothing, "reached": 0.256}) == "reached 26 %"
     whole = {"reward": -1.234, "reached": 1.0, "distance": 0.01234, "steps": 3}
     assert train_cli._figures(whole) == "reward -1.23, reached 100 %, 12.3 mm"
+
+
+def test_an_engine_and_its_address_are_passed_on(monkeypatch, tmp_path):
+    asked = []
+
+    def engine(*given):
+        asked.append(given)
+        raise InputError("no engine")
+
+    monkeypatch.setattr(train_cli, "open_engine", engine)
+    command = ["train", "single", "--out", str(tmp_path)]
+    assert main(command) == main([*command, "--engine", "ray", "--address", "h:1"]) == 2
+    assert asked == [("serial", None), ("ray", "h:1")]

@@ -36,6 +36,7 @@ def test_the_dataset_is_the_evaluation(policy, minari, tmp_path):
         assert found.get(name) == pytest.approx(plain.get(name), rel=1e-9, abs=1e-7)
     dataset = minari.load_dataset(f"kinreach/{policy}-v0")
     assert dataset.total_episodes == GOALS
+    assert dataset.action_space.dtype == (np.int64 if policy == "button" else np.float64)
     episodes = list(dataset.iterate_episodes())
     returns = [episode.rewards.sum() for episode in episodes]
     assert np.mean(returns) == pytest.approx(found["return"]["mean"])
