@@ -143,6 +143,7 @@ def test_hostile_and_damaged_files_are_refused_and_nothing_runs(saved, tmp_path)
         {"data": b"\xff"},
         {"data": b" " * (17 << 20)},
         {"data": json.dumps({**data, "policy_class": {"__module__": "evil"}})},
+        {"data": json.dumps({**data, "policy_class": {}})},
         {"data": json.dumps({**data, "policy_kwargs": {"features_extractor_class": "x"}})},
         {"data": json.dumps({**data, "action_space": {**data["action_space"], "low": "[nan]"}})},
         {"data": json.dumps({**data, "observation_space": {**data["observation_space"], "_shape": [9]}})},

@@ -239,8 +239,11 @@ def test_a_model_is_saved_without_its_simulation(name):
     trainee.model.save(saved)
     assert len(saved.getvalue()) > 1000
     assert "world" in trainee.model._excluded_save_params()
+    before = [value.clone() for value in trainee.model.policy.mlp_extractor.policy_net.parameters()]
     trainee.model.learn(8)
     assert np.isfinite(trainee.model.logger.name_to_value["train/loss"])
+    after = trainee.model.policy.mlp_extractor.policy_net.parameters()
+    assert all((one != other).any() for one, other in zip(before, after, strict=True))
     trainee.env.close()
 
 

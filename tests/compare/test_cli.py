@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import gymnasium as gym
 import pytest
@@ -17,7 +18,9 @@ from kinreach.baselines._policy_file import save_policy
 from kinreach.compare import _cli
 from kinreach.compare import _runner as runner
 from kinreach.compare import _task as registry
+from kinreach.compare._options import flags_of
 from kinreach.compare._runner import RECORDS
+from kinreach.compare._task import get_task
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -347,3 +350,23 @@ def test_ctrl_c_is_one_line_and_keeps_what_is_finished(tmp_path, root):
     assert running.returncode == cli.EXIT_INTERRUPTED
     assert re.fullmatch(r"python -m kinreach\.compare: interrupted; \d+ finished trials are kept in .*\n", said)
     assert len(records.read_text().splitlines()) > 3
+
+
+def test_the_command_that_is_printed_means_the_same():
+    """Of all flags, but for those that do not change the results; values have spaces and quotes."""
+    parser, left_out = _cli._parser("kinreach compare"), {"fresh", "engine", "address"}
+    given = ["--task", "button"]
+    for action in parser._actions:
+        if action.dest not in {"help", "task", *left_out}:
+            value = {"goals": "7", "seed": "3", "observation": "camera"}.get(action.dest, f"a 'b' {action.dest}")
+            given += [action.option_strings[0], *([] if action.nargs == 0 else [value])]
+    flags = flags_of(get_task("button").environment, {})
+    texts = {name: f"{name} x" for name in flags}
+    arguments = parser.parse_args(given)
+    words = shlex.split(_cli._command("it", arguments, flags, texts, Path(arguments.out)))
+    repeated, rest = parser.parse_known_args(words[1:])
+    assert vars(repeated) == vars(arguments)
+    assert rest == [word for name, text in texts.items() for word in (flags[name].spelled, text)]
+    assert len(vars(arguments)) > 15
+    plain = parser.parse_args([])
+    assert _cli._command("it", plain, {}, {}, None) == "it --task ur5 --goals 200 --seed 0"
