@@ -161,6 +161,17 @@ def test_another_arm_of_the_same_name_does_not_go_on(tmp_path):
     assert started == [2, 0]
 
 
+def test_policies_are_for_the_arm_that_they_were_trained_on(monkeypatch):
+    monkeypatch.setattr(runner._Environments, "policy", lambda environments, method: None)
+    ur5 = get_arm("ur5")
+    for arm, all_of_them in (("ur5", True), (ur5, True), (replace(ur5, name="mine"), False), ("ur3", False)):
+        task = prepare(
+            "ur5", (), goals=1, seed=0, arm=arm, observation=None, options={"backend": "kinematic"}, command=""
+        ).task  # fmt: skip
+        assert ("ranked-single" in task.methods) == all_of_them
+        assert {"closed-form", "lm"} <= set(task.methods)
+
+
 def test_times_of_a_cluster_are_not_said_to_be_of_this_machine(toy, tmp_path, monkeypatch):
     @contextmanager
     def engine(name, address):
