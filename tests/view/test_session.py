@@ -23,6 +23,7 @@ from tests import kept
 CALIBRATION = str(PUBLISHED_CALIBRATIONS["ur5_a"])
 #: For what is drawn to arrive [s].
 PATIENCE = 20.0
+CURVES = "/target/self_motion/"
 #: Nothing changes any more, where states are kept [s].
 STILL = 2.0
 #: What viser gives to everything.
@@ -54,6 +55,13 @@ def properties(thing, hidden):
     return {name: times.sub("#", kept.written(value)) for name, value in shown.items()}
 
 
+def bounds(curves):
+    """Lines by where they lie and their colours; how many points they have is up to the kinematics."""
+    points, colours = (curves[name].reshape(-1, 3) for name in ("points", "colors"))
+    edges = [f"{each:.2f}" for each in (*points.min(axis=0), *points.max(axis=0))]
+    return {**curves, "points": edges, "colors": np.unique(colours, axis=0)}
+
+
 def state(tab, hidden):
     """All that a browser has: texts and inputs by their folders, nodes of the scene, and settings."""
     found, inside = {}, {}
@@ -67,7 +75,8 @@ def state(tab, hidden):
             visit(element["uuid"], f"{name} > ")
 
     visit("root", "")
-    for things in (tab.nodes, tab.settings):
+    nodes = {name: bounds(node) if name.startswith(CURVES) else node for name, node in tab.nodes.items()}
+    for things in (nodes, tab.settings):
         found |= {name: properties(thing, hidden) for name, thing in sorted(things.items())}
     return found
 
