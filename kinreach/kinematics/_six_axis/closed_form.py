@@ -45,7 +45,7 @@ from kinreach.kinematics._ur.closed_form import (
     SHOULDER,
     WRIST,
     arc_in_reach,
-    nearest_in_reach,
+    nearest_on_arc,
 )
 
 #: Cosines and lengths below this are 0 [m].
@@ -529,10 +529,9 @@ class DecoupledArm:
         too far or too close, that part of the circle is two arcs.
         """
         u, v, hand, hand_angle, _ = palm
-        distance = hypot(u, v)
         eta = wrap(wanted + hand_angle - atan2(v, u) + pi)
-        nearest = nearest_in_reach(eta, distance, hand, self.stretched, self.folded)
-        lower, upper = arc_in_reach(distance, hand, self.stretched, self.folded)
+        arc = lower, upper = arc_in_reach(hypot(u, v), hand, self.stretched, self.folded)
+        nearest = nearest_on_arc(eta, arc)
         apart = lower > 0.0 and upper < pi
         moved = nearest - eta
         yield (2 if apart and nearest < 0.0 else 0), wanted + moved, WRIST | MOVED if moved else WRIST

@@ -242,27 +242,28 @@ def reachable_pitch(wanted: float, u: float, v: float, g: URGeometry) -> float:
     the end that comes nearest is returned, and the elbow decides.
     """
     eta = wrap(wanted + atan2(u, v))
-    nearest = nearest_in_reach(eta, hypot(u, v), g.d5, g.stretched, g.folded)
+    nearest = nearest_on_arc(eta, arc_in_reach(hypot(u, v), g.d5, g.stretched, g.folded))
     return wanted if nearest == eta else wanted + nearest - eta
 
 
-def nearest_in_reach(eta: float, distance: float, radius: float, stretched: float, folded: float) -> float:
-    """Return the angle nearest to `eta` at which a point on a circle is in reach of two links.
-
-    Args:
-        eta: Wanted angle on the circle, 0 farthest from the links' root, in [-pi, pi] [rad].
-        distance: From the root to the centre of the circle [m].
-        radius: Of the circle [m].
-        stretched: The links' longest reach [m].
-        folded: Their shortest reach [m].
-    """
-    lower, upper = arc_in_reach(distance, radius, stretched, folded)
+def nearest_on_arc(eta: float, arc: tuple[float, float]) -> float:
+    """Return the angle nearest to `eta`, in [-pi, pi] [rad], whose absolute value is between two bounds."""
+    lower, upper = arc
     nearest = min(max(abs(eta), lower), upper)
     return eta if nearest == abs(eta) else copysign(nearest, eta)
 
 
 def arc_in_reach(distance: float, radius: float, stretched: float, folded: float) -> tuple[float, float]:
-    """Return between which absolute angles a point on a circle is in reach; arguments as for `nearest_in_reach`."""
+    """Return the bounds of the absolute angles at which a point on a circle is in reach of two links [rad].
+
+    The angle is 0 at the point farthest from the links' root.
+
+    Args:
+        distance: From the root to the centre of the circle [m].
+        radius: Of the circle [m].
+        stretched: The links' longest reach [m].
+        folded: Their shortest reach [m].
+    """
     scale = 2.0 * distance * radius
     if scale < 1e-12:
         return 0.0, pi
