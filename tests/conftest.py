@@ -13,6 +13,7 @@ from collections.abc import Callable, Generator
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 # Two workers of pytest with two threads each would wait for one another on two cores: three times the processor time.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -167,6 +168,25 @@ def texts() -> Callable[[Any], list[str]]:
         return [text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))]
 
     return drawn
+
+
+@pytest.fixture
+def closings(monkeypatch):
+    """`closings(gym, "make")`: the `close` of everything that this function makes from now on, as mocks that count."""
+
+    def watch(owner: Any, name: str) -> list[Mock]:
+        found, make = [], getattr(owner, name)
+
+        def recorded(*arguments: Any, **options: Any) -> Any:
+            made = make(*arguments, **options)
+            found.append(Mock(wraps=made.close))
+            monkeypatch.setattr(made, "close", found[-1])
+            return made
+
+        monkeypatch.setattr(owner, name, recorded)
+        return found
+
+    return watch
 
 
 @pytest.fixture

@@ -74,20 +74,12 @@ def test_without_the_package_one_line_says_what_to_install(missing, minari, caps
     assert errors.count("\n") == 1
 
 
-def test_progress_is_reported_and_the_environment_closed(minari, monkeypatch):
-    done, closed, make = [], [], gym.make
-
-    def made(*given, **options):
-        env = make(*given, **options)
-        close = env.close
-        monkeypatch.setattr(env, "close", lambda: closed.append(env) or close())
-        return env
-
-    monkeypatch.setattr(gym, "make", made)
+def test_progress_is_reported_and_the_environment_closed(minari, closings):
+    done, closed = [], closings(gym, "make")
     arguments = {"goals": 2, "seed": 3, "environment": SINGLE}
     record_episodes(
         "two-v0", load_policy("single"), **arguments, options={"backend": "kinematic"}, progress=done.append
     )
-    assert (done, len(closed)) == ([1, 2], 1)
+    assert (done, sum(close.call_count for close in closed)) == ([1, 2], 1)
     with pytest.raises(InputError, match="cannot make the environment"):
         record_episodes("two-v1", load_policy("single"), **arguments, options={"speed": 3})

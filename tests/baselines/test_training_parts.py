@@ -288,17 +288,8 @@ def test_episodes_that_a_segment_cuts_off_are_cut_off_in_the_replay_buffer():
     assert cuts == [1]
 
 
-def test_environments_of_the_first_observations_are_closed(monkeypatch):
-    closed = []
-    make = _batch._make
-
-    def made(*arguments, **options):
-        batch = make(*arguments, **options)
-        close = batch.close
-        monkeypatch.setattr(batch, "close", lambda: closed.append(batch) or close())
-        return batch
-
-    monkeypatch.setattr(_batch, "_make", made)
+def test_environments_of_the_first_observations_are_closed(closings):
+    closed = closings(_batch, "_make")
     observations = _batch.first_observations("kinreach/Reach-v0", {"backend": "kinematic"}, seed=0)
     assert len(observations) == _batch.SAMPLE
-    assert len(closed) == 1
+    assert sum(close.call_count for close in closed) == 1

@@ -3,7 +3,6 @@
 import json
 import shutil
 from importlib import resources
-from unittest.mock import Mock
 
 import gymnasium as gym
 import numpy as np
@@ -133,24 +132,12 @@ def test_where_button_policies_end(capsys):
     assert missed == ["-", "-"]
 
 
-def test_environments_are_closed(monkeypatch):
-    closings = []
-
-    def recorded(make):
-        def made(*args, **options):
-            env = make(*args, **options)
-            closings.append(Mock(wraps=env.close))
-            monkeypatch.setattr(env, "close", closings[-1])
-            return env
-
-        return made
-
-    monkeypatch.setattr(gym, "make", recorded(gym.make))
-    monkeypatch.setattr(gym, "make_vec", recorded(gym.make_vec))
+def test_environments_are_closed(closings):
+    made, batches = closings(gym, "make"), closings(gym, "make_vec")
     tuned = ACTUATIONS["tuned"]
     button_actuation.one_increment(tuned)
     button_actuation.random_actions(tuned, 2, 0)
     button_actuation.analytic(tuned, 2, 0)
     loitering.watch(Still(), goals=2)
     button_failures.main(["button-report", "--goals", "2"])
-    assert [close.call_count for close in closings] == [1] * 5
+    assert [close.call_count for close in made + batches] == [1] * 5

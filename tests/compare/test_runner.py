@@ -317,18 +317,8 @@ def test_a_summary_that_is_unknown_is_refused():
         Column("mine", "reached", "shares")
 
 
-def test_every_environment_is_closed(tmp_path, monkeypatch):
-    made, closed = [], []
-    make = gym.make
-
-    def recorded(*arguments, **options):
-        env = make(*arguments, **options)
-        made.append(env)
-        close = env.close
-        env.close = lambda: closed.append(env) or close()
-        return env
-
-    monkeypatch.setattr(gym, "make", recorded)
+def test_every_environment_is_closed(tmp_path, closings):
+    made = closings(gym, "make")
     compare("ur5", methods=["closed-form"], goals=1, out=tmp_path)
     assert len(made) >= 1
-    assert {id(env) for env in closed} == {id(env) for env in made}
+    assert all(close.called for close in made)
