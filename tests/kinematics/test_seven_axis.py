@@ -233,6 +233,25 @@ def test_the_best_postures_are_better_than_every_sample(panda):
     assert checker.free(clear.q)
 
 
+def test_of_equally_good_postures_the_nearest_to_the_middle_of_the_limits_is_returned(panda):
+    """A Panda reaches a pose from either side of its shoulder, with the same manipulability."""
+
+    def off_middle(posture):
+        return np.linalg.norm((posture - 0.5 * (panda.lower + panda.upper)) / (panda.upper - panda.lower))
+
+    rng, mirrored = np.random.default_rng(5), 0
+    for q in rng.uniform(panda.lower, panda.upper, (10, 7)):
+        found = panda.manipulable(panda.fk(q)).q
+        over = found.copy()
+        over[[0, 2]] -= np.pi * np.sign(over[[0, 2]])
+        over[1] *= -1.0
+        np.testing.assert_allclose(panda.fk(over), panda.fk(found), atol=1e-9)
+        if panda.within_limits(over):
+            mirrored += 1
+            assert off_middle(found) <= off_middle(over) + 1e-3
+    assert mirrored >= 4
+
+
 def test_goals_and_reasons(panda):
     q = np.array([0.3, -0.5, 0.2, -2.0, 0.4, 1.8, 0.6])
     T, solver = panda.fk(q), ClosedFormSolver(panda)

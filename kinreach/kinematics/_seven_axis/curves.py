@@ -24,6 +24,10 @@ STEPS = 30
 ARRIVED = 1e-10
 #: Samples of a curve, at most this far apart, whose clearance is computed [rad].
 CLEARANCE_STEP = 0.15
+#: Measures that differ by a smaller share are equal: an arm that reaches over its shoulder has the same manipulability.
+EQUAL = 1e-6
+#: The best samples on the curves from which the best posture is found.
+CLIMBS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,19 +139,35 @@ class SelfMotions:
         return self._best(measure, 0.0, None, "")
 
     def _best(self, measure: Callable[[Floats], float], step: float, accept: Accept | None, reason: str) -> IKResult:
-        """The posture with the largest measure."""
-        tried: list[tuple[float, int, Floats, Floats]] = []
+        """The posture with the largest measure; of equal ones the nearest to the middle of the joint limits."""
+        kin = self._kinematics
+        tops: list[tuple[float, int, Floats, Floats]] = []
         for index, curve in enumerate(self.curves):
-            last = -np.inf
-            for q, t, s in zip(curve.q, curve.tangent, curve.length, strict=True):
-                if s - last >= step:
-                    tried.append((measure(q), index, q, t))
-                    last = s
-        if not tried:
-            return self._none(np.array(self._kinematics.arm.home))
-        value, index, q, t = max(tried, key=lambda each: each[0])
-        size = max(step, LONGEST)
-        while size > 1e-4:  # uphill along the curve
+            spaced = [0]
+            for i in range(1, len(curve.length)):
+                if curve.length[i] - curve.length[spaced[-1]] >= step:
+                    spaced.append(i)
+            values = np.array([measure(curve.q[i]) for i in spaced])
+            padded = np.pad(values, 1, constant_values=-np.inf)
+            highest = np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]))
+            tops += [(float(values[k]), index, curve.q[spaced[k]], curve.tangent[spaced[k]]) for k in highest]
+        if not tops:
+            return self._none(np.array(kin.arm.home))
+        best = sorted(tops, key=lambda each: -each[0])[:CLIMBS]
+        climbed = [(*self._uphill(measure, value, q, t, max(step, LONGEST)), i) for value, i, q, t in best]
+        most = max(value for value, _, _ in climbed)
+        equal = [(q, index) for value, q, index in climbed if value >= most - EQUAL * abs(most)]
+        middle, reach = 0.5 * (kin.lower + kin.upper), kin.upper - kin.lower
+        q, index = min(equal, key=lambda each: float(np.linalg.norm((each[0] - middle) / reach)))
+        if accept is not None and not accept(q):
+            return self._result(q, index, Status.REJECTED, reason)
+        return self._result(q, index)
+
+    def _uphill(
+        self, measure: Callable[[Floats], float], value: float, q: Floats, t: Floats, size: float
+    ) -> tuple[float, Floats]:
+        """The largest measure along a curve from a posture, and where it is."""
+        while size > 1e-4:
             moves = [(measure(other), other) for other in (self._moved(q, t, size), self._moved(q, t, -size))]
             best, other = max(moves, key=lambda move: move[0])
             if best > value:
@@ -155,9 +175,7 @@ class SelfMotions:
                 t = self._kinematics._tracer.corrected(q[None], self._T, t[None], steps=1)[1][0]
             else:
                 size *= 0.5
-        if accept is not None and not accept(q):
-            return self._result(q, index, Status.REJECTED, reason)
-        return self._result(q, index)
+        return value, q
 
     def _walked(self, q: Floats, t: Floats, seed: Floats) -> Floats:
         """Go along a curve towards a seed, as far as the limits allow."""

@@ -125,6 +125,9 @@ class SevenAxisKinematics(ArmKinematics):
     def manipulable(self, T: ArrayLike) -> IKResult:
         """Compute the posture for a pose with the largest manipulability (Yoshikawa 1985).
 
+        Of postures with the same, as on either side of a Panda's shoulder, it is the one nearest to the middle of the
+        joint limits. The same holds for `clearest`.
+
         Raises:
             InputError: As `self_motions`.
         """
