@@ -152,9 +152,15 @@ def _runs(
     try:
         with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
             shown = bar.add_task(f"{recipe.name}, {len(folders)} seeds", total=None, figures="")
+            tenth = 0
 
             def show(done: int, planned: int, row: dict[str, float | None] | None = None) -> None:
-                bar.update(shown, completed=done, total=planned, figures=_figures(row) if row else "")
+                nonlocal tenth
+                figures = _figures(row) if row else ""
+                bar.update(shown, completed=done, total=planned, figures=figures)
+                if not errors.is_terminal and 10 * done // planned != tenth:  # a log has lines
+                    tenth = 10 * done // planned
+                    errors.print(f"{bar.tasks[0].description}: {10 * tenth} % {figures}".rstrip(), soft_wrap=True)
 
             if arguments.engine != SERIAL:
                 yield from train_seeds(arguments.recipe, folders, engine, progress=show, **common)

@@ -27,8 +27,9 @@ from kinreach.errors import InputError
 from kinreach.kinematics._tensors import flags_like, like, namespace, where
 from kinreach.thesis._posture import posture_errors
 
-#: Distance below which the arm is at the goal [m], and posture error below which the goal is then reached [rad].
+#: Distance below which the arm is at the goal [m].
 REACHED_DISTANCE = 0.01
+#: Posture error below which the goal is reached, if the arm is at it [rad].
 REACHED_POSTURE_ERROR = 0.15
 
 #: What being at the goal, reaching it, and an impossible action earn.

@@ -1,6 +1,7 @@
 """`kinreach train` and `kinreach evaluate`: what they print, write and refuse."""
 
 import json
+import re
 import shlex
 import shutil
 from dataclasses import replace
@@ -209,9 +210,22 @@ def test_going_on_with_other_code_is_one_line(tmp_path, monkeypatch, capsys):
     monkeypatch.undo()
     monkeypatch.setattr(train_cli, "get_recipe", lambda name: recipe)
     assert main(["train", "single", "--seed", "4", "--out", str(tmp_path), "--resume"]) == 0
-    errors = capsys.readouterr().err
-    assert "was made by other code of kinreach (0123456789ab, now " in errors
-    assert errors.count("\n") == 1
+    notice, *progress = capsys.readouterr().err.splitlines()
+    assert "was made by other code of kinreach (0123456789ab, now " in notice
+    assert all(re.match(r"\S+, seed 4: \d+ % reward ", line) for line in progress)
+
+
+def test_without_a_terminal_a_training_prints_a_line_for_every_tenth(tmp_path, monkeypatch, capsys):
+    def train(recipe, folder, *, progress, **options):
+        for done in range(4, 101, 4):
+            progress(done, 100, {"reward": 0.5 * done, "reached": None, "distance": 0.1 / done})
+        raise InputError("enough")
+
+    monkeypatch.setattr("kinreach.baselines._training.train", train)
+    assert main(["train", "single", "--seed", "3", "--out", str(tmp_path)]) == 2
+    *lines, _ = capsys.readouterr().err.splitlines()
+    assert lines[:2] == ["single, seed 3: 10 % reward 6.00, 8.3 mm", "single, seed 3: 20 % reward 10.00, 5.0 mm"]
+    assert len(lines) == 10
 
 
 def test_without_the_extra_training_says_what_to_install(monkeypatch, capsys):
