@@ -333,7 +333,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         check_started(self._started)
         check_not_over(self._over)
         target = self.posture_for(action)
-        way = np.abs(target - self._q).max()
+        way = float(np.abs(target - self._q).max())
         status, reason = (MISSED, "") if way < STANDING else self._move(target)
         self._steps += 1
         state = self._state()

@@ -309,7 +309,7 @@ class RealArmEnv(gym.Env[Any, Any]):
 
     def __init__(self, **options: Any) -> None:
         self.options = given = options_from(RealArmOptions, options)
-        high = np.array([*6 * [REACH], *6 * [math.pi], max(given.again, 1), max(*given.budgets, 1)])
+        high = np.array([*6 * [REACH], *6 * [math.pi], given.again + 1, max(*given.budgets, 1)])
         low = np.where(np.arange(SIZE) < MOVES, -high, 0.0)
         shape = (given.balls, 1)
         self.observation_space = spaces.Box(np.tile(low, shape), np.tile(high, shape), dtype=np.float64)

@@ -67,6 +67,25 @@ def same(one, other, *, row=None, atol=0.0):
     return 1
 
 
+@pytest.mark.parametrize("task", TASKS | ALONE)
+def test_steps_return_the_types_of_gymnasium(task):
+    """Also for an arm that stays where it is."""
+    env, kinds = single(task), set()
+    env.action_space.seed(1)
+    for still in (False, False, True):
+        observation, info = env.reset(seed=5)
+        action = env.action_space.sample()
+        if still and task == "obstacles":
+            action = env.action_for(info["q"])
+        for _ in range(4):
+            observation, reward, terminated, truncated, info = env.step(action)
+            assert env.observation_space.contains(observation)
+            kinds.add((type(reward), type(terminated), type(truncated)))
+            if terminated or truncated:
+                break
+    assert kinds == {(float, bool, bool)}
+
+
 @pytest.mark.parametrize("task", TASKS)
 def test_a_batch_says_all_that_single_environments_say(task):
     """Every entry of `info`, from reset to reset."""
