@@ -25,12 +25,15 @@ from sphinx.writers.html5 import HTML5Translator
 
 #: A cell of a table that is a number, with its interval, unit or sign.
 NUMBER = re.compile(
-    r"^(above |below )?[-−+±<>≤≥~≈]?\s?(π|\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?)$"
+    r"^(above |below )?[-−+±<>≤≥~≈]?\s?(π|–|\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?)$"
 )
 #: Columns with a cell of so many characters stay wide on a phone, by the class of their cells.
 WIDE = {"longer": 180, "long": 60}
 #: Columns without a longer cell do not break, and may be narrow on a phone.
 SHORT = 14
+#: A table needs at least so many characters for a column of sentences, and so many between columns; with more than
+#: `PHONE` in all its rows are stacked on a phone; with more than `PAGE` its intervals stand below the numbers.
+SENTENCE, BETWEEN, PHONE, PAGE = 20, 3, 45, 100
 #: A figure is a chart if more than this share of its pixels is at least so bright, of 255.
 WHITE_SHARE, NEAR_WHITE = 0.55, 250
 #: An interval after a number, as in `97 % [95, 99]`.
@@ -172,9 +175,27 @@ class Numbers(SphinxPostTransform):
                 for cell in column:
                     seeds = bool(SEEDS.fullmatch(cell.astext().strip()))
                     cell["classes"] += ["number"] * number + ["short"] * (short or seeds) + classes
+            _stack(table, rows)
             for text in list(table.findall(nodes.Text)):
                 if INTERVAL.search(text) and not isinstance(text.parent, nodes.literal):
                     _mark_intervals(text)
+
+
+def _stack(table: nodes.table, rows: list[list[nodes.entry]]) -> None:
+    """Give every cell its column's heading, if a phone has no room for the columns (`site.css`)."""
+    headings, *cells = rows
+    least = 0
+    for column in zip(*cells, strict=False):
+        words = [max(map(len, cell.astext().split()), default=0) for cell in column]
+        longest = max(len(cell.astext()) for cell in column)
+        least += BETWEEN + max(min(longest, SENTENCE), *words)
+    if least <= PHONE:
+        return
+    table["classes"] += ["stack"] + ["wide"] * (least > PAGE)
+    for row in cells if len(headings) > 2 else []:
+        for heading, cell in zip(headings[1:], row[1:], strict=False):
+            if cell.astext().strip() and heading.astext().strip():
+                cell.insert(0, nodes.inline("", heading.astext().strip(), classes=["heading"]))
 
 
 class Charts(SphinxPostTransform):
