@@ -41,7 +41,7 @@ axes neither meet nor are parallel. kinreach fits the nearest arm with a closed 
 such an arm, and ur-analytic-ik takes no calibration. For comparison the closed form of the data sheet on the same
 poses, which misses them by millimetres."""
 BATCH_TEXT = """\
-{poses} poses of the same arm at once. ssik is called in a loop over the first {looped}; calls are repeated until a turn
+{poses} poses of the same arm at once. ssik is called in a loop over the first {looped}. Calls are repeated until a turn
 has lasted a quarter of a second."""
 
 

@@ -140,7 +140,7 @@ posture. Times are of all calls, failures included.
 placo, pink, mink and kinreach's own two solvers run the same loop until the tolerance is met: at most {steps} steps
 an attempt, and up to {restarts} restarts from random postures. Steps of placo, pink, mink and QP last 0.2 s under
 the URDF's speed limits, and joints that turn full circle are folded into their limits at the end. ikpy has as many
-restarts; its search ends by itself. roboticstoolbox may search as often. TRAC-IK restarts by itself until
+restarts. Its search ends by itself. roboticstoolbox may search as often. TRAC-IK restarts by itself until
 {timeout:g} ms are over, and runs two threads.
 
 {profiled}: the loops took 9 steps on half of the poses. In a step of pink, 60 % of the time built the quadratic
