@@ -81,3 +81,17 @@ def test_observations_have_their_bounds(root, page):
             )
         checked += len(low[rows])
     assert checked == len(low)
+
+
+def test_the_table_of_all_environments_is_whole(root):
+    """Ids, and sizes of observations and actions."""
+    text = (root / "docs/environments/index.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \[`(kinreach/[^`]+)`\]\([^)]+\) \| ([\d ×]+) \| ([\d ×]+)", text, re.MULTILINE)
+    ids = {name for name in gym.registry if name.startswith("kinreach/") and "Kinematic" not in name}
+    assert {name for name, *_ in rows} == ids
+    for name, observed, acted in rows:
+        env = gym.make(name)
+        action = env.action_space
+        size = (action.n,) if isinstance(action, gym.spaces.Discrete) else action.shape
+        assert observed.strip() == " × ".join(map(str, env.observation_space.shape)), name
+        assert acted.strip() == " × ".join(map(str, size)), name
