@@ -83,6 +83,12 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     scene = out / "scene.png"
     lines = [
         *notes(task, results),
+        *(
+            f"{name} names no environment and was used in {next(iter(task.variants.values()))}; for another: "
+            + ", ".join(f"{name}@{short}" for short in list(task.variants)[1:])
+            for name in methods
+            if name.endswith(".zip") and len(task.variants) > 1
+        ),
         f"Again: {results['settings']['command']}",
         f"In {out}: {', '.join(files)}",
         f"Scene: {scene}" if scene.is_file() else "No picture of the scene: the reason is in report.html.",

@@ -118,6 +118,14 @@ def _spread(trials: Sequence[Trial], speed: float) -> float:
     return float(np.var([np.mean(own) for own in shares.values()]))
 
 
+def _notes(results: Mapping[str, Any]) -> list[str]:
+    """Return which speeds are missing because there are fewer goals than kinds of balls."""
+    options, goals = results["settings"]["options"], results["settings"]["goals"]
+    speeds, paths = options.get("speeds", ball.SPEEDS), len(options.get("paths", ball.PATHS))
+    left = ", ".join(f"{speed:g}" for speed in speeds[-(-goals // paths) :])
+    return [f"No goal is left for balls at {left} m/s: give at least {len(speeds) * paths}."] if left else []
+
+
 MOVING_TASK = Task(
     name="moving",
     title="A UR5 and a rolling ball",
@@ -160,6 +168,7 @@ MOVING_TASK = Task(
         "arm": "a UR5 whose joints keep their limits of speed and acceleration; a collision ends the episode",
         "distance": "the least of tip and ball's centre in the episode",
     },
+    notes=_notes,
 )
 
 TASKS = (MOVING_TASK,)

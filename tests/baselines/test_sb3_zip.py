@@ -12,6 +12,7 @@ import pytest
 
 from kinreach.baselines import _sb3_zip as sb3_zip
 from kinreach.baselines._policies import load_policy
+from kinreach.cli import main
 from kinreach.errors import InputError
 
 torch = pytest.importorskip("torch")
@@ -174,6 +175,15 @@ def test_hostile_and_damaged_files_are_refused_and_nothing_runs(saved, tmp_path)
             data[text][":serialized:"] = pickled
         load_policy(changed(saved, path, data=json.dumps(data)))
     assert not mark.exists()
+
+
+def test_a_comparison_says_in_which_environment_a_file_was_used(tmp_path, capsys):
+    path = tmp_path / "model.zip"
+    model("PPO", REACH).save(path)
+    out = str(tmp_path / "out")
+    assert main(["compare", "--methods", str(path), "--goals", "1", "--backend", "kinematic", "--out", out]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"{path} names no environment and was used in kinreach/UR5SingleStep-v0; for another: {path}@multi" in said
 
 
 def test_what_unpacks_to_more_than_is_read_is_refused(saved, tmp_path, monkeypatch):

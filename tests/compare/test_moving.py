@@ -104,10 +104,11 @@ def test_travel_times_are_those_of_the_arm():
 
 
 def test_on_disk(tmp_path, capsys):
-    arguments = ["--task", "moving", "--goals", "3", "--speeds", "0.1", "--methods", "first-sight,last-sight"]
+    arguments = ["--task", "moving", "--goals", "3", "--speeds", "0.1,0.3", "--methods", "first-sight,last-sight"]
     assert main([*arguments, "--out", str(tmp_path)], prog="compare") == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "rolling ball" in said
+    assert "No goal is left for balls at 0.3 m/s: give at least 6." in said
     files = said.split(f"In {tmp_path}: ")[1].split(" No picture")[0].split(", ")
     assert sorted(files) == sorted(path.name for path in tmp_path.iterdir())
     assert (tmp_path / "speeds.png").stat().st_size > 10_000

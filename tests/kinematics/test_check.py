@@ -48,6 +48,14 @@ def test_a_joint_whose_range_lies_beyond_a_turn():
     assert ((found.q >= kin.lower - 1e-9) & (found.q <= kin.upper + 1e-9)).all()
 
 
+def test_an_arm_that_its_limits_keep_from_singular_postures():
+    ur5 = get_arm("ur5")
+    ranges = dict(zip(ur5.joints[1:5], [(-1.6, -1.4), (1.4, 1.6), (-1.7, -1.4), (-1.7, -1.4)], strict=True))
+    found = check.singular_postures(ArmKinematics(ur5.with_limits(ranges)), 1.0)
+    assert (found.q.shape, found.start.shape, found.start.dtype) == ((0, 6), (0,), np.int64)
+    assert found.recurring(2) == []
+
+
 def test_singular_postures_of_an_arm_with_a_joint_to_spare():
     kin = ArmKinematics("panda")
     found = check.singular_postures(kin, 1.0)

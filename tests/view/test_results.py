@@ -112,6 +112,10 @@ def other_table(folder):
     (folder / "results.csv").write_text("a,b\n1,2\n")
 
 
+def nothing(folder):
+    (folder / "results.csv").write_text("")
+
+
 def binary(folder):
     (folder / "results.csv").write_bytes(bytes(range(256)))
 
@@ -135,6 +139,7 @@ def bad_vector(folder):
         (no_trials, "cannot read"),
         (one_line, "it has no trials"),
         (other_table, "it has no column 'goal_index'"),
+        (nothing, "it has no column 'goal_index'"),
         (binary, "is not UTF-8 text"),
         (bad_vector, "goal must be 3 numbers within"),
     ],
