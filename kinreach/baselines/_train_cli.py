@@ -186,7 +186,11 @@ def _again(arguments: argparse.Namespace) -> list[str]:
 
 def _figures(row: dict[str, float | None]) -> str:
     """Return the numbers of a learning curve's row as text."""
-    texts = (("reward", "reward {:.2f}", 1), ("reached", "reached {:.0f} %", 100), ("distance", "{:.1f} mm", 1e3))
+    texts = (
+        ("reward", "reward {:.2f} a step", 1),
+        ("reached", "reached {:.0f} %", 100),
+        ("distance", "{:.1f} mm", 1e3),
+    )
     found = ((text, factor, row[name]) for name, text, factor in texts)
     return ", ".join(text.format(factor * value) for text, factor, value in found if value is not None)
 

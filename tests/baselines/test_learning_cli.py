@@ -224,7 +224,10 @@ def test_without_a_terminal_a_training_prints_a_line_for_every_tenth(tmp_path, m
     monkeypatch.setattr("kinreach.baselines._training.train", train)
     assert main(["train", "single", "--seed", "3", "--out", str(tmp_path)]) == 2
     *lines, _ = capsys.readouterr().err.splitlines()
-    assert lines[:2] == ["single, seed 3: 10 % reward 6.00, 8.3 mm", "single, seed 3: 20 % reward 10.00, 5.0 mm"]
+    assert lines[:2] == [
+        "single, seed 3: 10 % reward 6.00 a step, 8.3 mm",
+        "single, seed 3: 20 % reward 10.00 a step, 5.0 mm",
+    ]
     assert len(lines) == 10
 
 
@@ -281,7 +284,7 @@ def test_what_a_bar_says_of_a_row():
     assert train_cli._figures(nothing) == ""
     assert train_cli._figures({**nothing, "reached": 0.256}) == "reached 26 %"
     whole = {"reward": -1.234, "reached": 1.0, "distance": 0.01234, "steps": 3}
-    assert train_cli._figures(whole) == "reward -1.23, reached 100 %, 12.3 mm"
+    assert train_cli._figures(whole) == "reward -1.23 a step, reached 100 %, 12.3 mm"
 
 
 def test_an_engine_and_its_address_are_passed_on(monkeypatch, tmp_path):
