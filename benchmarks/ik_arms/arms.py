@@ -65,16 +65,18 @@ def placements_of(manipulator: Any) -> Floats:
     return about_z(before, axes, carry)
 
 
-def urdf(placements: Floats) -> str:
-    """A URDF of an arm, as `placements_of` returns it; every joint turns half a circle either way."""
-    text = '<link name="l0"/>'
+def urdf(placements: Floats, limits: Floats | None = None) -> str:
+    """A URDF of an arm, as `placements_of` returns it, with limits (2, n) [rad]; half a circle either way without."""
+    text, bounds = '<link name="l0"/>', np.full((2, len(placements)), ((-3.1416,), (3.1416,)))
+    if limits is not None:
+        bounds[:, :-1] = limits
     for index, T in enumerate(placements, start=1):
         kind, axis = ("fixed", "") if index == len(placements) else ("revolute", '<axis xyz="0 0 1"/>')
         origin = f'<origin xyz="{" ".join(map(str, T[:3, 3]))}" rpy="{" ".join(map(str, rpy(T[:3, :3])))}"/>'
         text += (
             f'<link name="l{index}"/><joint name="j{index}" type="{kind}"><parent link="l{index - 1}"/>'
             f'<child link="l{index}"/>{origin}{axis}'
-            '<limit lower="-3.1416" upper="3.1416" effort="9" velocity="3"/></joint>'
+            f'<limit lower="{bounds[0, index - 1]}" upper="{bounds[1, index - 1]}" effort="9" velocity="3"/></joint>'
         )
     return f'<robot name="arm">{text}</robot>'
 

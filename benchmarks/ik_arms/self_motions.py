@@ -27,7 +27,7 @@ from kinreach.cli import Parser, finish
 from kinreach.kinematics import SevenAxisKinematics
 from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._identification import moved_frames
-from kinreach.kinematics._seven_axis.tracing import SelfMotionTracer
+from kinreach.kinematics._seven_axis.tracing import Curve, SelfMotionTracer
 from kinreach.robots import ArmDescription
 
 PROG = "python -m benchmarks.ik_arms.self_motions"
@@ -81,33 +81,40 @@ def checked(name: str, errors: bool, posture: int, *, full: bool) -> dict[str, A
     """
     kin = arm_of(name, errors)
     q = np.random.default_rng([posture, 7]).uniform(-np.pi, np.pi, 7)
-    T = kin.fk(q)
-    tracer, motions = kin._tracer, kin.self_motions(T, limits=False).curves
-    curves = [(curve.q, curve.closed) for curve in motions]
-
-    def lost(postures: Floats) -> int:
-        right = np.abs(kin.fk(postures) - T).max(axis=(1, 2)) < RIGHT if len(postures) else []
-        return len(tracer.beside(curves, postures[right], T))
-
     others: dict[str, Any] = dict.fromkeys(COMPARED, "")
+    curves, found = faults(kin, q)
     if full:
+        T = kin.fk(q)
         samples, charts = (np.empty((0, 7)), np.empty((0, 7))) if errors else theirs(name, T)
         more = np.vstack([np.empty((0, 7)), *(curve for curve, _ in finer(kin).curves(T))])
-        counts = len(samples) + len(charts), lost(samples), lost(charts), lost(more)
+        counts = len(samples) + len(charts), *(_lost(kin, curves, each, T) for each in (samples, charts, more))
         others = dict(zip(COMPARED, counts, strict=True))
+    return {"arm": name, "errors": int(errors), "posture": posture, **found, **others}
+
+
+def faults(kin: SevenAxisKinematics, q: Floats) -> tuple[list[Curve], dict[str, Any]]:
+    """The curves of a posture's pose; and what is wrong with them, by the column of the table."""
+    T = kin.fk(q)
+    motions = kin.self_motions(T, limits=False).curves
+    curves = [(curve.q, curve.closed) for curve in motions]
     still = [np.einsum("mij,mj->mi", kin.jacobian(curve.q), curve.tangent) for curve in motions]
-    return {
-        "arm": name, "errors": int(errors), "posture": posture,
-        "curves": len(curves), "open": sum(not closed for _, closed in curves), "lost": lost(q[None]), **others,
+    return curves, {
+        "curves": len(curves), "open": sum(not closed for _, closed in curves), "lost": _lost(kin, curves, q[None], T),
         "missed": f"{max((np.abs(kin.fk(curve.q) - T).max() for curve in motions), default=0.0):.1e}",
         "motion": f"{max((np.abs(each).max() for each in still), default=0.0):.1e}",
     }  # fmt: skip
 
 
+def _lost(kin: SevenAxisKinematics, curves: list[Curve], postures: Floats, T: Floats) -> int:
+    """How many of those postures that reach a pose are on none of its curves."""
+    right = np.abs(kin.fk(postures) - T).max(axis=(1, 2)) < RIGHT if len(postures) else []
+    return len(kin._tracer.beside(curves, postures[right], T))
+
+
 def faultless(row: dict[str, Any]) -> bool:
     """Whether a row says that nothing is lost or wrong."""
     exact = max(float(row["missed"]), float(row["motion"])) < RIGHT
-    return exact and not any(int(row[key] or 0) for key in ("open", "lost", *COMPARED[1:]))
+    return exact and not any(int(row.get(key) or 0) for key in ("open", "lost", *COMPARED[1:]))
 
 
 def theirs(name: str, T: Floats) -> tuple[Floats, Floats]:

@@ -3,81 +3,28 @@
 import re
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
+from benchmarks.ik_arms import fuzz
 from benchmarks.ik_arms.arms import singular_poses, urdf
+from benchmarks.ik_arms.random_arms import (
+    CLASSES,
+    OTHERS,
+    Judge,
+    apart,
+    kinematics,
+    moves_to,
+    random_motion,
+    regular_arm,
+    some_arm,
+)
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, SevenAxisKinematics, SixAxisKinematics
-from tests.kinematics.test_six_axis_closed_form import (
-    CLASSES,
-    apart,
-    eliminated,
-    kinematics,
-    motion,
-    placements,
-    random_motion,
-)
+from kinreach.kinematics._general_6r import Chain
+from kinreach.kinematics._six_axis.closed_form import DecoupledArm
+from tests.kinematics.test_six_axis_closed_form import eliminated
 
 ERRORS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3)
-#: Pairs of neighbouring axes that meet, and none of them three in one point.
-OTHERS = {"two pairs that meet": ((0, 4), ()), "two pairs in the middle": ((1, 3), ()), "no class": ((), ())}
-
-
-def some_arm(rng, name, *, backwards, off):
-    """A random arm, A0 to A6."""
-    if name in CLASSES:
-        return placements(rng, name, backwards=backwards, off=off)
-    a, d = rng.choice([-1, 1], (2, 6)) * rng.uniform(0.1, 0.5, (2, 6))
-    alpha, turn = rng.choice([-1, 1], 6) * rng.uniform(0.5, 1.5, 6), rng.uniform(-np.pi, np.pi, 6)
-    a[list(OTHERS[name][0])] = 0.0
-    chain = [random_motion(rng, 0.3, np.pi), *(motion(turn[i], d[i], a[i], alpha[i]) for i in range(5))]
-    chain = [*chain, random_motion(rng, 0.2, np.pi)]
-    if backwards:
-        chain = [np.linalg.inv(step) for step in reversed(chain)]
-    return np.array([step @ random_motion(rng, off, off) for step in chain])
-
-
-def regular_arm(rng, name, *, backwards, off):
-    """A random arm whose joints begin at quarter turns, with many right angles and lengths that are 0."""
-    zero = rng.random((2, 6)) < 0.3
-    a, d = np.where(zero, 0.0, rng.choice([-1, 1], (2, 6)) * rng.uniform(0.1, 0.5, (2, 6)))
-    alpha = rng.choice([-1, 1], 6) * np.where(rng.random(6) < 0.7, np.pi / 2, rng.uniform(0.5, 1.5, 6))
-    turn = rng.integers(-1, 3, 8) * np.pi / 2
-    a[1:3], d[3] = np.where(a[1:3] == 0.0, 0.3, a[1:3]), d[3] or 0.2
-    for values, key in ((a, "a"), (d, "d"), (alpha, "alpha")):
-        for index, value in CLASSES[name].get(key, {}).items():
-            values[index] = value
-    a[0] = a[0] or 0.15 * (alpha[0] == 0.0)  # axes 1 and 2 are two axes
-    chain = [motion(turn[6], 0.2, 0, np.pi / 2), *(motion(turn[i], d[i], a[i], alpha[i]) for i in range(5))]
-    chain += [motion(turn[7], 0.1, 0, 0)]
-    if backwards:
-        chain = [np.linalg.inv(step) for step in reversed(chain)]
-    return np.array([step @ random_motion(rng, off, off) for step in chain])
-
-
-class Judge:
-    """Pinocchio's pose of the last link of a URDF."""
-
-    def __init__(self, chain):
-        self._model = pin.buildModelFromXML(urdf(chain))
-        self._data = self._model.createData()
-        self._tip = self._model.getFrameId(f"l{len(chain)}")
-
-    def fk(self, q):
-        pin.framesForwardKinematics(self._model, self._data, np.asarray(q))
-        return self._data.oMf[self._tip].homogeneous.copy()
-
-    def shoulder_and_wrist(self, q):
-        """The points of axis 1 next to axis 2, and of axis 6 next to axis 5."""
-        self.fk(q)
-        axes = [self._data.oMi[joint] for joint in range(1, 7)]
-        found = []
-        for one, other in ((axes[0], axes[1]), (axes[5], axes[4])):
-            z, along = one.rotation[:, 2], other.rotation[:, 2]
-            s, _ = np.linalg.lstsq(np.column_stack([z, -along]), other.translation - one.translation, rcond=None)[0]
-            found.append(one.translation + s * z)
-        return found
 
 
 def judged(kin, judge, T, exact=1e-9):
@@ -92,7 +39,7 @@ def judged(kin, judge, T, exact=1e-9):
     return found.q
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 8))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
 @pytest.mark.parametrize("name", [*CLASSES, *OTHERS])
 def test_six_axes(name, seed, tmp_path):
     rng, count, again = np.random.default_rng([seed, len(name)]), 0, 0
@@ -101,15 +48,15 @@ def test_six_axes(name, seed, tmp_path):
             chain = some_arm(rng, name, backwards=backwards, off=off)
             kin, judge = kinematics(tmp_path, chain), Judge(chain)
             assert isinstance(kin, SixAxisKinematics), (off, backwards)
-            for q in rng.uniform(-np.pi, np.pi, (6 if seed else 2, 6)):
+            for q in rng.uniform(-np.pi, np.pi, (3 if seed else 2, 6)):
                 found = judged(kin, judge, judge.fk(q))
                 assert apart(q, found) < 1e-5, (off, backwards, q.tolist())
                 count, again = count + len(found), again + 1
-    assert again == (60 if seed else 8)
+    assert again == (30 if seed else 8)
     assert count >= 2 * again
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 8))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
 @pytest.mark.parametrize("name", CLASSES)
 def test_singular_poses(name, seed, tmp_path):
     """Arms of a class and near it, of any angles and of right ones: never empty, alone as in a batch."""
@@ -119,11 +66,11 @@ def test_singular_poses(name, seed, tmp_path):
             chain = some(rng, name, backwards=bool(rng.integers(2)), off=off)
             kin, judge = kinematics(tmp_path, chain), Judge(chain)
             assert isinstance(kin, SixAxisKinematics)
-            for case, poses in singular_poses(ArmKinematics(kin.arm), 4 if seed else 1).items():
+            for case, poses in singular_poses(ArmKinematics(kin.arm), 2 if seed else 1).items():
                 for T in poses:
                     assert len(judged(kin, judge, T, 2e-7)), (some, off, case)
                     solved += 1
-    assert solved >= (40 if seed else 3)
+    assert solved >= (20 if seed else 3)
 
 
 @pytest.mark.parametrize(
@@ -149,6 +96,45 @@ def test_two_singularities_at_once(name, seed, off, backwards, case, row, tmp_pa
     others = eliminated(chain, T[None])
     assert others is None or all(apart(one, found) < 1e-4 for one in others[0])
     assert len(found) >= 2
+
+
+@pytest.mark.parametrize(
+    ("index", "case"),
+    [
+        pytest.param(7, "wrist shoulder, 0 beside", marks=pytest.mark.slow),
+        pytest.param(7, "upright, 1e-07 beside", marks=pytest.mark.slow),
+        (73, "wrist elbow shoulder, 1e-07 beside"),
+        pytest.param(807, "shoulder, 1e-12 beside", marks=pytest.mark.slow),
+        (842, "wrist elbow, 1e-12 beside"),
+    ],
+)
+def test_poses_that_were_lost(index, case, tmp_path):
+    """The arm reaches them at few places of a curve that almost reaches, or folds two equal links there."""
+    arm, rng = fuzz.six_axes(40, index, tmp_path)
+    poses = [q for name, q in fuzz.postures(arm, rng, 2) if name == case]
+    for q in poses:
+        T, chain = arm.judge.fk(q), Chain(arm.kin._placements)
+        found = judged(arm.kin, arm.judge, T)
+        assert apart(q, found) < 1e-5 or moves_to(chain, q, found, T) or any(
+            moves_to(chain, one, q[None], T) for one in found
+        )  # fmt: skip
+    assert poses
+
+
+@pytest.mark.slow
+def test_arms_of_the_fuzz(monkeypatch, capsys):
+    """No fault on one arm of each class; one where the last posture of every pose is left out."""
+    assert run_fuzz(monkeypatch, "--arms", "11", "--seed", "3") == 0
+    assert capsys.readouterr().out.count("│") > 11 * 6
+    solve = DecoupledArm.solve
+    monkeypatch.setattr(DecoupledArm, "solve", lambda *args, **options: solve(*args, **options)[:-1])
+    assert run_fuzz(monkeypatch, "--arms", "1", "--seed", "3") == 1
+    assert "the posture is lost" in capsys.readouterr().out
+
+
+def run_fuzz(monkeypatch, *arguments):
+    monkeypatch.setattr("sys.argv", ["fuzz", *arguments])
+    return fuzz.main()
 
 
 def test_out_of_reach_is_named(tmp_path):
@@ -184,7 +170,7 @@ def test_out_of_reach_is_named(tmp_path):
     assert close >= 3
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 8))])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
 def test_seven_axes(seed, tmp_path):
     """Any seven axes: every curve is closed, every sample reaches, and the posture of the pose is on one."""
     rng, curves = np.random.default_rng([seed, 7]), 0

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.ik_arms.random_arms import kinematics, motion
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics
 from kinreach.kinematics._goals import pose_error
 from kinreach.robots import Gripper, get_arm
-from tests.kinematics.test_six_axis_closed_form import kinematics, motion
 
 ARMS = [("ur5", "tool0"), ("ur5", "tcp"), ("arm3", "end_effector")]
 

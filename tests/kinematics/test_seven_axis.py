@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from example_robot_data.robots_loader import getModelPath
 
+from benchmarks.ik_arms.random_arms import RIGHT, apart, kinematics, motion, random_motion
 from benchmarks.ik_arms.self_motions import ARMS, checked, faultless
 from kinreach.errors import InputError
 from kinreach.kinematics import (
@@ -19,7 +20,7 @@ from kinreach.kinematics import (
 )
 from kinreach.kinematics._solutions import Status
 from kinreach.robots import ArmDescription
-from tests.kinematics.test_six_axis_closed_form import RIGHT, apart, kinematics, motion, of_ssik, random_motion
+from tests.kinematics.test_six_axis_closed_form import of_ssik
 
 FILE = "panda_description/urdf/panda.urdf"
 

@@ -3,72 +3,25 @@
 import numpy as np
 import pytest
 
-from benchmarks.ik_arms.arms import placements_of, singular_poses, urdf
+from benchmarks.ik_arms.arms import placements_of, singular_poses
+from benchmarks.ik_arms.random_arms import (
+    CLASSES,
+    RIGHT,
+    apart,
+    kinematics,
+    motion,
+    moves_to,
+    random_motion,
+    some_arm,
+)
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, SixAxisKinematics
+from kinreach.kinematics import SixAxisKinematics
 from kinreach.kinematics._general_6r import Chain, General6R
 from kinreach.kinematics._six_axis.methods import Backwards, ClosedForm, Elimination, NearlyDecoupled
 from kinreach.kinematics._solutions import ANGLES
 
-RIGHT = np.pi / 2
-#: What holds for the lengths [m] and angles [rad] between axes: index from 0, value.
-CLASSES = {
-    "spherical wrist": {"a": {3: 0, 4: 0}, "d": {4: 0}},
-    "spherical wrist, axes 2 and 3 parallel": {"a": {3: 0, 4: 0}, "d": {4: 0}, "alpha": {1: 0}},
-    "spherical wrist, axes 1 and 2 meet": {"a": {0: 0, 3: 0, 4: 0}, "d": {4: 0}},
-    "spherical wrist, axes 1 and 2 parallel": {"a": {3: 0, 4: 0}, "d": {4: 0}, "alpha": {0: 0}},
-    "right angles": {"a": {3: 0, 4: 0}, "d": {4: 0}, "alpha": {0: RIGHT, 1: 0, 2: RIGHT, 3: -RIGHT, 4: RIGHT}},
-    "three parallel axes": {"alpha": {1: 0, 2: 0}},
-    "three parallel axes, 5 and 6 meet": {"a": {4: 0}, "alpha": {1: 0, 2: 0}},
-    "three parallel axes, right angles": {"a": {4: 0}, "alpha": {0: -RIGHT, 1: 0, 2: 0, 3: RIGHT, 4: -RIGHT}},
-}
-
 #: Those of which the wrist is straight at 0 and pi.
 RIGHT_WRISTS = ("three parallel axes, right angles", "right angles")
-
-
-def motion(turn, along, out, tilt):
-    """Rz(turn) Tz(along) Tx(out) Rx(tilt)."""
-    c, s, ct, st = np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt)
-    return np.array(
-        [
-            [c, -s * ct, s * st, out * c],
-            [s, c * ct, -c * st, out * s],
-            [0, st, ct, along],
-            [0, 0, 0, 1],
-        ]
-    )
-
-
-def random_motion(rng, length, angle):
-    a, b, c, d = rng.uniform(-1, 1, 4) * (angle, length, length, angle)
-    return motion(a, b, c, d)
-
-
-def placements(rng, name, *, backwards=False, off=0.0):
-    """A random arm of a class with a turned tip, as in `Chain`; each joint is `off` [m, rad] its class."""
-    a, d = rng.choice([-1, 1], (2, 6)) * rng.uniform(0.1, 0.5, (2, 6))
-    alpha, turn = rng.choice([-1, 1], 6) * rng.uniform(0.5, 1.5, 6), rng.uniform(-np.pi, np.pi, 6)
-    for values, key in ((a, "a"), (d, "d"), (alpha, "alpha")):
-        for index, value in CLASSES[name].get(key, {}).items():
-            values[index] = value
-    chain = [random_motion(rng, 0.3, np.pi)]
-    chain += [motion(turn[i], d[i], a[i], alpha[i]) for i in range(5)]
-    chain += [random_motion(rng, 0.2, np.pi)]
-    if backwards:
-        chain = [np.linalg.inv(step) for step in reversed(chain)]
-    return np.array([step @ random_motion(rng, off, off) for step in chain])
-
-
-def kinematics(tmp_path, chain):
-    """The arm of a URDF."""
-    file = tmp_path / "arm.urdf"
-    file.write_text(urdf(chain))
-    return ArmKinematics.from_urdf(file)
-
-
-def apart(q, others):
-    return np.abs((others - q + np.pi) % (2 * np.pi) - np.pi).max(axis=-1).min(initial=np.inf)
 
 
 def poses(chain, q):
@@ -98,7 +51,7 @@ def test_every_posture(name, backwards, tmp_path):
     """The generating one is among them; batches have the same; a method that knows no classes finds no other."""
     rng, compared = np.random.default_rng(len(name) + backwards), 0
     for _ in range(2):
-        arm = placements(rng, name, backwards=backwards)
+        arm = some_arm(rng, name, backwards=backwards)
         kin = kinematics(tmp_path, arm)
         assert isinstance(kin, SixAxisKinematics)
         assert used(kin) is ClosedForm
@@ -124,7 +77,7 @@ def test_singular_poses_are_solved(name, backwards, tmp_path):
     """Wrist, elbow, both, by rounding beside them, and all joints at right angles: never empty, never wrong."""
     rng, solved = np.random.default_rng(3), 0
     for _ in range(2):
-        kin = kinematics(tmp_path, placements(rng, name, backwards=backwards))
+        kin = kinematics(tmp_path, some_arm(rng, name, backwards=backwards))
         arm = (kin._method._method if backwards else kin._method)._arm
         for kind in range(10):
             for _ in range(3):
@@ -147,41 +100,6 @@ def test_singular_poses_are_solved(name, backwards, tmp_path):
     assert solved == 60
 
 
-def moves_to(chain, q, others, T):
-    """Whether the arm can move from a posture to one of others, with each posture on the way within 1e-8 of a pose.
-
-    It follows the curve of such postures either way.
-    """
-
-    def off(q):
-        return np.linalg.norm(chain.step(q[None], T[None])[0])
-
-    def null(q):
-        _, s, V = np.linalg.svd(chain.step(q[None], T[None])[1][0])
-        return V[s < max(1e-3, 1.5 * s[-1])]
-
-    for way in [sign * row for row in null(q) for sign in (1, -1)]:
-        at, t = q, way
-        for _ in range(300):
-            nearest = others[np.abs((others - at + np.pi) % (2 * np.pi) - np.pi).max(axis=1).argmin()]
-            rest = (nearest - at + np.pi) % (2 * np.pi) - np.pi
-            step = rest if np.abs(rest).max() < 0.06 else 0.04 * t
-            new = at + step
-            for _ in range(5):
-                error, J, _ = chain.step(new[None], T[None])
-                new = new + np.linalg.lstsq(np.vstack([J[0], t]), [*error[0], 0.0], rcond=1e-6)[0]
-            if apart(new, nearest[None]) < 1e-2:
-                return True
-            if off(new) > 1e-8 or np.abs(new - at - step).max() > 0.03:
-                break
-            N = null(new)
-            t = N.T @ (N @ (new - at))
-            if np.linalg.norm(t) < 0.3 * np.linalg.norm(new - at):
-                break
-            at, t = new, t / np.linalg.norm(t)
-    return False
-
-
 @pytest.mark.parametrize("backwards", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "name",
@@ -191,7 +109,7 @@ def test_the_posture_of_a_singular_pose_is_found(name, backwards, tmp_path):
     """Or one that the arm can move to while its tip stays: straight wrist and bent or straight elbow."""
     rng, exact, joined = np.random.default_rng(21), 0, 0
     for _ in range(2):
-        kin = kinematics(tmp_path, placements(rng, name, backwards=backwards))
+        kin = kinematics(tmp_path, some_arm(rng, name, backwards=backwards))
         arm = (kin._method._method if backwards else kin._method)._arm
         for kind in range(8):
             theta = rng.uniform(-np.pi, np.pi, 6)
@@ -212,7 +130,7 @@ def test_the_posture_of_a_singular_pose_is_found(name, backwards, tmp_path):
 
 def test_a_free_joint_keeps_the_seeds_value_and_the_limits(tmp_path):
     """With the wrist stretched the fourth joint takes any value."""
-    kin = kinematics(tmp_path, placements(np.random.default_rng(5), "right angles"))
+    kin = kinematics(tmp_path, some_arm(np.random.default_rng(5), "right angles"))
     arm, rng, kept, moved = kin._method._arm, np.random.default_rng(6), 0, 0
     for q in rng.uniform(-3, 3, (30, 6)):
         q[4] = -arm.dh.offset[4]
@@ -234,7 +152,7 @@ def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off,
     """As many as by elimination, near singular poses too, where some appear and others vanish."""
     rng, compared = np.random.default_rng(7), 0
     for name in CLASSES:
-        arm = placements(rng, name, backwards=backwards, off=off)
+        arm = some_arm(rng, name, backwards=backwards, off=off)
         kin = kinematics(tmp_path, arm)
         assert used(kin) is NearlyDecoupled
         assert kin.solved == "by Newton's method from a closed form"
@@ -294,7 +212,7 @@ def test_a_wrist_centre_on_the_second_axis(parallel, tmp_path):
 def test_two_joints_about_one_axis_are_refused(joint, off, tmp_path):
     """Every posture is singular, or almost: nothing is returned rather than something wrong."""
     rng = np.random.default_rng(12)
-    arm = placements(rng, "spherical wrist")
+    arm = some_arm(rng, "spherical wrist")
     arm[joint + 1] = motion(0.4, 0.2, 0.0, 0.0)
     arm = np.array([step @ random_motion(rng, off, off) for step in arm])
     kin = kinematics(tmp_path, arm)
@@ -326,7 +244,7 @@ def test_joint_1_and_the_pitch_of_the_hand_are_free(off, tmp_path):
 
 def test_an_arm_of_no_class_is_solved_by_elimination(tmp_path):
     rng = np.random.default_rng(8)
-    arm = placements(rng, "spherical wrist")
+    arm = some_arm(rng, "spherical wrist")
     arm[4, :3, 3] += 0.1  # axes 4 and 5 do not meet
     kin = kinematics(tmp_path, arm)
     assert used(kin) is Elimination
@@ -378,6 +296,6 @@ def test_every_six_axis_arm_of_ssik(tmp_path):
 
 
 def test_the_angles_of_a_row_are_plain_numbers(tmp_path):
-    kin = kinematics(tmp_path, placements(np.random.default_rng(10), "right angles"))
+    kin = kinematics(tmp_path, some_arm(np.random.default_rng(10), "right angles"))
     (row, *_) = kin.all_solutions(kin.fk(np.full(6, 0.3)), limits=False).found
     assert {type(angle) for angle in row[ANGLES]} == {float}

@@ -150,7 +150,15 @@ class DecoupledArm:
         self.upper = self.a2
         self.stretched, self.folded = self.upper + self.fore, abs(self.upper - self.fore)
 
-    def solve(self, T: Floats, *, tol: float, seed: Sequence[float], doubt: Doubt | None = None) -> list[Row]:
+    def solve(
+        self,
+        T: Floats,
+        *,
+        tol: float,
+        seed: Sequence[float],
+        doubt: Doubt | None = None,
+        aligned: float | None = None,
+    ) -> list[Row]:
         """Compute every posture for a pose of the tip.
 
         Args:
@@ -158,18 +166,20 @@ class DecoupledArm:
             tol: How far one part of the geometry may be missed by a posture in which something is clamped [m, rad].
             seed: Values [rad] that free joints keep, as far as they can, shape (6,).
             doubt: Learns whether the postures may be others for an arm that is a little off.
+            aligned: Sine between the outer axes of a wrist below which these are parallel; `tol` without it.
 
         Returns:
             Branch index, flags and angles in [-pi, pi] of each posture. One with flags may miss the pose.
         """
         pose = (self.before @ T @ self.after)[:3].tolist()
         start = [s * q + o for s, q, o in zip(self._sign, seed, self._offset, strict=True)]
+        wrist = tol if aligned is None else aligned
         if self.spherical:
-            found = list(self._spherical(pose, tol, start, doubt))
+            found = list(self._spherical(pose, tol, start, doubt, wrist))
         elif self.by_shoulder:
-            found = list(self._three_parallel(pose, tol, start, doubt))
+            found = list(self._three_parallel(pose, tol, start, doubt, wrist))
         else:
-            found = list(self._three_parallel_by_roots(pose, tol, start, doubt))
+            found = list(self._three_parallel_by_roots(pose, tol, start, doubt, wrist))
         s1, s2, s3, s4, s5, s6 = self._sign
         o1, o2, o3, o4, o5, o6 = self._offset
         return [
@@ -192,7 +202,10 @@ class DecoupledArm:
         Arguments are those of `solve`.
         """
         doubt = Doubt(0.0)
-        return [row for tol in tols for row in self.solve(T, tol=tol, seed=seed, doubt=doubt)], doubt.free
+        pairs = [(tol, aligned) for tol in tols for aligned in sorted({tol, min(tols)}, reverse=True)]
+        return [
+            row for tol, aligned in pairs for row in self.solve(T, tol=tol, seed=seed, doubt=doubt, aligned=aligned)
+        ], doubt.free
 
     def samples(self, T: Floats, tol: float, seed: Sequence[float], free: set[int]) -> list[Row]:
         """Compute postures of a pose with many values of the joints that are free; arguments are those of `solve`."""
@@ -219,7 +232,9 @@ class DecoupledArm:
             return []
         return [self._sign[0] * (turned - self._offset[0]) for turned in (q1, q1 + pi)]
 
-    def _spherical(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
+    def _spherical(
+        self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None, aligned: float
+    ) -> Iterator[Row]:
         """Postures of an arm with a spherical wrist."""
         positions = self._arm_by_shoulder if self.by_shoulder else self._arm_by_roots
         for branch, flags, q1, q2, q3 in positions(pose, tol, start, doubt):
@@ -231,20 +246,22 @@ class DecoupledArm:
                 turn = self._behind(turn, cos(q2), sin(q2), self.ca2, self.sa2)
                 turn = self._behind(turn, cos(q3), sin(q3), self.ca3, self.sa3)
             reached = False
-            for side, flag, q4, q5, q6 in self._wrists(turn, tol, doubt, gain, first=start[3]):
+            for side, flag, q4, q5, q6 in self._wrists(turn, aligned, doubt, gain, first=start[3]):
                 reached = True
                 yield branch + side, flags | flag, q1, q2, q3, q4, q5, q6
             if flags and not reached:  # other values of a free joint may reach
                 yield branch, flags, q1, q2, q3, *start[3:]
 
-    def _three_parallel(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
+    def _three_parallel(
+        self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None, aligned: float
+    ) -> Iterator[Row]:
         """Postures of an arm with axes 2, 3 and 4 parallel, and 5 and 6 that meet."""
         for branch, flags, q1, c1, s1, u, v, gain in self._shoulders(pose, tol, start[0], doubt):
             palm = (u, v, self.hand, self.hand_angle, start[5])
             turn = self._behind(pose, c1, s1, self.ca1, self.sa1)
             turned = 1.0 + 1.0 / max(abs(u + self.a1), tol)
             reached = not flags
-            for side, flag, q234, q5, q6 in self._wrists(turn, tol, doubt, turned, palm=palm):
+            for side, flag, q234, q5, q6 in self._wrists(turn, aligned, doubt, turned, palm=palm):
                 through = gain + turned * self.hand / max(abs(self.sa4 * self.sa5 * sin(q5)), tol)
                 for row in self._arms(
                     branch + side, flags | flag, q1, q234, q5, q6, palm, tol, start[1], doubt, through
@@ -255,7 +272,7 @@ class DecoupledArm:
                 yield branch, flags, q1, *start[1:]
 
     def _three_parallel_by_roots(
-        self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None
+        self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None, aligned: float
     ) -> Iterator[Row]:
         """Postures of an arm with axes 2, 3 and 4 parallel, and 5 and 6 that do not meet.
 
@@ -282,11 +299,11 @@ class DecoupledArm:
             u, v = x * c1 + y * s1 - self.a1, ca1 * (y * c1 - x * s1) + sa1 * z
             hand = (self.a4 + a5 * cos(q5), ca4 * a5 * sin(q5) - sa4 * self.d5)
             palm = (u, v, hypot(*hand), atan2(hand[1], hand[0]), start[5])
-            aligned = hypot(turn[0][2], turn[1][2])
+            tilt = hypot(turn[0][2], turn[1][2])
             if doubt is not None:
-                doubt.aligned(aligned, turned)
-            through = 1.0 + turned * (hypot(x, y) + palm[2] / max(aligned, tol))
-            for arc, q234, q6, flag in self._outer(turn, q5, tol, 0.0, palm, doubt):
+                doubt.aligned(tilt, turned)
+            through = 1.0 + turned * (hypot(x, y) + palm[2] / max(tilt, tol))
+            for arc, q234, q6, flag in self._outer(turn, q5, aligned, 0.0, palm, doubt):
                 flags = flag | (SHOULDER if merged else 0)
                 branch = 2 * root ^ arc
                 yield from self._arms(branch, flags, q1, q234, q5, q6, palm, tol, start[1], doubt, through)
@@ -498,7 +515,7 @@ class DecoupledArm:
                 return
             pitches = [(0, q4, 0)]
             if palm is not None:
-                _, nearest, flags = next(self._pitches(q4, palm))
+                _, nearest, flags = next(self._pitches(q4, palm, tol))
                 if 0.0 < abs(nearest - q4) * s <= tol:  # the wrist is almost free
                     pitches = [(0, nearest, flags)]
         else:
@@ -509,7 +526,7 @@ class DecoupledArm:
             else:
                 sign = copysign(1.0, n33)  # the last joint falls as the pitch grows, or grows
                 wanted = wrap(sign * (self._last(n11, n21, n31, 0.0, q5) - palm[-1]))
-                pitches = list(self._pitches(wanted, palm))
+                pitches = list(self._pitches(wanted, palm, tol))
         for arc, q4, flags in pitches:
             yield arc, q4, self._last(n11, n21, n31, q4, q5), flags
 
@@ -522,11 +539,12 @@ class DecoupledArm:
         x, y = c * x + s * y, c * y - s * x
         return atan2(self.ca5 * y + self.sa5 * z, x)
 
-    def _pitches(self, wanted: float, palm: _Palm) -> Iterator[tuple[int, float, int]]:
+    def _pitches(self, wanted: float, palm: _Palm, tol: float) -> Iterator[tuple[int, float, int]]:
         """The pitch nearest to a wanted one at which the elbow reaches a hand, of each arc of them; branch and flags.
 
         The hand turns on a circle. Where the elbow reaches neither its nearest point nor its farthest one, or both are
-        too far or too close, that part of the circle is two arcs.
+        too far or too close, that part of the circle is two arcs. If the circle passes axis 2 and the elbow folds to
+        there, joint 2 is free at one more pitch.
         """
         u, v, hand, hand_angle, _ = palm
         eta = wrap(wanted + hand_angle - atan2(v, u) + pi)
@@ -538,6 +556,8 @@ class DecoupledArm:
         if apart:
             other = lower if abs(eta) + lower < 2.0 * pi - abs(eta) - upper else upper
             yield (0 if nearest < 0.0 else 2), wanted - copysign(other, nearest) - eta, WRIST | MOVED
+        if self.folded <= ZERO and abs(hypot(u, v) - hand) <= tol:
+            yield 0, wanted + pi - eta, WRIST | MOVED
 
     def _elbows(
         self, u: float, v: float, tol: float, start: float, doubt: Doubt | None, gain: float

@@ -28,6 +28,7 @@ from kinreach.kinematics._near_closed_form import FAR, NearClosedForm, no_postur
 from kinreach.kinematics._six_axis.batch import solve_poses
 from kinreach.kinematics._six_axis.closed_form import AMISS, DecoupledArm, Doubt, decouples
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
+from kinreach.kinematics._six_axis.near_misses import reached_beside
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Row
 from kinreach.kinematics._ur.geometry import BRANCHES
 
@@ -52,8 +53,8 @@ NEAR_MISS = 0.03
 TRIALS, MIN_SHARE = 100, 0.98
 #: Samples of a family of postures are tested against so many others, and are apart by less than this [rad].
 NEIGHBOURS, NEIGHBOURING = 4, 0.6
-#: Starts of Newton's method near a singular pose, at most.
-MAX_STARTS = 160
+#: Starts of Newton's method near a singular pose, at most; and closer ones start one curve [rad].
+MAX_STARTS, NEAR_START = 160, 0.1
 _JOINTS = 6
 
 
@@ -221,16 +222,15 @@ class NearlyDecoupled(NearClosedForm):
         if not sound:
             rows += [row for pose in self._about(T) for row in self._arm.solve(pose, tol=wide, seed=given)]
         starts = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
-        starts, rng = starts[first_of_each(starts, SAME_START)], np.random.default_rng(0)
-        starts = starts[rng.permutation(len(starts))[:MAX_STARTS]]
-        away = rng.normal(size=starts.shape) * sqrt(self._off)
-        starts = np.vstack([starts, starts + away])
+        starts = starts[first_of_each(starts, SAME_START)]
+        starts = starts[np.random.default_rng(0).permutation(len(starts))[:MAX_STARTS]]
+        starts = np.vstack([starts, reached_beside(self.chain, T, starts[first_of_each(starts, NEAR_START)])])
         q, off = nearest_by_newton(self.chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
         every = np.vstack([eliminated, wrapped(q[off < EXACT])])
         if not len(every):
             every = wrapped(q[off < tol])
         every = every[first_of_each(every, SAME)]
-        if len(every) > MAX_POSTURES:
+        if len(every) > BRANCHES:  # as many only where some are on curves
             every = every[_families(self.chain, every, T)][:MAX_POSTURES]
         exact = self._arm.solve(T, tol=EXACT, seed=given)
         near_by = sorted(
@@ -367,7 +367,7 @@ def _families(chain: Chain, q: Floats, T: Floats) -> NDArray[np.bool_]:
     middle = q[one] + 0.5 * step
     found, off = nearest_by_newton(chain, middle, np.broadcast_to(T, (len(middle), 4, 4)))
     moved, apart = (np.abs(each).max(axis=1, initial=0.0) for each in (found - middle, step))
-    joined = (off < MISSED) & (moved < 0.5 * apart)
+    joined = (off < MISSED) & (moved < 0.2 * apart)
     label = np.arange(len(q))
     for a, b in zip(one[joined].tolist(), other[joined].tolist(), strict=True):
         label[label == max(label[a], label[b])] = min(label[a], label[b])
