@@ -16,6 +16,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -36,7 +37,7 @@ from benchmarks.ik_arms.random_arms import (
 from benchmarks.ik_arms.self_motions import faultless, faults
 from kinreach._checks import Floats, check_count
 from kinreach.cli import Parser, finish
-from kinreach.kinematics import ArmKinematics, SevenAxisKinematics, SixAxisKinematics
+from kinreach.kinematics import SevenAxisKinematics, SixAxisKinematics
 from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._general_6r import Chain
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
@@ -63,14 +64,14 @@ class Arm:
 
     Attributes:
         name: Its class.
-        kin: kinreach's kinematics.
+        kin: kinreach's kinematics, a `SixAxisKinematics` unless it refuses the arm.
         judge: Pinocchio's.
         form: The arm of the class from the end at which it begins, and its parameters.
         backwards: Whether that is the tip.
     """
 
     name: str
-    kin: ArmKinematics
+    kin: Any
     judge: Judge
     form: tuple[Chain, DenavitHartenberg]
     backwards: bool
@@ -170,7 +171,7 @@ def faults_of(arm: Arm, q: Floats) -> list[str]:
     wrong = [f"wrong by {off:.0e}" for one in found.q if (off := np.abs(arm.judge.fk(one) - T).max()) > RIGHT_POSE]
     if not len(found):
         return ["empty"]
-    for several in (T[None], np.stack([T, arm.judge.fk(np.arange(6.0)), T])):
+    for several in (T[None], np.stack([T, arm.judge.fk(np.full(6, 0.5)), T])):
         batch = kin.batch(several, limits=False)
         if np.flatnonzero(batch.valid[-1]).tolist() != sorted(found.branch.tolist()):
             wrong.append("other branches in a batch")
@@ -180,7 +181,7 @@ def faults_of(arm: Arm, q: Floats) -> list[str]:
             wrong.append("other angles in a batch")
     if apart(q, found.q) > SAME:
         known = np.vstack([found.q, kin.all_solutions(T, limits=False, seed=q).q])  # the seed's, where a joint is free
-        chain = Chain(kin._placements)  # type: ignore[attr-defined]
+        chain = Chain(kin._placements)
         if (
             apart(q, known) > SAME
             and not moves_to(chain, q, known, T)
@@ -193,7 +194,7 @@ def faults_of(arm: Arm, q: Floats) -> list[str]:
 def faults_within(arm: Arm, rng: np.random.Generator, folder: Path) -> list[str]:
     """What is wrong with the postures for a random pose within random limits of up to a turn."""
     low, high = -rng.uniform(0.5, 2 * np.pi, 6), rng.uniform(0.5, 2 * np.pi, 6)
-    kin = kinematics(folder, arm.kin._placements, np.stack([low, high]))  # type: ignore[attr-defined]
+    kin: Any = kinematics(folder, arm.kin._placements, np.stack([low, high]))
     q = rng.uniform(low, high)
     T = arm.judge.fk(q)
     found, wrong = kin.all_solutions(T), []

@@ -86,7 +86,7 @@ def _set(values: dict[str, dict[int, float]], a: Floats, d: Floats, alpha: Float
 
 def _placed(rng: np.random.Generator, chain: list[Floats], backwards: bool, off: float) -> Floats:
     if backwards:
-        chain = [np.linalg.inv(step) for step in reversed(chain)]
+        chain = list(np.linalg.inv(chain[::-1]))
     return np.array([step @ random_motion(rng, off, off) for step in chain])
 
 

@@ -14,6 +14,7 @@ way. The pose is reached where the size changes its sign or touches 0.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.kinematics._general_6r import CONVERGED, EXACT, Chain, first_of_each
@@ -98,7 +99,7 @@ def _on_curves(chain: Chain, T: Floats, q: Floats, u: Floats, v: Floats) -> tupl
     return q.reshape(*shape, 6), size.reshape(shape)
 
 
-def _intervals(size: Floats) -> tuple[Floats, Floats, Floats]:
+def _intervals(size: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Where sizes (m, n) change their sign or may touch 0: row, and first and last column of the interval."""
     changes = size[:, 1:] * size[:, :-1] <= 0.0
     changes &= np.maximum(np.abs(size[:, 1:]), np.abs(size[:, :-1])) > EXACT  # or all of the curve reaches
