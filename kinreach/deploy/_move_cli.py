@@ -20,7 +20,7 @@ from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.deploy._server import PRIMARY_PORT
 from kinreach.deploy._simulate_cli import without_cell
 from kinreach.errors import InputError, PathError, RobotError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pose
+from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pose, pose_vector
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._goals import pose_error
 from kinreach.robots import ArmDescription
@@ -165,18 +165,23 @@ class _Job:
         return _difference(T, self.goals[-1])[2]
 
     def same_arm(self, state: RobotState, address: str) -> str:
-        """Compare the robot's own tool centre point with kinreach's, and describe the difference.
+        """Compare the robot's tool and where its centre point is with kinreach's, and describe the difference.
 
         Raises:
-            RobotError: They are so far apart that it is another arm.
+            RobotError: It has another tool centre point on its flange, or is another arm.
         """
-        if state.tcp_offset is None:
-            return f"robot    {address}: it does not say its tool centre point, so the model is not checked"
+        own, offset = tcp_of(self.arm), state.tcp_offset
+        if offset is not None and _apart(MAX_OFF_CALIBRATED, *_difference(pose(offset), own)[:2]):
+            there, here = (_listed(six) for six in (offset, pose_vector(own)))
+            raise RobotError(
+                f"the TCP of the robot at {address} is {there}; kinreach's tool is {here}. Give --tool {there}, with "
+                "--tool-radius or --tool-mesh so that it can collide, or set the TCP on the robot"
+            )
+        tcp = own if offset is None else pose(offset)
         flange = ArmKinematics(self.arm, tip="tool0", base="base")
-        far, turned, off = _difference(flange.fk(state.actual_q) @ pose(state.tcp_offset), pose(state.tcp_pose))
+        far, turned, off = _difference(flange.fk(state.actual_q) @ tcp, pose(state.tcp_pose))
         calibrated = "_calibrated" in self.arm.name
-        most = MAX_OFF_CALIBRATED if calibrated else MAX_OFF
-        if far > most[0] or turned > most[1]:
+        if _apart(MAX_OFF_CALIBRATED if calibrated else MAX_OFF, far, turned):
             hint = "another calibration or another model" if calibrated else "another model"
             raise RobotError(
                 f"the robot at {address} is not this {self.arm.title}: its tool centre point is {off} from where "
@@ -205,6 +210,16 @@ def _difference(one: Floats, other: Floats) -> tuple[float, float, str]:
     far, angle = pose_error(one, other)
     turned = float(np.degrees(angle))
     return far, turned, f"{1000 * far:.2f} mm and {turned:.2f}°"
+
+
+def _apart(most: tuple[float, float], far: float, turned: float) -> bool:
+    """Return whether a distance [m] or an angle [degrees] is above the largest ones."""
+    return far > most[0] or turned > most[1]
+
+
+def _listed(six: Floats) -> str:
+    """Write the six numbers of a tool centre point for `--tool`."""
+    return ",".join(f"{number:.6g}" for number in six.round(6) + 0.0)
 
 
 def _start(text: str | None, arm: ArmDescription) -> Floats:

@@ -18,7 +18,7 @@ from kinreach.deploy import Program, SimulatedUR, URClient
 from kinreach.deploy._controller import FINISHED, Controller
 from kinreach.deploy._move_cli import _Job, _stopped_by_signals
 from kinreach.deploy._planning import plan
-from kinreach.errors import InputError, PathError
+from kinreach.errors import InputError, PathError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, pose, pose_vector
 from kinreach.robots import Box, Workcell, get_arm
 from tests.deploy.conftest import CALIBRATION, ROOT
@@ -279,6 +279,29 @@ def test_another_arm_is_recognised(robot, capsys):
         assert main(["move", *flags, "--to", NEAR, "--robot", "127.0.0.1", "--ports", robot.ports, "--yes"]) == 2
         assert re.search(reason, capsys.readouterr().err)
     assert robot.log == []
+
+
+@pytest.mark.parametrize("given", [[], ["--tool", "0,0,0.12,0,0,0"], ["--tool", "0,0,0.15,0,0.1,0"]])
+def test_another_tool_than_the_robots_is_refused(given, run):
+    arm = ARM.with_tool([0, 0, 0.15, 0, 0, 0])
+    with SimulatedUR(arm, rtde_port=0, script_port=0, log=(log := []).append) as robot:
+        ports = f"{robot.rtde_port},{robot.script_port}"
+        code, out, err = run("--to", GOAL, "--robot", "127.0.0.1", "--ports", ports, "--yes", *given)
+    assert (code, out, log) == (2, "", [])
+    mine = given[1] if given else "0,0,0,0,0,0"
+    assert f"the TCP of the robot at 127.0.0.1 is 0,0,0.15,0,0,0; kinreach's tool is {mine}. Give --tool" in err
+
+
+def test_a_robot_without_a_tcp_offset_is_compared_by_the_pose_of_its_tool():
+    with (
+        SimulatedUR(ARM, rtde_port=0, script_port=0) as robot,
+        URClient("127.0.0.1", rtde_port=robot.rtde_port, script_port=robot.script_port) as client,
+    ):
+        state = replace(client.read(), tcp_offset=None)
+    settings = {"linear": False, "speed": 0.5, "blend": 0.0, "payload": None}
+    assert "is 0.00 mm" in _Job(ARM, [KIN.fk(HOME)], **settings).same_arm(state, "old")
+    with pytest.raises(RobotError, match=r"150\.00 mm and 0\.00° from"):
+        _Job(ARM.with_tool([0, 0, 0.15, 0, 0, 0]), [KIN.fk(HOME)], **settings).same_arm(state, "old")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
