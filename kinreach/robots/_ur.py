@@ -80,11 +80,14 @@ def ur_speeds(name: str) -> tuple[float, ...]:
 def nominal_urdf(name: str) -> str:
     """Build the URDF of a model from its lengths and its shapes; links as in example-robot-data.
 
+    The limits are the data sheet's, but the elbow has half of them, as in the maker's ROS description: on the way to the
+    other half the forearm hits the upper arm.
+
     Args:
         name: Key of `UR_LENGTHS`.
     """
     d1, a2, a3, d4, d5, d6 = UR_LENGTHS[name]
-    y, z, quarter, turn = (0, 1, 0), (0, 0, 1), (0, math.pi / 2, 0), 2 * math.pi
+    y, z, quarter = (0, 1, 0), (0, 0, 1), (0, math.pi / 2, 0)
     steps = (
         ("shoulder_link", (0, 0, d1), (0, 0, 0), z),
         ("upper_arm_link", (0, d4, 0), quarter, y),
@@ -102,6 +105,7 @@ def nominal_urdf(name: str) -> str:
     add_joint(robot, "world_joint", "world", "base_link", rpy=(0, 0, MOUNT_YAW))
     parent = "base_link"
     for joint, (link, xyz, rpy, axis), torque, speed in zip(JOINTS, steps, shape.torques, shape.speeds, strict=True):
+        turn = math.pi if joint == "elbow_joint" else 2 * math.pi
         limit = (-turn, turn, torque, speed)
         add_joint(robot, joint, parent, link, kind="revolute", xyz=xyz, rpy=rpy, axis=axis, limit=limit)
         parent = link

@@ -3,7 +3,7 @@
 Those three are the joint-limited ones of example-robot-data (all joints within ±pi). kinreach mounts them with a yaw of
 +90 degrees, so that the front is world +x (base_link -y), and adds the gripper of `grippers`, with `tcp` between the
 finger tips, 0.20 m along z from `tool0`. The other models have the same frames, made from their lengths, the cylinders
-of `_ur_shapes`, and the ±2 pi of the data sheets.
+of `_ur_shapes`, and ±2 pi as in the data sheets, the elbow ±pi.
 """
 
 from __future__ import annotations

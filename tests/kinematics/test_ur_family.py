@@ -127,6 +127,22 @@ def test_the_nearest_of_all_windings(name):
     assert beyond > 30
 
 
+@pytest.mark.parametrize("name", UR_LENGTHS)
+def test_the_elbow_ends_where_the_arm_hits_itself(name):
+    """As in the maker's ROS description; so no posture is listed that the elbow cannot get to."""
+    checker = CollisionChecker(name, obstacles=())
+    kin, q = ArmKinematics.of(name), np.random.default_rng(5).uniform(-np.pi, np.pi, (40, 6))
+    for q[:, 2] in (kin.lower[2], kin.upper[2]):
+        assert checker.impossible(q - 1e-9 * np.sign(q)).all()
+    assert (kin.lower[2], kin.upper[2]) == pytest.approx((-np.pi, np.pi))
+    seed, ends = np.array(kin.arm.home), 0
+    for T in kin.fk(q + [0, 0, -1.9, 0, 0, 0]):
+        elbows = kin.all_solutions(T, seed=seed).q[:, 2]
+        assert np.abs(elbows).max(initial=0.0) < np.pi + 1e-8
+        ends += (elbows < seed[2] - np.pi).any()
+    assert ends >= 8
+
+
 @pytest.mark.parametrize("name", [name for name in UR_LENGTHS if name not in WITH_MESHES])
 def test_arms_without_meshes_have_shapes(name):
     """They collide, are simulated, and reach every goal on their table with the tool down."""
