@@ -30,8 +30,9 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription
-from kinreach.robots._tools import FLANGE
+from kinreach.robots._tools import FLANGE, TOOL_BODY
 from kinreach.robots._ur import JOINTS
+from kinreach.robots._urdf import origin_of, parse_urdf
 from kinreach.sim import ArmSimulation
 from kinreach.sim._controller import touches
 from kinreach.sim._engine import mujoco
@@ -79,6 +80,15 @@ def tcp_of(arm: ArmDescription) -> Floats:
     flange, tip = (ArmKinematics(arm, tip=name) for name in (FLANGE, arm.default_tip))
     T: Floats = np.linalg.inv(flange.fk(arm.home)) @ tip.fk(arm.home)
     return T
+
+
+def payload_of(arm: ArmDescription) -> tuple[float, tuple[float, ...]] | None:
+    """Return mass [kg] and centre of mass on the flange [m] of an arm's tool; None if it has none."""
+    inertial = parse_urdf(arm.urdf).find(f"./link[@name='{TOOL_BODY}']/inertial")
+    if inertial is None:
+        return None
+    mass = float(inertial.find("mass").get("value", "0"))  # type: ignore[union-attr]
+    return mass, tuple(origin_of(inertial)[:3, 3].round(6).tolist())
 
 
 @dataclass(frozen=True, eq=False)

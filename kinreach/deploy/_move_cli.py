@@ -18,13 +18,13 @@ from kinreach.deploy._planning import MARGIN, SPEED, Leg, plan
 from kinreach.deploy._program import Program
 from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.deploy._server import PRIMARY_PORT
-from kinreach.deploy._simulate_cli import without_cell
 from kinreach.errors import InputError, PathError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pose, pose_vector
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._goals import pose_error
+from kinreach.kinematics._surroundings import add_surroundings, surrounded
 from kinreach.robots import ArmDescription
-from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
+from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, posture_of, print_notes
 
 #: Largest distance of the robot's own tool centre point from kinreach's [m, degrees]: with its calibration (0.08 mm on
 #: the one controller whose poses are known), and by the data sheet.
@@ -54,11 +54,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     goals = [pose(numbers_of("--to", text, 6)) for text in arguments.to]
     print_notes(arm := arm_of(arguments.arm, arguments))
     check_is_ur(arm)
-    arm = without_cell(arm) if arguments.no_cell else arm
-    mass = None if arguments.tool_mass is None else numbers_of("--tool-mass", arguments.tool_mass, 1)[0]
-    job = _Job(arm, goals, linear=arguments.linear, speed=arguments.speed, blend=arguments.blend, payload=mass)
+    arm = surrounded(ArmKinematics(arm, base="base"), arguments, cell=not arguments.no_cell)
+    job = _Job(arm, goals, linear=arguments.linear, speed=arguments.speed, blend=arguments.blend)
     if arguments.robot is None:
-        start = _start(arguments.start, arm)
+        start = _start(arguments.start, arm, degrees=arguments.degrees)
         job.tried(start, script, picture)
         return 0
     with URClient(arguments.robot, rtde_port=ports[0], script_port=ports[1]) as robot:
@@ -88,13 +87,12 @@ class _Job:
         linear: bool,
         speed: float,
         blend: float,
-        payload: float | None,
     ) -> None:
         kin = ArmKinematics.of(arm, base="base")
         if not isinstance(kin, ClosedFormKinematics):
             raise InputError(f"{arm.title} has not the geometry of a UR")
         self.arm, self.kinematics, self.goals = arm, kin, goals
-        self.linear, self.speed, self.blend, self.payload = linear, speed, blend, payload
+        self.linear, self.speed, self.blend = linear, speed, blend
         self.checker = CollisionChecker(kin, margin=MARGIN)
 
     def tried(self, start: Floats, script: Path | None, picture: Path | None) -> Program:
@@ -127,14 +125,13 @@ class _Job:
 
     def _planned(self, start: Floats) -> tuple[list[Leg], Program, Recording]:
         """Plan from a posture and run the program in MuJoCo; turns around obstacles are rounded if they stay free."""
-        settings = {} if self.payload is None else {"payload": self.payload, "centre_of_mass": _centre(self.arm)}
 
         def planned(*, rounded: bool) -> tuple[list[Leg], Program, Recording]:
             legs = plan(
                 self.kinematics, self.checker, start, self.goals,
                 linear=self.linear, speed=self.speed, blend=self.blend, rounded=rounded,
             )  # fmt: skip
-            program = Program.of(self.kinematics, start, [move for leg in legs for move in leg.moves], **settings)
+            program = Program.of(self.kinematics, start, [move for leg in legs for move in leg.moves])
             return legs, program, Controller(self.arm, q=start.tolist()).run(program.text)
 
         if self.blend and not self.linear:
@@ -222,15 +219,10 @@ def _listed(six: Floats) -> str:
     return ",".join(f"{number:.6g}" for number in six.round(6) + 0.0)
 
 
-def _start(text: str | None, arm: ArmDescription) -> Floats:
+def _start(text: str | None, arm: ArmDescription, *, degrees: bool) -> Floats:
     if text in (None, HOME):
         return np.array(arm.home)
-    return np.array(numbers_of("--from", str(text), 6))
-
-
-def _centre(arm: ArmDescription) -> tuple[float, ...]:
-    """Centre of mass of the tool [m], on the flange: half of the way to its point, where `Tool.tube` has it."""
-    return tuple((tcp_of(arm)[:3, 3] / 2).round(6).tolist())
+    return posture_of("--from", str(text), 6, degrees=degrees)
 
 
 def _degrees(q: Floats) -> str:
@@ -294,6 +286,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--from", dest="start", metavar="Q1,...,Q6", help=f"start posture in radians, or {HOME} (default)"
     )
+    parser.add_argument("--degrees", action="store_true", help="the angles of --from are degrees")
     parser.add_argument("--linear", action="store_true", help="move the tool on straight lines")
     parser.add_argument(
         "--speed", type=float, default=SPEED, metavar="PART", help="of the joints' limits, or of 1 m/s (%(default)s)"
@@ -313,5 +306,6 @@ def _parser(prog: str) -> Parser:
         "--ports", default=f"{RTDE_PORT},{PRIMARY_PORT}", metavar="RTDE,SCRIPT", help="of the robot (%(default)s)"
     )
     parser.add_argument("--no-cell", action="store_true", help="no table and no floor around the arm")
+    add_surroundings(parser, "the frame base, as on the pendant")
     add_arm_flags(parser)
     return parser

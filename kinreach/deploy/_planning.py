@@ -14,6 +14,7 @@ from kinreach.errors import InputError, PathError
 from kinreach.kinematics import CollisionChecker, plan_path, pose_vector, tool_line
 from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._ik_cli import why_none
 
 #: Default part of the joints' speed limits, and of `MAX_TOOL_SPEED`.
 SPEED = 0.25
@@ -80,7 +81,7 @@ def plan(
         name = f"goal {number}" if len(goals) > 1 else "the goal"
         solutions = kinematics.all_solutions(T, seed=q)
         if not len(solutions):
-            raise InputError(f"{name} has no posture: {solutions.reason}")
+            raise InputError(f"{name} has no posture: {why_none(kinematics, T, solutions.reason)}")
         try:
             if linear:
                 target, fastest = tuple(pose_vector(T).round(ROUNDED_POSE)), speed * MAX_TOOL_SPEED

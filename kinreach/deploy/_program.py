@@ -15,7 +15,16 @@ from numpy.typing import ArrayLike
 
 import kinreach
 from kinreach._checks import Floats, as_vector, check_known, check_number, shown
-from kinreach.deploy._controller import BEGUN, FINISHED, NOT_AT_START, REGISTER, check_is_ur, rate_of, tcp_of
+from kinreach.deploy._controller import (
+    BEGUN,
+    FINISHED,
+    NOT_AT_START,
+    REGISTER,
+    check_is_ur,
+    payload_of,
+    rate_of,
+    tcp_of,
+)
 from kinreach.deploy._urscript import (
     Assignment,
     Call,
@@ -136,13 +145,15 @@ class Program:
             kinematics: Of the UR with its tool. Its tip is the tool centre point.
             start: Posture in which the program may begin [rad], shape (6,).
             motion: Moves; or a trajectory, which is sampled 125 times a second for a CB3 and 500 times for later ones.
-            settings: `payload` and `centre_of_mass`.
+            settings: `payload` and `centre_of_mass`; by default those of the arm's tool, if it has a mass.
 
         Raises:
             InputError: Not a UR, a motion faster than the arm's joints, blends that overlap, or as in the class.
         """
         arm = kinematics.arm
         check_is_ur(arm)
+        if "payload" not in settings and (tool := payload_of(arm)) is not None:
+            settings = {"payload": tool[0], "centre_of_mass": tool[1], **settings}
         tcp = tuple(pose_vector(tcp_of(replace(arm, default_tip=kinematics.tip))).round(ROUNDED).tolist())
         posture = tuple(kinematics.as_posture("start", start).tolist())
         if isinstance(motion, Trajectory):

@@ -6,15 +6,15 @@ import select
 import sys
 import threading
 from collections.abc import Sequence
-from dataclasses import replace
 
 from kinreach._checks import check_number, printable
 from kinreach.cli import Parser
-from kinreach.deploy._controller import rate_of
+from kinreach.deploy._controller import check_is_ur, rate_of
 from kinreach.deploy._rtde import RTDE_PORT, SCRIPT_PORT
 from kinreach.deploy._server import SimulatedUR
-from kinreach.robots import ArmDescription, Workcell
-from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
+from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics._surroundings import add_surroundings, surrounded
+from kinreach.robots._flags import add_arm_flags, arm_of, posture_of, print_notes
 
 _ABOUT = (
     "This is not URSim: it runs the URScript that kinreach writes, and nothing else.\n"
@@ -37,8 +37,11 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     """
     arguments = _parser(prog).parse_args(argv)
     print_notes(arm := arm_of(arguments.arm, arguments))
-    arm = without_cell(arm) if arguments.no_cell else arm
-    start = None if arguments.start is None else numbers_of("--from", arguments.start, 6)
+    check_is_ur(arm)
+    arm = surrounded(ArmKinematics(arm, base="base"), arguments, cell=not arguments.no_cell)
+    start = None
+    if arguments.start is not None:
+        start = posture_of("--from", arguments.start, 6, degrees=arguments.degrees).tolist()
     speed = check_number("--speed", arguments.speed, above=0.0, most=1e6)
     robot = SimulatedUR(
         arm, q=start, address=arguments.address, rtde_port=arguments.rtde_port, script_port=arguments.script_port,
@@ -57,11 +60,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     return 0
 
 
-def without_cell(arm: ArmDescription) -> ArmDescription:
-    """Return an arm with an empty work cell."""
-    return replace(arm, workcell=Workcell())
-
-
 def _release_by_enter(robot: SimulatedUR) -> None:
     while select.select([sys.stdin], [], [])[0] and sys.stdin.readline():
         robot.release()
@@ -75,6 +73,7 @@ def _parser(prog: str) -> Parser:
     parser = Parser(prog=prog, description=f"A UR that is simulated in MuJoCo and answers like a real one. {_ABOUT}")
     parser.add_argument("--arm", required=True, metavar="NAME|FILE", help="a UR: ur3 to ur30, or its URDF")
     parser.add_argument("--from", dest="start", metavar="Q1,...,Q6", help="start posture in radians (the arm's home)")
+    parser.add_argument("--degrees", action="store_true", help="the angles of --from are degrees")
     parser.add_argument(
         "--address", default="127.0.0.1", help="of this machine, such as 127.0.0.2 for a second robot (%(default)s)"
     )
@@ -92,5 +91,6 @@ def _parser(prog: str) -> Parser:
         "--speed", type=float, default=1.0, metavar="X", help="times faster than real time (%(default)s)"
     )
     parser.add_argument("--no-cell", action="store_true", help="no table and no floor around the arm")
+    add_surroundings(parser, "the frame base, as on the pendant")
     add_arm_flags(parser)
     return parser

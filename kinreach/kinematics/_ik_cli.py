@@ -6,7 +6,6 @@ import csv
 import io
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +19,10 @@ from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker, NoShapesError
 from kinreach.kinematics._goals import PoseGoal
-from kinreach.robots import ArmDescription, Box, Workcell
-from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
+from kinreach.kinematics._surroundings import add_surroundings, surrounded
+from kinreach.kinematics._ur.geometry import ur_branch
+from kinreach.kinematics._ur.kinematics import URKinematics
+from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, posture_of, print_notes
 from kinreach.robots._rotations import pose
 from kinreach.robots._tools import TOOL, TOOL_BODY
 from kinreach.robots._ur import JOINTS
@@ -34,32 +35,23 @@ MAX_BYTES, MAX_POSES = 2**28, 1_000_000
 NONE_FOUND = 1
 #: A position farther away than this many lengths of the arm is not in metres.
 WRONG_UNIT = 10
-#: Edges of the table of `--table` [m].
-TABLE_SIZE = (6.0, 6.0, 1.0)
+#: A pose nearer to the reach than this is at its border [m].
+AT_BORDER = 1e-6
 
 
 class Answers:
     """Postures of an arm for poses, and what they collide with.
 
     Args:
-        kinematics: Of the arm.
+        kinematics: Of the arm with what stands around it.
         seed: The posture to stay near [rad], shape (n,).
-        cell: Check the obstacles of the arm's work cell too, not only the arm with itself and its tool.
-        table: Height of a table's top above the arm's base [m], to check too.
-
-    Raises:
-        InputError: `table` is above the base.
     """
 
-    def __init__(
-        self, kinematics: ArmKinematics, seed: Floats, *, cell: bool = False, table: float | None = None
-    ) -> None:
+    def __init__(self, kinematics: ArmKinematics, seed: Floats) -> None:
         self.kinematics, self.seed = kinematics, seed
         self.checker: CollisionChecker | None
         try:
-            self.checker = CollisionChecker(kinematics, obstacles=None if cell else ())
-            if table is not None:
-                self.checker = CollisionChecker(_on_table(self.checker, table))
+            self.checker = CollisionChecker(kinematics)
         except NoShapesError:
             self.checker = None
 
@@ -84,25 +76,20 @@ class Answers:
         kin = self.kinematics
         if isinstance(kin, ClosedFormKinematics):
             solutions = kin.all_solutions(T, seed=self.seed)
-            return list(zip(solutions.q, solutions.branch.tolist(), strict=True)), self._in_metres(T, solutions.reason)
+            return list(zip(solutions.q, solutions.branch.tolist(), strict=True)), why_none(kin, T, solutions.reason)
         from kinreach.kinematics._solvers import LevenbergMarquardtSolver
 
         accept = None if self.checker is None else self.checker.free
         result = LevenbergMarquardtSolver(kin).solve(PoseGoal(T), self.seed, accept=accept)
-        return ([(result.q, 0)], "") if result.success else ([], self._in_metres(T, result.reason))
-
-    def _in_metres(self, T: Floats, reason: str) -> str:
-        """Add to a reason that positions are in metres, if this one seems to be in millimetres."""
-        first, *links = self.kinematics.chain.placements[:, :3, 3]
-        away, length = np.linalg.norm(T[:3, 3] - first), np.linalg.norm(links, axis=1).sum()
-        if away < WRONG_UNIT * length:
-            return reason
-        return f"{reason}: {away:.0f} m from the first joint, of an arm of {length:.1f} m; positions are in metres"
+        return ([(result.q, 0)], "") if result.success else ([], why_none(kin, T, result.reason))
 
     def all(self, T: Floats) -> tuple[list[tuple[Floats, int, str]], str]:
-        """Return every posture of a pose with its branch and what collides, nearest first; and why there is none."""
+        """Return every posture of a pose with its branch and what collides; and why there is none.
+
+        Free ones come first, then nearest first.
+        """
         found, reason = self.postures(T)
-        return [(q, branch, self.collision(q)) for q, branch in found], reason
+        return sorted(((q, branch, self.collision(q)) for q, branch in found), key=lambda row: bool(row[2])), reason
 
     def nearest(self, T: Floats) -> tuple[tuple[Floats, int] | None, str]:
         """Return the posture nearest to the seed that does not collide and its branch, or None and why."""
@@ -112,6 +99,21 @@ class Answers:
             causes = ", ".join(dict.fromkeys(self.collision(q) for q, _ in found))
             reason = f"{'all ' * (len(found) > 1)}{len(found)} postures collide: {causes}"
         return free, reason
+
+
+def why_none(kinematics: ArmKinematics, T: Floats, reason: str) -> str:
+    """Add to the reason why a pose has no posture how far it is from the reach, or that positions are in metres."""
+    if not reason:
+        return reason
+    first, *links = kinematics.chain.placements[:, :3, 3]
+    away, length = np.linalg.norm(T[:3, 3] - first), np.linalg.norm(links, axis=1).sum()
+    if away >= WRONG_UNIT * length:
+        return f"{reason}: {away:.0f} m from the first joint, of an arm of {length:.1f} m; positions are in metres"
+    if isinstance(kinematics, URKinematics):
+        lack = float(np.linalg.norm(kinematics.nearest_in_reach(T)[:3, 3] - T[:3, 3]))
+        if lack > AT_BORDER:
+            return f"{reason}; the nearest pose in reach with this orientation is {1000 * lack:.3g} mm away"
+    return reason
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -134,19 +136,20 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         raise InputError("--poses and --out belong together")
     print_notes(arm := arm_of(arguments.arm, arguments))
     default = "base" if arm.joints == JOINTS else "base_link"
-    kin = ArmKinematics.of(arm, base=_base(arguments.base) if arguments.base else default)
-    seed = np.array(arm.home) if arguments.seed is None else np.array(numbers_of("--seed", arguments.seed, kin.n))
-    if arguments.degrees and arguments.seed is not None:
-        seed = np.radians(seed)
+    base = _base(arguments.base) if arguments.base else default
+    kin = ArmKinematics.of(arm, base=base)
+    seed = np.array(arm.home)
+    if arguments.seed is not None:
+        seed = posture_of("--seed", arguments.seed, kin.n, degrees=arguments.degrees)
     if arguments.cell and arguments.table is not None:
         raise InputError("give --cell or --table, not both")
-    table = None if arguments.table is None else numbers_of("--table", arguments.table, 1)[0]
-    answers = Answers(kin, seed, cell=arguments.cell, table=table)
+    answers = Answers(ArmKinematics.of(surrounded(kin, arguments, cell=arguments.cell), base=base), seed)
     if arguments.pose is not None:
         numbers = numbers_of("--pose", arguments.pose, 6)
         _note_turns(numbers[3:])
         return _one(answers, numbers, degrees=arguments.degrees)
-    return _many(answers, check_path("--poses", arguments.poses), check_path("--out", arguments.out), arguments.all)
+    files = check_path("--poses", arguments.poses), check_path("--out", arguments.out)
+    return _many(answers, *files, every=arguments.all, degrees=arguments.degrees)
 
 
 def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
@@ -160,7 +163,9 @@ def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
         return NONE_FOUND
     names = [joint.removesuffix("_joint") for joint in kin.arm.joints]
     widths = [max(len(name), 9) for name in names]
-    print("  ".join(["branch", *(f"{name:>{width}}" for name, width in zip(names, widths, strict=True)), "collides"]))
+    named = isinstance(kin, URKinematics)
+    heads = [f"{name:>{width}}" for name, width in zip(names, widths, strict=True)]
+    print("  ".join(["branch", *heads, *[f"{'shoulder, elbow, wrist':<24}"] * named, "collides"]))
     nearest = next((index for index, (*_, cause) in enumerate(found) if not cause), None)
     for index, (q, branch, cause) in enumerate(found):
         angles = "  ".join(
@@ -168,7 +173,8 @@ def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
         )
         mark = "*" if index == nearest else " "
         known = cause or ("no" if answers.checker is not None else "not known")
-        print(printable(f"{mark} {branch:>4}  {angles}  {known}"))
+        words = f"{', '.join(ur_branch(branch)):<24}  " if named else ""
+        print(printable(f"{mark} {branch:>4}  {angles}  {words}{known}"))
     seed = ", ".join(f"{scale * angle:.{1 if degrees else 3}f}" for angle in answers.seed)
     print("every posture collides" if nearest is None else f"* nearest to the seed {seed}")
     if answers.note:
@@ -176,7 +182,7 @@ def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
     return NONE_FOUND if nearest is None else 0
 
 
-def _many(answers: Answers, source: Path, out: Path, every: bool) -> int:
+def _many(answers: Answers, source: Path, out: Path, *, every: bool, degrees: bool) -> int:
     """Solve the poses of a file and write their postures."""
     poses = read_poses(source)
     if out.is_dir() or not out.parent.is_dir():
@@ -184,11 +190,12 @@ def _many(answers: Answers, source: Path, out: Path, every: bool) -> int:
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     n, solved = answers.kinematics.n, 0
-    rows.writerow(["pose", *(f"q{joint}" for joint in range(1, n + 1)), "branch", "reason"])
+    unit, scale = ("_deg", 180 / np.pi) if degrees else ("", 1.0)
+    rows.writerow(["pose", *(f"q{joint}{unit}" for joint in range(1, n + 1)), "branch", "reason"])
     with Progress(disable=not sys.stderr.isatty(), transient=True) as bar:
         shown = bar.add_task("poses", total=len(poses))
         for number, T in enumerate(poses, start=1):
-            lines = list(_rows(answers, T, every))
+            lines = list(_rows(answers, T, every, scale))
             solved += any(line[-1] == "" for line in lines)
             rows.writerows([number, *line] for line in lines)
             bar.update(shown, advance=1)
@@ -199,15 +206,15 @@ def _many(answers: Answers, source: Path, out: Path, every: bool) -> int:
     return 0 if solved else NONE_FOUND
 
 
-def _rows(answers: Answers, T: Floats, every: bool) -> Iterator[list[object]]:
-    """Rows of a pose: angles, branch and reason."""
+def _rows(answers: Answers, T: Floats, every: bool, scale: float) -> Iterator[list[object]]:
+    """Rows of a pose: angles times a scale, branch and reason."""
     if every:
         found, reason = answers.all(T)
     else:
         nearest, reason = answers.nearest(T)
         found = [] if nearest is None else [(*nearest, "")]
     for q, branch, cause in found:
-        yield [*q.tolist(), branch, f"collides: {cause}" if cause else ""]
+        yield [*(scale * q).tolist(), branch, f"collides: {cause}" if cause else ""]
     if not found:
         yield [*[""] * (answers.kinematics.n + 1), reason]
 
@@ -250,20 +257,6 @@ def _cells(row: list[str], places: Sequence[int], line: int, path: Path) -> list
     return values
 
 
-def _on_table(checker: CollisionChecker, height: float) -> ArmDescription:
-    """Put the arm of a checker on a table, which parts that are fixed to the base may touch."""
-    if not height <= 0.0:
-        raise InputError(
-            f"--table must be 0 or negative, got {height:g}: metres from the arm's base down to the table's top; "
-            "CollisionChecker(kin, obstacles=...) takes boxes anywhere"
-        )
-    kin = checker.kinematics
-    x, y, z = kin.T_world_arm[:3, 3].tolist()
-    table = Box("table", TABLE_SIZE, (x, y, z + height - TABLE_SIZE[2] / 2))
-    standing = tuple((table.name, shape.name) for shape in checker.shapes if shape.joint < 0)
-    return replace(kin.arm, workcell=Workcell((table,), standing))
-
-
 def _base(text: str) -> str | list[float]:
     return numbers_of("--base", text, 6) if any(sign.isdigit() for sign in text) and "," in text else text
 
@@ -274,14 +267,16 @@ def _parser(prog: str) -> Parser:
         description="Joint angles for poses of the tool: every posture of one pose, or the nearest of each in a file.",
     )
     parser.add_argument("--arm", required=True, metavar="NAME|FILE", help="an arm, a URDF, or module:attribute")
-    parser.add_argument(
-        "--pose", metavar="X,Y,Z,RX,RY,RZ", help="metres, rotation vector in radians, as on the pendant"
-    )
+    parser.add_argument("--pose", metavar="X,Y,Z,RX,RY,RZ", help="metres, rotation vector in radians, as in URScript")
     parser.add_argument("--poses", metavar="IN.csv", help="columns x,y,z,rx,ry,rz")
-    parser.add_argument("--out", metavar="OUT.csv", help="columns pose,q1,...,branch,reason; angles in radians")
+    parser.add_argument(
+        "--out",
+        metavar="OUT.csv",
+        help="columns pose,q1,...,branch,reason; angles in radians, or with --degrees q1_deg,...",
+    )
     parser.add_argument("--all", action="store_true", help="write every posture of each pose")
     parser.add_argument("--seed", metavar="Q1,Q2,...", help="posture to stay near (default: the arm's home)")
-    parser.add_argument("--degrees", action="store_true", help="angles that are typed and printed are degrees")
+    parser.add_argument("--degrees", action="store_true", help="angles that are typed, printed and written are degrees")
     parser.add_argument(
         "--base",
         metavar="FRAME",
@@ -291,10 +286,6 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--cell", action="store_true", help="check the obstacles of the arm's work cell in kinreach, too"
     )
-    parser.add_argument(
-        "--table",
-        metavar="Z",
-        help="check a table around the arm, too, with its top at this height above the arm's base [m]: 0 or negative",
-    )
+    add_surroundings(parser, "the frame of the poses")
     add_arm_flags(parser)
     return parser

@@ -152,7 +152,8 @@ def _free_goals(motion: MotionCheck, start: Floats, goals: Floats) -> Floats:
     free = np.array([kin.within_limits(goal) and motion.free(goal) for goal in goals])
     if not free.any():
         reasons = dict.fromkeys(_why_not(motion, goal) for goal in goals)
-        raise PathError(f"none of the {len(goals)} goal postures is free: {'; '.join(reasons)}")
+        count = len(np.unique(np.cos(goals - start).round(6), axis=0))  # a full turn makes no other posture
+        raise PathError(f"none of the {count} goal postures is free: {'; '.join(reasons)}")
     order = np.argsort(np.abs(goals[free] - start) @ motion.reach, kind="stable")
     return goals[free][order]
 

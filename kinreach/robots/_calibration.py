@@ -31,11 +31,17 @@ from kinreach.robots._urdf import MAX_CHARACTERS, check_urdf, link_at, origin_of
 
 #: Names of the links in the driver's file, one for each joint of `JOINTS`.
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+#: How far a joint may be from where the data sheet has it for a file to fit a model well [m].
+GOOD_OFFSET = 0.005
 #: How far a joint's axis may be from where the data sheet has it: tilt [rad], distance [m]. Calibrations of real arms
 #: reach 0.4 degrees and 3 mm, and the models differ from each other by 18 mm or more.
 MAX_TILT, MAX_OFFSET = math.radians(5.0), 0.015
 #: Bounds of the numbers in a file: lengths of a link [m], angles [rad], and lengths that may cancel each other [m].
 MAX_LENGTH, MAX_FILE_ANGLE, MAX_SLIDE = 3.0, 4 * math.pi, 1e4
+_KINDS = (
+    "it must be the driver's kinematics.yaml (with `kinematics:`), the controller's calibration.conf (with "
+    "delta_theta), or a URDF"
+)
 _XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 _DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 _TWISTS = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)
@@ -55,12 +61,14 @@ class Calibration:
             which is base_link turned by pi about z) to `tool0`, shape (7, 4, 4).
         file: Where it was read.
         repaired: Name of the link whose folded figures were corrected; empty if there was none.
+        note: What the file leaves open; empty if nothing.
     """
 
     model: str
     placements: Floats
     file: Path
     repaired: str = ""
+    note: str = ""
 
     @property
     def tilts(self) -> Floats:
@@ -87,12 +95,14 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
             in another unit, is folded (unless `repair`), or is of another model; the message names joint, value, bound.
     """
     check_known("UR model", model, UR_LENGTHS)
-    path = check_path("file", file)
+    path, note = check_path("file", file), ""
     text = read_text(path, "the calibration", most=MAX_CHARACTERS)
     if text.lstrip().startswith("<"):
         placed = _from_urdf(text)
     elif "delta_theta" in text:
         placed = _from_controller(text, model)
+        fits = [name for name in UR_LENGTHS if _fits(_from_controller(text, name), name)]
+        note = f"{path.name} does not name its model: {model} is assumed, it fits {', '.join(fits) or 'none well'}"
     else:
         placed = _from_driver(text)
     placements, repaired = _placements(placed, model), ""
@@ -107,7 +117,7 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
                 "after a known fault of old exporters. repair=True does that; better is to export it again"
             )
         placements, repaired = unfolded, link
-    return Calibration(model, placements, path, repaired)
+    return Calibration(model, placements, path, repaired, note)
 
 
 def nominal_placements(model: str) -> Floats:
@@ -182,14 +192,12 @@ def _from_driver(text: str) -> _Placed:
     try:
         content = yaml.load(text, Loader=yaml.BaseLoader)  # texts only: no tags, and no merging that multiplies
     except (yaml.YAMLError, RecursionError, ValueError) as error:
-        text = " ".join(str(error).split())
-        raise InputError(f"the calibration is not YAML: {shown(text)}") from None
+        mark = getattr(error, "problem_mark", None)
+        place = "" if mark is None else f", from line {mark.line + 1} on"
+        raise InputError(f"the calibration cannot be read: it is not YAML{place}; {_KINDS}") from None
     links = content.get("kinematics") if isinstance(content, Mapping) else None
     if not isinstance(links, Mapping):
-        raise InputError(
-            "the calibration must be the driver's kinematics.yaml (with `kinematics:`), the controller's "
-            "calibration.conf (with delta_theta), or a URDF"
-        )
+        raise InputError(f"the calibration cannot be read: {_KINDS}")
     steps = [np.eye(4)] * 7
     for index, (link, joint) in enumerate(zip(LINKS, JOINTS, strict=True)):
         figures = links.get(link)
@@ -320,6 +328,12 @@ def _unfolded(placed: _Placed, model: str) -> tuple[str, Floats]:
         if not _what_is_wrong(placements, model):
             return link, placements
     return "", np.empty(0)
+
+
+def _fits(placed: _Placed, model: str) -> bool:
+    """Return whether an arm is as near to a model as those whose calibration is known."""
+    offsets = _differences(_placements(placed, model), nominal_placements(model))[1]
+    return bool(offsets.max() < GOOD_OFFSET)
 
 
 def _better_model(placed: _Placed, model: str) -> str:

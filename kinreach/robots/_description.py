@@ -80,7 +80,8 @@ class ArmDescription:
             viewpoint of pictures. Default is an `overview` from which the whole arm is seen.
         missing_shapes: Why collision shapes are missing, so that collision checks and simulation are refused; empty
             if none is.
-        notes: What was left out of the URDF file, such as a gripper's joints, a line each.
+        notes: What was left out of the URDF file, such as a gripper's joints, or is assumed of a calibration, a line
+            each.
 
     Raises:
         InputError: What has to be read from the URDF is not in it, or a number or an object cannot be that of an arm;
@@ -349,6 +350,7 @@ class ArmDescription:
             name=f"{self.name}_calibrated",
             title=f"{self.title}, calibrated by {calibration.file.name}",
             build_urdf=partial(str, urdf),
+            notes=(*self.notes, *[calibration.note] * bool(calibration.note)),
         )
 
     @cached_property

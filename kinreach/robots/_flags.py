@@ -6,6 +6,10 @@ import argparse
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from kinreach._checks import check_known, shown
 from kinreach.cli import complain, in_flags
@@ -38,7 +42,9 @@ def add_arm_flags(parser: argparse.ArgumentParser) -> None:
         f"tool: {', '.join(TOOLS)}",
     )
     group.add_argument("--tool-radius", metavar="M", help="the tool fills a tube of this radius from flange to point")
-    group.add_argument("--tool-mass", metavar="KG", help="mass of the tool")
+    group.add_argument(
+        "--tool-mass", metavar="KG", help="mass of the tool, with its centre half way from flange to point"
+    )
     group.add_argument("--tool-mesh", metavar="FILE", help="shape of the tool in the flange's frame: STL, OBJ or DAE")
     group.add_argument("--tool-mesh-scale", metavar="S", help="metres per unit of that file; 0.001 for millimetres")
     group.add_argument("--tip", metavar="NAME", help="tip without a tool, such as tool0 (default: the arm's own)")
@@ -151,24 +157,44 @@ def tool_of(arguments: argparse.Namespace) -> Tool | None:
         None if (text := getattr(arguments, name)) is None else numbers_of(f"--{name.replace('_', '-')}", text, 1)[0]
         for name in ("tool_mass", "tool_radius", "tool_mesh_scale")
     )
-    tool = Tool(centre, mass or 0.0) if radius is None else Tool.tube(centre, radius, mass=mass or 0.0)
+    middle: Any = tuple(np.divide(centre[:3], 2).tolist())
+    tool = Tool(centre, mass or 0.0, middle) if radius is None else Tool.tube(centre, radius, mass=mass or 0.0)
     if arguments.tool_mesh is None:
         return tool
     return replace(tool, mesh=arguments.tool_mesh, mesh_scale=1.0 if scale is None else scale)
 
 
 def numbers_of(flag: str, text: str, count: int) -> list[float]:
-    """Return the numbers of a flag, separated by commas or spaces.
+    """Return the numbers of a flag, separated by commas or spaces, also in URScript's brackets: p[...] or [...].
 
     Raises:
         InputError: Not as many, or not numbers.
     """
-    words = text.replace(",", " ").split()
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        values = []
+    bare = text.strip().removeprefix("p")
+    bare = bare[1:-1] if bare[:1] + bare[-1:] == "[]" else text
+    words, values = bare.replace(",", " ").split(), []
+    wanted = "a number" if count == 1 else f"{count} numbers, separated by commas"
+    for word in words:
+        try:
+            values.append(float(word))
+        except ValueError:
+            which = f": {shown(word)} is no number" if count > 1 else ""
+            raise InputError(f"{flag} must be {wanted}, got {shown(text)}{which}") from None
     if len(values) != count:
-        wanted = "a number" if count == 1 else f"{count} numbers, separated by commas"
         raise InputError(f"{flag} must be {wanted}, got {shown(text)}")
     return values
+
+
+def posture_of(flag: str, text: str, count: int, *, degrees: bool) -> NDArray[np.float64]:
+    """Return the joint angles of a flag [rad].
+
+    Raises:
+        InputError: As `numbers_of`, or an angle beyond a full turn, which may be in degrees.
+    """
+    angles = np.array(numbers_of(flag, text, count))
+    q = np.radians(angles) if degrees else angles
+    if not np.abs(q).max() <= 2 * np.pi + 1e-6:
+        unit = "±360 degrees" if degrees else "±6.283 rad"
+        hint = "" if degrees else "; for degrees add --degrees"
+        raise InputError(f"{flag} must be within {unit}, got {angles[np.abs(q).argmax()]:g}{hint}")
+    return q

@@ -80,8 +80,8 @@ def ur_speeds(name: str) -> tuple[float, ...]:
 def nominal_urdf(name: str) -> str:
     """Build the URDF of a model from its lengths and its shapes; links as in example-robot-data.
 
-    The limits are the data sheet's, but the elbow has half of them, as in the maker's ROS description: on the way to the
-    other half the forearm hits the upper arm.
+    The limits are the data sheet's, but the elbow has half of them, as in the maker's ROS description: on the way to
+    the other half wrist_1 hits the upper arm.
 
     Args:
         name: Key of `UR_LENGTHS`.

@@ -6,22 +6,14 @@ from collections.abc import Sequence
 from math import degrees
 
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
-
-_UR_BRANCHES = 8
+from kinreach.kinematics._ur.geometry import ur_branch
 
 
 def branch_name(kinematics: ArmKinematics, branch: int) -> str:
-    """Name a posture by its branch index.
-
-    Those of a UR name the side of the first axis on which the upper arm passes, seen along the arm; whether the elbow
-    is above or below the line from shoulder to wrist, while the arm does not reach over itself; and the turn of the
-    wrist: flipped is a positive wrist_2.
-    """
-    if isinstance(kinematics, URKinematics) and branch < _UR_BRANCHES:
-        right, not_flipped, second = branch >> 2 & 1, branch >> 1 & 1, branch & 1
-        shoulder = "right" if right else "left"
-        elbow = "up" if right != second else "down"
-        return f"shoulder {shoulder}, elbow {elbow}, wrist {'straight' if not_flipped else 'flipped'}"
+    """Name a posture by its branch index."""
+    if isinstance(kinematics, URKinematics) and (words := ur_branch(branch)):
+        shoulder, elbow, wrist = words
+        return f"shoulder {shoulder}, elbow {elbow}, wrist {wrist}"
     if isinstance(kinematics, Arm3Kinematics):
         return f"{'over the back' if branch >> 1 else 'to the front'}, elbow {'B' if branch & 1 else 'A'}"
     return f"posture {branch + 1}"

@@ -98,8 +98,7 @@ def test_turns_around_a_wall_are_rounded_where_they_stay_free():
     for _ in range(3):
         start, goal = (np.add(HOME, [side, *rng.uniform(-0.1, 0.1, 5)]) for side in (-0.8, 0.8))
         stopping, blended = (
-            _Job(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=blend, payload=None)._planned(start)
-            for blend in (0.0, 0.05)
+            _Job(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=blend)._planned(start) for blend in (0.0, 0.05)
         )
         assert not any(move.blend for move in stopping[1].moves)
         radii = [move.blend for move in blended[1].moves]
@@ -125,7 +124,7 @@ def test_turns_that_would_touch_are_not_rounded(monkeypatch):
         raise PathError("collision")
 
     monkeypatch.setattr("kinreach.deploy._move_cli.joint_line", touches)
-    _, program, done = _Job(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=0.05, payload=None)._planned(start)
+    _, program, done = _Job(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=0.05)._planned(start)
     assert len(program.moves) > 1
     assert not any(move.blend for move in program.moves)
     assert done.status == FINISHED
@@ -189,14 +188,16 @@ def test_several_goals_are_blended(run, tmp_path):
     (["--to", BELOW], "the goal: none of the .* goal postures is free: .*table"),
     (["--to", GOAL, "--to", BELOW], "goal 2: none of the"),
     (["--to", GOAL, "--from", "0,-1,2.9,-1,-1.57,0"], "the start is not free: upper_arm_link - wrist"),
-    (["--to", GOAL, "--from", "9,-1,2.9,-1,-1.57,0"], "the start is not free: out of limits: shoulder_pan"),
+    (["--to", GOAL, "--from", "9,-1,2.9,-1,-1.57,0"], "--from must be within ±6.283 rad, got 9; for degrees add"),
+    (["--to", GOAL, "--from", "0,-60,190,-60,-90,0", "--degrees"], "the start is not free: out of limits: elbow"),
     (["--to", GOAL, "--speed", "1.01"], "--speed must be finite and above 0 and at most 1"),
     (["--to", GOAL, "--speed", "0"], "--speed must be"),
     (["--to", GOAL, "--speed", "nan"], "--speed must be"),
     (["--to", GOAL, "--to", "-0.41,0.3,0.3,3.14,0,0", "--blend", "0.2"], "the blends of move [12] overlap"),
     (["--to", GOAL, "--blend", "-1", "--to", NEAR], "blend"),
     (["--to", "1,2"], "--to must be 6 numbers"),
-    (["--to", "-400,300,300,3.14,0,0"], "too far|within"),
+    (["--to", "-400,300,300,3.14,0,0"], "the goal has no posture: too far .*; positions are in metres"),
+    (["--to", GOAL, "--box", "-0.4,0.3,0.3,0.1,0.1,0.1"], "none of the 8 goal postures is free: .* - box 1"),
     (["--to", GOAL, "--script", "/"], "--script must be a file"),
     (["--to", GOAL, "--picture", "/nowhere/a.png"], "--picture must be a file"),
     (["--to", GOAL, "--robot", "127.0.0.1", "--from", "home"], "leave out --from"),
@@ -218,6 +219,13 @@ def test_what_cannot_be_is_refused_in_one_line(flags, reason, capsys):
 def test_only_urs_move(capsys):
     assert main(["move", "--arm", "panda", "--to", GOAL]) == 2
     assert "is not a UR" in capsys.readouterr().err
+
+
+def test_a_table_and_a_box_stand_around_it(run):
+    start = ["--from", "-90,-90,90,-90,-90,0", "--degrees"]
+    _, out, _ = run("--to", GOAL, "--table", "-0.1", "--box", "0.5,0.5,0.5,0.1,0.1,0.1", *start)
+    assert "no collision with itself, table, box 1" in out
+    assert "from       -90.0    -90.0     90.0" in out
 
 
 @pytest.fixture
@@ -298,7 +306,7 @@ def test_a_robot_without_a_tcp_offset_is_compared_by_the_pose_of_its_tool():
         URClient("127.0.0.1", rtde_port=robot.rtde_port, script_port=robot.script_port) as client,
     ):
         state = replace(client.read(), tcp_offset=None)
-    settings = {"linear": False, "speed": 0.5, "blend": 0.0, "payload": None}
+    settings = {"linear": False, "speed": 0.5, "blend": 0.0}
     assert "is 0.00 mm" in _Job(ARM, [KIN.fk(HOME)], **settings).same_arm(state, "old")
     with pytest.raises(RobotError, match=r"150\.00 mm and 0\.00° from"):
         _Job(ARM.with_tool([0, 0, 0.15, 0, 0, 0]), [KIN.fk(HOME)], **settings).same_arm(state, "old")
@@ -315,7 +323,7 @@ def test_a_signal_is_an_interruption_while_the_robot_moves(number):
         def run(self, program):
             signal.raise_signal(number)
 
-    job = _Job(ARM, [KIN.fk(HOME)], linear=False, speed=0.5, blend=0.0, payload=None)
+    job = _Job(ARM, [KIN.fk(HOME)], linear=False, speed=0.5, blend=0.0)
     with pytest.raises(KeyboardInterrupt, match="stopped; the robot stands"):
         job.moved(Robot(), None)
     assert signal.getsignal(number) is before

@@ -13,7 +13,7 @@ from kinreach.deploy._controller import FINISHED, NOT_AT_START, Controller
 from kinreach.deploy._urscript import FUNCTIONS, ScriptError, number_text, parse
 from kinreach.errors import InputError, KinreachError
 from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
-from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
+from kinreach.robots import PUBLISHED_CALIBRATIONS, Tool, get_arm
 from kinreach.robots._ur import JOINTS
 
 KIN = ArmKinematics.of("ur5e", tool=[0, 0.01, 0.15, 0.1, 0, 0], base="base")
@@ -163,6 +163,8 @@ def test_a_program_says_what_it_is_for_and_sets_the_tool():
     assert text.isascii()
     without = Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)]).text
     assert "set_payload" not in without
+    heavy = ArmKinematics(get_arm("ur5e").with_tool(Tool.tube([0, 0, 0.2, 0, 0, 0], 0.03, mass=0.8)), base="base")
+    assert "set_payload(0.8, [0, 0, 0.1])" in Program.of(heavy, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)]).text
     assert "as it is set on the robot" in without
     # a title cannot leave its comment
     hostile = Program(HOME, (0,) * 6, (Move("movej", HOME, 1.0, 1.0),), arm="UR\n  movej([0,0,0,0,0,0])\r\x0b")

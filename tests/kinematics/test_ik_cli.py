@@ -10,7 +10,7 @@ import pytest
 from kinreach._engines import load
 from kinreach.cli import main
 from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics, pose, pose_vector
-from kinreach.robots import PUBLISHED_CALIBRATIONS
+from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, Tool
 
 coal, pin = load("coal"), load("pinocchio")
 
@@ -112,6 +112,71 @@ def below(checker, q, height):
     )  # fmt: skip
 
 
+def asked_at(arm, *flags, pose="-0.4,0.1,0.3,3.14,0,0"):
+    return ["--arm", arm, "--pose", pose, *flags]
+
+
+def test_a_box_is_in_the_frame_of_the_poses(capsys):
+    """A flat one across the tool: as an `Obstacle` with the pose of that frame has it; its size turns, too."""
+    tool = ["--tool", "0,0,0.15,0,0,0", "--tool-radius", "0.04"]
+    kin = URKinematics("ur5e", tool=Tool.tube([0, 0, 0.15, 0, 0, 0], 0.04), base="base")
+    counts = {True: 0, False: 0}
+    for size in ((0.4, 0.02, 0.1), (0.02, 0.4, 0.1)):
+        for x in (-0.4, -0.32, -0.55):
+            ik(*asked_at("ur5e", *tool, "--box", ",".join(map(str, (x, 0.2, 0.35, *size)))))
+            rows = [line for line in capsys.readouterr().out.splitlines() if re.match(r"[* ] +\d", line)]
+            box = Obstacle("box 1", size, pose_vector(kin.T_world_base @ pose([x, 0.2, 0.35, 0, 0, 0])))
+            checker = CollisionChecker(kin, obstacles=[box])
+            for row in rows:
+                hit = checker.in_collision(np.array([float(word) for word in row.lstrip("* ").split()[1:7]]))
+                assert row.endswith("  no") is not hit
+                counts[hit] += 1
+    assert min(counts.values()) >= 10
+    assert ik(*asked_at("ur5e", "--base", "0,0,0,0,0,0.5", "--box", "1,0,0,1,1,1")) == 2
+    assert "axes along those of the world" in capsys.readouterr().err
+
+
+def test_free_postures_come_first_and_have_words(capsys):
+    assert ik(*asked_at("ur5e", "--table", "-0.02", "--degrees")) == 0
+    rows = [line for line in capsys.readouterr().out.splitlines() if re.match(r"[* ] +\d", line)]
+    free = [row.endswith("  no") for row in rows]
+    assert free == sorted(free, reverse=True)
+    assert 1 <= sum(free) < len(rows)
+    assert rows[0].startswith("* ")
+    words = [re.search(r"(left|right), (up|down), (straight|flipped)", row)[0] for row in rows]
+    assert len(set(words)) == len(rows) == 8
+
+
+def test_what_is_copied_from_urscript_is_a_pose(capsys):
+    found = []
+    for text in ("-0.4,0.1,0.3,3.14,0,0", "p[-0.4, 0.1, 0.3, 3.14, 0, 0]", "[-.4,.1,.3,3.14,0,0]"):
+        assert ik(*asked_at("ur5e", pose=text)) == 0
+        found.append(capsys.readouterr().out)
+    assert len(set(found)) == 1
+
+
+def test_degrees_are_written_as_they_are_asked_for(tmp_path):
+    poses = poses_file(tmp_path / "in.csv", np.array([[-0.4, 0.1, 0.3, 3.14, 0, 0]]))
+    rows = []
+    for flags in ([], ["--degrees"]):
+        assert ik("--arm", "ur5e", "--poses", poses, "--out", tmp_path / "out.csv", *flags) == 0
+        with (tmp_path / "out.csv").open() as file:
+            rows += csv.DictReader(file)
+    for joint in range(1, 7):
+        assert np.degrees(float(rows[0][f"q{joint}"])) == pytest.approx(float(rows[1][f"q{joint}_deg"]))
+
+
+def test_how_far_a_pose_is_from_the_reach(capsys):
+    assert ik(*asked_at("ur5e", pose="1.3,0,0.3,3.14,0,0")) == 1
+    kin = URKinematics("ur5e", base="base")
+    T = pose([1.3, 0, 0.3, 3.14, 0, 0])
+    lack = 1000 * np.linalg.norm(kin.nearest_in_reach(T)[:3, 3] - T[:3, 3])
+    assert f"stretched elbow; the nearest pose in reach with this orientation is {lack:.3g} mm away" in (
+        capsys.readouterr().out
+    )
+    assert 100 < lack < 1000
+
+
 @pytest.mark.parametrize("arm", ["ur5e", "panda", "arm3"])
 def test_a_position_in_millimetres_is_named(arm, tmp_path, capsys):
     assert ik("--arm", arm, "--pose", "400,200,300,3.14,0,0") == 1
@@ -197,6 +262,13 @@ def test_every_posture_of_each_pose(tmp_path):
         (["--arm", "ur5e", "--poses", "missing.csv", "--out", "o.csv"], "cannot read the poses missing.csv"),
         (["--arm", "ur5e", "--poses", "missing.csv"], "belong together"),
         (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--seed", "1,2"], "--seed must be 6 numbers"),
+        (
+            ["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--seed", "-90,-90,90,-90,-90,0"],
+            r"--seed must be within ±6.283 rad, got -90; for degrees add --degrees",
+        ),
+        (["--arm", "ur5e", "--pose", "-0.4,0.1,O.3,3,0,0"], r"--pose must be 6 numbers.*: 'O.3' is no number"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--box", "1,0,0,1,1,-1"], "the size of the box 'box 1'"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--box", "1,0,0"], "--box must be 6 numbers"),
         (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--base", "floor"], "unknown base 'floor'"),
         (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--table", "0.2"], "--table must be 0 or negative, got 0.2"),
         (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--table", "nan"], "--table must be 0 or negative"),

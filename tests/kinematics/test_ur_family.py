@@ -136,7 +136,7 @@ def test_the_elbow_ends_where_the_arm_hits_itself(name):
         assert checker.impossible(q - 1e-9 * np.sign(q)).all()
     assert (kin.lower[2], kin.upper[2]) == pytest.approx((-np.pi, np.pi))
     seed, ends = np.array(kin.arm.home), 0
-    for T in kin.fk(q + [0, 0, -1.9, 0, 0, 0]):
+    for T in kin.fk(q - 1.9 * np.eye(6)[2]):
         elbows = kin.all_solutions(T, seed=seed).q[:, 2]
         assert np.abs(elbows).max(initial=0.0) < np.pi + 1e-8
         ends += (elbows < seed[2] - np.pi).any()

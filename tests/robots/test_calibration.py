@@ -164,12 +164,21 @@ def changed(tmp_path, old, new, source=PUBLISHED_CALIBRATIONS["ur5_a"]):
         (r"x: -0.4262\S*", "x: true", r"x of forearm .*"),
         (r"kinematics:", "kinematics: !!python/object/apply:os.system ['false']\nrest:", "driver's kinematics.yaml"),
         (r"kinematics:", "others:", "must be the driver's kinematics.yaml"),
-        (r"kinematics:", "kinematics: [", "not YAML"),
+        (r"kinematics:", "kinematics: [", r"cannot be read: it is not YAML, from line \d+ on; it must be the driver's"),
+        (r"(?s).*", "pose,x,y\n1,2,3\n", "cannot be read: it must be the driver's"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_a_calibration(tmp_path, old, new, said):
     with pytest.raises(KinreachError, match=said):
         read_calibration(changed(tmp_path, old, new), "ur5")
+
+
+@pytest.mark.parametrize("model", ["ur5e", "ur5", "ur16e"])
+def test_the_controllers_file_leaves_the_model_open(model):
+    arm = get_arm(model).calibrated(FILES / "controller_calibration_ur5e.conf")
+    note = "controller_calibration_ur5e.conf does not name its model: {} is assumed, it fits ur5, ur5e, ur7e"
+    assert arm.notes == (note.format(model),)
+    assert get_arm("ur5e").calibrated(PUBLISHED_CALIBRATIONS["ur5e_a"]).notes == ()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,87 @@
+"""What stands around an arm, by flags of the command line: a table and boxes."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from kinreach.errors import InputError
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._collision import CollisionChecker, NoShapesError
+from kinreach.robots import ArmDescription, Box, Workcell
+from kinreach.robots._flags import numbers_of
+
+#: Edges of the table of `--table` [m].
+TABLE_SIZE = (6.0, 6.0, 1.0)
+
+
+def add_surroundings(parser: argparse.ArgumentParser, frame: str) -> None:
+    """Add `--table` and `--box`.
+
+    Args:
+        parser: Changed in place.
+        frame: Frame of the boxes, in words.
+    """
+    parser.add_argument(
+        "--table",
+        metavar="Z",
+        help="a table all around the arm, with its top at this height above the arm's base [m]: 0 or negative",
+    )
+    parser.add_argument(
+        "--box",
+        action="append",
+        default=[],
+        metavar="X,Y,Z,SX,SY,SZ",
+        help=f"an obstacle: centre and full edge lengths of a box in {frame} [m]; may be repeated",
+    )
+
+
+def surrounded(kinematics: ArmKinematics, arguments: argparse.Namespace, *, cell: bool) -> ArmDescription:
+    """Return an arm with the table and the boxes of `add_surroundings` around it.
+
+    Args:
+        kinematics: Of the arm, in the frame of the boxes.
+        arguments: Parsed.
+        cell: Keep the arm's work cell; a table replaces it.
+
+    Raises:
+        InputError: The table is above the base, or a box has no size or is not upright in the world.
+    """
+    arm = kinematics.arm
+    around = arm.workcell if cell else Workcell()
+    if arguments.table is not None:
+        around = _table(kinematics, numbers_of("--table", arguments.table, 1)[0])
+    boxes = [_box(kinematics, text, number) for number, text in enumerate(arguments.box, start=1)]
+    return replace(arm, workcell=replace(around, obstacles=(*around.obstacles, *boxes)))
+
+
+def _table(kinematics: ArmKinematics, height: float) -> Workcell:
+    """A table that parts that are fixed to the arm's base may touch."""
+    if not height <= 0.0:
+        raise InputError(
+            f"--table must be 0 or negative, got {height:g}: metres from the arm's base down to the table's top; "
+            "--box is an obstacle anywhere"
+        )
+    x, y, z = kinematics.T_world_arm[:3, 3].tolist()
+    table = Box("table", TABLE_SIZE, (x, y, z + height - TABLE_SIZE[2] / 2))
+    standing: tuple[tuple[str, str], ...] = ()
+    with suppress(NoShapesError):
+        shapes = CollisionChecker(kinematics, obstacles=()).shapes
+        standing = tuple((table.name, shape.name) for shape in shapes if shape.joint < 0)
+    return Workcell((table,), standing)
+
+
+def _box(kinematics: ArmKinematics, text: str, number: int) -> Box:
+    numbers = np.array(numbers_of("--box", text, 6))
+    T = kinematics.T_world_base
+    edges = np.abs(T[:3, :3])
+    if np.abs(edges - edges.round()).max() > 1e-6:
+        raise InputError(
+            "--box needs a frame with its axes along those of the world; in Python Obstacle(name, size, pose) takes "
+            "any pose"
+        )
+    size, centre = edges.round() @ numbers[3:], T[:3, :3] @ numbers[:3] + T[:3, 3]
+    return Box(f"box {number}", tuple(size.tolist()), tuple(centre.tolist()))
