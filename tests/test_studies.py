@@ -124,3 +124,16 @@ def test_the_table_is_what_its_command_measures(tmp_path):
     moves = sorted(method["move_s"]["median"] for method in measured.values())
     assert [round(move, 1) for move in (moves[0], *moves[-3:])] == [1.3, 1.8, 4.2, 5.0]
     assert sorted(round(method["reward_mean"], 1) for method in measured.values()) == [2.8, *[20.0] * 9]
+
+
+def test_every_picture_has_its_command_on_its_page():
+    """By its name in code; those of the thesis by their folder."""
+    checked = 0
+    for page in STUDIES.rglob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        code = "\n".join(re.findall(r"^    .*$|`[^`]*`", text, re.MULTILINE))
+        for path in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text):
+            *_, folder, name = path.split("/")
+            assert (f"docs/images/{folder}" if folder == "thesis" else name) in code, (page, name)
+            checked += 1
+    assert checked >= 25

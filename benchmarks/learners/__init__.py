@@ -17,6 +17,7 @@ from benchmarks.learners.button import (
 from benchmarks.learners.button_exploration import (
     button_report_careful,
     button_report_demonstrated,
+    button_report_demonstrated_19,
     button_report_imitated,
     button_report_starts,
 )
@@ -61,6 +62,7 @@ __all__ = [
     "button_report_careful",
     "button_report_controls",
     "button_report_demonstrated",
+    "button_report_demonstrated_19",
     "button_report_frames",
     "button_report_imitated",
     "button_report_starts",

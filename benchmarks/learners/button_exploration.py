@@ -2,7 +2,7 @@
 
 `button-report-starts`: episodes start on the way from the target's posture to home, farther away the longer the
 training lasts. `button-report-demonstrated`: PPO goes on from a policy that imitates the analytic controller. In both
-the controls are observed, so that nothing is hidden.
+the controls are observed, so that nothing is hidden. `button-report-demonstrated-19` is the second without them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmarks.learners.button import button_report_controls
+from benchmarks.learners.button import button_report_both, button_report_controls
 from kinreach._checks import Floats
 from kinreach.baselines import Algorithm, Recipe, SB3VecEnv, register_algorithm, register_recipe
 from kinreach.baselines._adaptive_ppo import AdaptivePPO
@@ -22,6 +22,7 @@ from kinreach.baselines._algorithms import adaptive_arguments
 from kinreach.baselines._button_controller import ButtonController
 from kinreach.baselines._rewards import goal_postures
 from kinreach.envs._button.episodes import SPREAD, ButtonEpisodes
+from kinreach.envs._button.task import OBSERVATIONS
 
 #: Adam's, of the imitation.
 IMITATION_RATE = 2e-3
@@ -87,17 +88,26 @@ class DemonstratedPPO(AdaptivePPO):
 
     Args:
         controller: Answers.
+        world: The episodes of the batch; the controller always sees their controls.
         rounds: Of acting and imitating; in the first half more and more actions are the policy's, then all.
         length: Steps of a round.
         **kwargs: Of `AdaptivePPO`.
     """
 
-    def __init__(self, *args: Any, controller: ButtonController, rounds: int, length: int, **kwargs: Any) -> None:
-        self.controller, self.rounds, self.length = controller, rounds, length
+    def __init__(
+        self,
+        *args: Any,
+        controller: ButtonController,
+        world: ButtonEpisodes,
+        rounds: int,
+        length: int,
+        **kwargs: Any,
+    ) -> None:
+        self.controller, self.world, self.rounds, self.length = controller, world, rounds, length
         super().__init__(*args, **kwargs)
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "controller"]
+        return [*super()._excluded_save_params(), "controller", "world"]
 
     def collect_rollouts(self, *args: Any, **kwargs: Any) -> bool:
         """Imitate first, once; then act."""
@@ -126,7 +136,8 @@ class DemonstratedPPO(AdaptivePPO):
         env: Any = self.get_env()
         seen, wanted, rewards, ends = [], [], [], []
         for _ in range(self.length):
-            answers = self.controller.actions(np.asarray(self._last_obs, dtype=np.float64))
+            seen_by_all = np.asarray(self._last_obs, dtype=np.float64)[:, :OBSERVATIONS]
+            answers = self.controller.actions(np.hstack([seen_by_all, self.world._control]))
             seen.append(self._last_obs)
             wanted.append(answers)
             actions, _ = self.policy.predict(self._last_obs, deterministic=own == 1.0)
@@ -160,13 +171,14 @@ def starts_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, 
 
 
 def demonstrated_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Return the arguments of adaptive PPO, and the controller that it imitates."""
+    """Return the same, and the controller that is imitated."""
     controller = ButtonController(recipe.options["actuation"], count=recipe.num_envs)
-    return adaptive_arguments(recipe, env, planned) | {"controller": controller}
+    return starts_arguments(recipe, env, planned) | {"controller": controller}
 
 
-def _recipe(name: str, summary: str, algorithm: str, steps: int, **settings: Any) -> Recipe:
-    base = button_report_controls
+def _recipe(
+    name: str, summary: str, algorithm: str, steps: int, *, base: Recipe = button_report_controls, **settings: Any
+) -> Recipe:
     settings = {**base.settings, **settings}
     return register_recipe(
         replace(base, name=name, summary=summary, algorithm=algorithm, steps=steps, settings=settings)
@@ -203,6 +215,14 @@ button_report_demonstrated = _recipe(
     "As `button-report-controls`, from a policy that imitates the analytic controller.",
     "DemonstratedPPO",
     600_000,
+    **_CAREFUL | _IMITATION,
+)
+button_report_demonstrated_19 = _recipe(
+    "button-report-demonstrated-19",
+    "As `button-report-demonstrated`, with the report's own 19 observations: the controls are not among them.",
+    "DemonstratedPPO",
+    600_000,
+    base=button_report_both,
     **_CAREFUL | _IMITATION,
 )
 button_report_careful = _recipe(

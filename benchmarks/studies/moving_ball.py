@@ -3,6 +3,7 @@
     python -m benchmarks.studies.moving_ball                       # the table, a quarter of an hour of one core
     python -m benchmarks.studies.moving_ball --map --figure FILE   # the map
     python -m benchmarks.studies.moving_ball --map --trainings results/train/ppo-moving   # with all seeds of PPO
+    python -m benchmarks.studies.moving_ball --beliefs             # the same where a method's model is wrong
     python -m benchmarks.studies.moving_ball --causes moving ppo-moving ppo-moving-clear   # what policies collide with
     python -m benchmarks.studies.moving_ball --trainings results/train/ppo-moving-clear    # all seeds of a recipe
     python -m benchmarks.studies.moving_ball --times               # how long a decision takes, on one core
@@ -40,7 +41,8 @@ from kinreach.baselines._loop import Policy, as_policy, rollout, rollout_batch
 from kinreach.baselines._recipes.reach import FINGERS
 from kinreach.cli import Parser, finish
 from kinreach.compare._task import get_task
-from kinreach.envs._moving import PATHS
+from kinreach.envs._moving import AGE, DELAY, FRAMES, PATHS
+from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.kinematics import UR5Kinematics
 from kinreach.robots import get_arm
 
@@ -62,15 +64,83 @@ WORLDS: Mapping[str, Mapping[str, Any]] = {
     "arm 10 % weaker": {"strength": 0.9},
     "arm 30 % weaker": {"strength": 0.7},
 }
+#: Worlds of which methods believe something else, or whose arm lags.
+BELIEFS: Mapping[str, Mapping[str, Any]] = {
+    "as believed": {},
+    "delay 10 % above what is believed": {"delay": 1.1 * DELAY, "believed_delay": DELAY},
+    "delay 30 % above what is believed": {"delay": 1.3 * DELAY, "believed_delay": DELAY},
+    "noise 3 mm, 0.14 believed": {"noise": 0.003, "believed_noise": NOISE},
+    "noise 10 mm, 0.14 believed": {"noise": 0.01, "believed_noise": NOISE},
+    "noise 3 mm, not told": {"noise": 0.003, "believed_noise": "none"},
+    "noise 10 mm, not told": {"noise": 0.01, "believed_noise": "none"},
+    "arm 33 ms late": {"late": 1},
+    "arm 100 ms late": {"late": 3},
+    "arm follows in 50 ms": {"following": 0.05},
+}
 SPEEDS = (0.4, 0.8, 1.2)
+
+
+class Believing(gym.Wrapper[Any, Any, Any, Any]):
+    """A world of which methods believe something else.
+
+    Args:
+        env: The world.
+        believed_delay: Age of the sights that methods observe [s]; the true one by default.
+        believed_noise: Median error of a sight that methods are told [m]; the true one by default. With `"none"` they
+            have to find it.
+        late: Frames after which an action is done; nobody is told.
+        following: Time constant with which the posture to go to follows the action, frame by frame [s]; likewise.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        *,
+        believed_delay: float | None = None,
+        believed_noise: float | str | None = None,
+        late: int = 0,
+        following: float = 0.0,
+    ) -> None:
+        super().__init__(env)
+        self._world: Any = env.unwrapped
+        self._share = 1.0 if believed_delay is None else believed_delay / self._world.options.delay
+        if believed_noise is not None:
+            self._world.noise = None if isinstance(believed_noise, str) else believed_noise / MEDIAN_LENGTH
+        self._late = late
+        self._kept = np.exp(-1.0 / (FRAMES * following)) if following else 0.0
+
+    def reset(self, **given: Any) -> Any:
+        """Begin an episode; until the first action is done, the arm stays."""
+        self._doing = self._world.home / np.pi
+        self._waiting = self._late * [self._doing]
+        observation, info = super().reset(**given)
+        return self._believed(observation), info
+
+    def step(self, action: Any) -> Any:
+        """Do the action that is due."""
+        self._waiting.append(action)
+        self._doing = self._kept * self._doing + (1.0 - self._kept) * self._waiting.pop(0)
+        observation, *rest = super().step(self._doing)
+        return self._believed(observation), *rest
+
+    def _believed(self, observation: Any) -> Any:
+        observation[AGE] *= self._share
+        return observation
+
+
+def make_world(options: Mapping[str, Any]) -> gym.Env[Any, Any]:
+    """Make the task's environment with options of its own and of `Believing`."""
+    task, beliefs = get_task("moving"), ("believed_delay", "believed_noise", "late", "following")
+    own = {name: value for name, value in options.items() if name not in beliefs}
+    others = {name: options[name] for name in beliefs if name in options}
+    return Believing(gym.make(task.environment, **{**task.options, **own}), **others)
 
 
 def touched(name: str, speed: float, options: Mapping[str, Any], *, balls: int, seed: int, out: Path) -> list[bool]:
     """Return which balls a method, or the policy in a file, touches; from the file of this cell if it has one."""
 
     def played() -> list[bool]:
-        task = get_task("moving")
-        env = gym.make(task.environment, **{**task.options, **options, "speeds": (speed,)})
+        task, env = get_task("moving"), make_world({**options, "speeds": (speed,)})
         acting = task.methods[name].make(env) if name in task.methods else load_policy(name)
         policy: Policy = as_policy(acting)
         return [bool(trial["reached"]) for trial in rollout(env, policy, task.resets(balls, seed, env))]
@@ -148,12 +218,13 @@ def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--map", action="store_true", help="the map instead of the table")
+    parser.add_argument("--beliefs", action="store_true", help="worlds that methods have wrong")
     parser.add_argument("--causes", nargs="+", metavar="POLICY", help="what these policies collide with (300 balls)")
     parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe (1000 balls a speed); with "
                         "--map they are the map's second method")  # fmt: skip
     parser.add_argument("--times", action="store_true", help="how long a decision takes (60 balls a speed)")
     parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
-    parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three)")
+    parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three; beliefs 0.4)")
     parser.add_argument("--paths", nargs="+", choices=PATHS, help="kinds of paths (default: all)")
     parser.add_argument("--balls", type=int, help="in each cell (default: 60; map 96, causes 300, trainings 1000)")
     parser.add_argument("--seed", type=int, default=100, help="of the balls (default: %(default)s)")
@@ -181,6 +252,15 @@ def main(argv: list[str] | None = None) -> int:
             print(line(rule, *cells), flush=True)
         return 0
     make_writable(arguments.out)
+    if arguments.beliefs:
+        cases = [(rule, speed) for rule in RULES for speed in arguments.speeds or (0.4,)]
+        print(head("world", "method", *(f"{speed:g} m/s, collisions {rule}" for rule, speed in cases)))
+        for world, options in BELIEFS.items():
+            for name in arguments.methods or ("interception", "ppo", "ppo-clear"):
+                found = (touched(name, speed, {**options, **RULES[rule]}, balls=balls, seed=seed, out=arguments.out)
+                         for rule, speed in cases)  # fmt: skip
+                print(line(world, f"`{name}`", *(share(sum(one), balls) for one in found)), flush=True)
+        return 0
     speeds = tuple(arguments.speeds or (SPEEDS if arguments.map else TABLE_SPEEDS))
     methods = tuple(arguments.methods or (MAPPED if arguments.map else METHODS))
     files = {name: [name] for name in methods}

@@ -1,11 +1,14 @@
 """The study of the moving ball: its table, cells that are kept, and its map."""
 
+from contextlib import closing
 from importlib import resources
 
+import numpy as np
 import pytest
 
 pytest.importorskip("torch")
 from benchmarks.studies import moving_ball
+from kinreach.compare._task import get_task
 
 PRETRAINED = resources.files("kinreach.baselines") / "pretrained"
 
@@ -28,6 +31,58 @@ def test_the_table_is_resumed_and_the_map_is_drawn(tmp_path, capsys, monkeypatch
     figure = tmp_path / "map.png"
     assert moving_ball.main([*arguments, "--map", "--figure", str(figure)]) == 0
     assert figure.stat().st_size > 10_000
+
+
+def test_beliefs_are_a_row_for_each_world_and_method(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(moving_ball, "BELIEFS", {"as believed": {}, "arm 100 ms late": {"late": 3}})
+    assert moving_ball.main(["--beliefs", "--methods", "last-sight", "--balls", "3", "--out", str(tmp_path)]) == 0
+    head, _, *rows = capsys.readouterr().out.splitlines()
+    assert head.count("0.4 m/s, collisions") == len(moving_ball.RULES)
+    assert [row.split("|")[1].strip() for row in rows] == ["as believed", "arm 100 ms late"]
+
+
+def test_what_is_believed_is_observed_and_told():
+    given = {"delay": 0.065, "believed_delay": 0.05, "noise": 0.01, "believed_noise": 1e-3}
+    with closing(moving_ball.make_world(given)) as env, closing(moving_ball.make_world({"delay": 0.065})) as true:
+        assert env.unwrapped.noise == pytest.approx(1e-3 / 1.5382)
+        ages = []
+        for world in (env, true):
+            world.reset(seed=0)
+            *_, (observation, *_) = (world.step(world.unwrapped.home / np.pi) for _ in range(4))
+            ages.append(observation[3])
+    assert ages[0] == pytest.approx(ages[1] / 1.3)
+    with closing(moving_ball.make_world({"believed_noise": "none"})) as env:
+        assert env.unwrapped.noise is None
+
+
+@pytest.mark.parametrize("late", [0, 1, 3])
+def test_how_late_the_arm_is_is_found(late):
+    """By `interception`, once an action that differs from the first posture was done."""
+    found = []
+    with closing(moving_ball.make_world({"late": late, "strength": 0.8, "collisions": False})) as env:
+        method = get_task("moving").methods["interception"].make(env)
+        for seed in range(3):
+            observation, info = env.reset(seed=seed)
+            method.reset(observation, info)
+            for _ in range(late + 4):
+                q = observation[4:10]
+                observation, *_ = env.step(method.act(observation))
+            found.append((method._late, round(method._limits["speed"] / env.unwrapped.speed_limit, 6)))
+    assert np.abs(observation[4:10] - q).max() > 1e-3
+    assert found == 3 * [(late, 0.8)]
+
+
+def test_an_arm_that_follows_is_behind():
+    """After a frame by what is left of the way, after many by nothing."""
+    env = moving_ball.make_world({"following": 0.05, "collisions": False})
+    with closing(env):
+        env.reset(seed=0)
+        wanted = env.unwrapped.home / np.pi + 0.001
+        env.step(wanted)
+        assert env._doing[0] - wanted[0] == pytest.approx(-0.001 * np.exp(-1 / 1.5))
+        for _ in range(40):
+            observation, *_ = env.step(wanted)
+        np.testing.assert_allclose(observation[4:10], np.pi * wanted, atol=1e-6)
 
 
 def test_one_kind_of_path_alone(tmp_path, capsys):

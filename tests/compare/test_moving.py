@@ -54,7 +54,7 @@ def test_the_share_of_its_limits_that_the_arm_keeps_is_found(strength):
     assert len(found) == 5
 
 
-def forecast_error(rate, noise, *, sights=12, ahead=0.4):
+def forecast_error(rate, noise, *, sights=12, ahead=0.4, known=True):
     """How far off the forecast is of a ball at 0.6 m/s that turns so fast [rad/s], in the mean of 20 [m]."""
     errors = []
     for seed in range(20):
@@ -66,10 +66,12 @@ def forecast_error(rate, noise, *, sights=12, ahead=0.4):
             step = 0.6 * np.column_stack([np.cos(heading + rate * s), np.sin(heading + rate * s)])
             return np.trapezoid(step, s, axis=0)
 
-        found = TurnRateFit(noise)
+        found = TurnRateFit(noise if known else None)
         times = np.arange(sights) / 30.0
         for t in times:
             found.see(float(t), place(t) + rng.normal(0.0, noise, 2))
+            if not known:
+                found.forecast(np.array([ahead]))
         errors.append(np.linalg.norm(found.forecast(np.array([ahead]))[0] - place(times[-1] + ahead)))
     return float(np.mean(errors))
 
@@ -78,6 +80,22 @@ def forecast_error(rate, noise, *, sights=12, ahead=0.4):
 def test_the_fit_follows_constant_turns(rate):
     assert forecast_error(rate, 0.0) < 1e-3
     assert forecast_error(rate, 9e-5) < 6e-3
+
+
+@pytest.mark.parametrize("noise", [9e-5, 2e-3])
+def test_a_fit_that_finds_the_noise_is_nearly_as_good_as_one_that_knows_it(noise):
+    known, found = (forecast_error(-5.0, noise, sights=12, ahead=0.3, known=known) for known in (True, False))
+    assert found < 1.5 * known
+
+
+def test_the_noise_is_found_and_rather_too_large():
+    """Of a ball that rolls straight on; never less than the cameras' own."""
+    for seed, noise in enumerate((0.0, 2e-3, 6.5e-3)):
+        rng, fit = np.random.default_rng(seed), TurnRateFit(None)
+        for frame in range(40):
+            fit.see(frame / 30.0, np.array([0.02 * frame, 0.1]) + rng.normal(0.0, noise, 2))
+            fit.forecast(np.array([0.1]))
+        assert max(0.9 * noise, 1e-4) <= fit._noise < max(1.8 * noise, 1.1e-4)
 
 
 def test_a_single_sight_stays_where_it_is():

@@ -33,8 +33,8 @@ WAYS, STRIDE = 40, 2
 #: Frames after which the arm shall be on its way. Joints that follow it frame by frame lag; with more frames they are
 #: ahead of it in between.
 AHEAD = (3, 2, 1)
-#: Shares of its limits that the arm may turn out to keep.
-SHARES = np.linspace(1.0, 0.1, 91)
+#: Shares of its limits that the arm may turn out to keep, and frames by which it may turn out to be late.
+SHARES, LATE = np.linspace(1.0, 0.1, 91), np.arange(4)
 #: Where it waits: this share of the way from the ball to the middle of the area, this high above the ball [m].
 TOWARDS_MIDDLE, WAITING = 0.35, 0.06
 #: Without a way that is free, it keeps to the one that is free the longest if it is lower than this above the ball [m].
@@ -86,8 +86,8 @@ class Interception(_ClosedForm):
 
     A fit of constant speed and turn rate forecasts the ball. For each frame ahead, a posture is searched that the
     joints can have by then, with the tip at the ball and the gripper above the table. The arm follows the earliest way
-    without a collision, else it waits above the ball. The share of the limits that the arm keeps is fitted to its
-    joints' motions. The constants were chosen with balls of seed 1.
+    without a collision, else it waits above the ball. The share of the limits that the arm keeps, and how many frames
+    it is late, are fitted to its joints' motions. The constants were chosen with balls of seed 1.
     """
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
@@ -102,15 +102,24 @@ class Interception(_ClosedForm):
         super().reset(observation, info)
         self._fit, self._time = TurnRateFit(self._env.noise), 0.0
         self._meeting: float | None = None
-        self._limits, self._missed = dict(self._known), np.zeros(len(SHARES))
-        self._last = np.array(info["q"]), np.zeros(6)
+        self._limits, self._late, self._missed = dict(self._known), 0, np.zeros((len(LATE), len(SHARES)))
+        self._last, self._sent = (np.array(info["q"]), np.zeros(6)), len(LATE) * [self._target]
 
     def act(self, observation: Any) -> Floats:
         """Go towards the meeting."""
+        action = self._decide(observation)
+        self._sent.append(self._target)
+        return action
+
+    def _decide(self, observation: Any) -> Floats:
+        """Return the action that leads towards the meeting."""
         age, q, v = float(observation[ball.AGE]), np.array(observation[ball.ANGLES]), np.array(observation[ball.RATES])
-        self._fit_limits(q, v)
+        self._fit_arm(q, v)
         self._fit.see(self._time - age, observation[ball.BALL])
         self._time += 1.0 / ball.FRAMES
+        age += self._late / ball.FRAMES  # when the action is done, after those that are on their way
+        for target in self._sent[len(self._sent) - self._late :]:
+            q, v = self._after_a_frame(q, v, target, self._limits)
         if not self._fit.moving:
             seen = observation[ball.BALL][:2]
             return self._wait(q, v, seen + TOWARDS_MIDDLE * ((self._low + self._high) / 2 - seen))
@@ -124,15 +133,23 @@ class Interception(_ClosedForm):
             return self._follow(q, v, way)
         return self._wait(q, v, xy[min(HORIZON // 3, count - 1)])
 
-    def _fit_limits(self, q: Floats, v: Floats) -> None:
-        """Fit the share of the limits to the joints' motions in all frames so far."""
-        end, speed = (np.tile(start, (len(SHARES), 1)) for start in self._last)
-        limits = {name: SHARES[:, None] * limit for name, limit in self._known.items()}
-        for _ in range(ball.PARTS if self._time else 0):
-            end, speed = moved(end, speed, self._target, PART, **limits)
-        self._missed += ((end - q) ** 2).sum(axis=1)
-        share, self._last = SHARES[self._missed.argmin()], (q, v)
-        self._limits = {name: share * limit for name, limit in self._known.items()}
+    def _fit_arm(self, q: Floats, v: Floats) -> None:
+        """Fit the share of the limits, and the frames that the arm is late, to its motions in all frames so far."""
+        if self._time:
+            limits = {name: SHARES[:, None] * limit for name, limit in self._known.items()}
+            sent = np.array(self._sent)[-1 - LATE][:, None]
+            end, _ = self._after_a_frame(*self._last, sent, limits)
+            self._missed += ((end - q) ** 2).sum(axis=-1)
+        late, share = np.unravel_index(self._missed.argmin(), self._missed.shape)
+        self._last, self._late = (q, v), int(LATE[late])
+        self._limits = {name: SHARES[share] * limit for name, limit in self._known.items()}
+
+    @staticmethod
+    def _after_a_frame(q: Floats, v: Floats, target: Floats, limits: Mapping[str, Any]) -> tuple[Floats, Floats]:
+        """Return where joints are a frame later, and how fast."""
+        for _ in range(ball.PARTS):
+            q, v = moved(q, v, target, PART, **limits)
+        return q, v
 
     def _way(self, q: Floats, v: Floats, xy: Floats, parts: Any) -> tuple[Floats | None, int]:
         """Return the way to the earliest meeting without a collision, else the one that is free the longest.
