@@ -127,13 +127,13 @@ def test_the_table_is_what_its_command_measures(tmp_path):
 
 
 def test_every_picture_has_its_command_on_its_page():
-    """By its name in code; those of the thesis by their folder."""
+    """By its name in code; those of the thesis by the tool that draws them."""
     checked = 0
     for page in STUDIES.rglob("*.md"):
         text = page.read_text(encoding="utf-8")
         code = "\n".join(re.findall(r"^    .*$|`[^`]*`", text, re.MULTILINE))
         for path in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text):
             *_, folder, name = path.split("/")
-            assert (f"docs/images/{folder}" if folder == "thesis" else name) in code, (page, name)
+            assert ("tools.thesis_pictures" if folder == "thesis" else name) in code, (page, name)
             checked += 1
     assert checked >= 25
