@@ -18,7 +18,7 @@ from kinreach.baselines._policies import LearnedPolicy, needed_options
 
 Array = np.ndarray[Any, Any]
 
-#: Seeds of goals, above those of trainings (below 2**31): the first for choices of settings, the second for results.
+#: Seeds of goals, above those of trainings (below 2**31); the first for choices of settings, the second for results.
 VALIDATION = 2**40
 HELD_OUT = 2**41
 #: The same by the names that the command line uses.

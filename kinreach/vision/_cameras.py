@@ -231,7 +231,7 @@ class RGBDCamera:
 
     @property
     def T_world_camera(self) -> Floats:
-        """Pose of the camera frame (optical: x right, y down, z forward) in the world now, shape (4, 4)."""
+        """Pose of the camera's optical frame (x right, y down, z forward) in the world now, shape (4, 4)."""
         model, data = self.simulation.model, self.simulation.data
         mujoco.mj_kinematics(model, data)
         mujoco.mj_camlight(model, data)

@@ -64,7 +64,7 @@ class SevenAxisKinematics(ArmKinematics):
 
     @property
     def solved(self) -> str:
-        """How postures are found with a joint held: in closed form, by Newton's method from one, or by elimination."""
+        """How postures are found with a joint held, in closed form, by Newton's method from one, or by elimination."""
         return WAYS[self._tracer.rank]
 
     def self_motions(self, T: ArrayLike, *, limits: bool = True) -> SelfMotions:

@@ -90,7 +90,7 @@ class SixAxisKinematics(ClosedFormKinematics):
 
     @property
     def solved(self) -> str:
-        """How postures are found: in closed form, by Newton's method from one, or by elimination."""
+        """How postures are found, in closed form, by Newton's method from one, or by elimination."""
         return WAYS[self._method.rank]
 
     def all_solutions(
