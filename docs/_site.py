@@ -25,7 +25,7 @@ from sphinx.writers.html5 import HTML5Translator
 
 #: A cell of a table that is a number, with its interval, unit or sign.
 NUMBER = re.compile(
-    r"^(above |below )?[-−+±<>≤≥~≈]?\s?(π|–|\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?)$"
+    r"^(above |below )?[-−+±<>≤≥~≈]?\s?(π|–(\s?\[.*\])?|\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?)$"
 )
 #: Columns with a cell of so many characters stay wide on a phone, by the class of their cells.
 WIDE = {"longer": 180, "long": 60}
@@ -33,7 +33,7 @@ WIDE = {"longer": 180, "long": 60}
 SHORT = 14
 #: A table needs at least so many characters for a column of sentences, and so many between columns; with more than
 #: `PHONE` in all its rows are stacked on a phone; with more than `PAGE` its intervals stand below the numbers.
-SENTENCE, BETWEEN, PHONE, PAGE = 20, 3, 45, 100
+SENTENCE, BETWEEN, PHONE, PAGE = 20, 3, 45, 90
 #: A figure is a chart if more than this share of its pixels is at least so bright, of 255.
 WHITE_SHARE, NEAR_WHITE = 0.55, 250
 #: An interval after a number, as in `97 % [95, 99]`.
