@@ -25,15 +25,17 @@ from sphinx.writers.html5 import HTML5Translator
 
 #: A cell of a table that is a number, with its interval, unit or sign.
 NUMBER = re.compile(
-    r"^(above |below )?[-−+±<>≤≥~≈]?\s?(π|–(\s?\[.*\])?|\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?)$"
+    r"^(above |below )?[-−+±<>≤≥~≈]?\s?"
+    r"(π|–(\s?\[.*\])?|\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?)$"
 )
-#: Columns with a cell of so many characters stay wide on a phone, by the class of their cells.
+#: Columns with a cell of so many characters stay wide, by the class of their cells.
 WIDE = {"longer": 180, "long": 60}
 #: Columns without a longer cell do not break, and may be narrow on a phone.
 SHORT = 14
-#: A table needs at least so many characters for a column of sentences, and so many between columns; with more than
-#: `PHONE` in all its rows are stacked on a phone; with more than `PAGE` its intervals stand below the numbers.
-SENTENCE, BETWEEN, PHONE, PAGE = 20, 3, 45, 90
+#: What a column of sentences needs at least, in characters, on a phone and on a page, and what is between columns.
+SENTENCE, BETWEEN = (12, 20), 3
+#: With more than that in all, a table's rows are stacked on a phone, and intervals stand below the numbers on a page.
+ROOM = (55, 90)
 #: A figure is a chart if more than this share of its pixels is at least so bright, of 255.
 WHITE_SHARE, NEAR_WHITE = 0.55, 250
 #: An interval after a number, as in `97 % [95, 99]`.
@@ -184,18 +186,22 @@ class Numbers(SphinxPostTransform):
 def _stack(table: nodes.table, rows: list[list[nodes.entry]]) -> None:
     """Give every cell its column's heading, if a phone has no room for the columns (`site.css`)."""
     headings, *cells = rows
-    least = 0
-    for column in zip(*cells, strict=False):
-        words = [max(map(len, cell.astext().split()), default=0) for cell in column]
-        longest = max(len(cell.astext()) for cell in column)
-        least += BETWEEN + max(min(longest, SENTENCE), *words)
-    if least <= PHONE:
-        return
-    table["classes"] += ["stack"] + ["wide"] * (least > PAGE)
-    for row in cells if len(headings) > 2 else []:
+    columns = [[cell.astext().strip() for cell in column] for column in zip(*cells, strict=False)]
+    below = [[INTERVAL.sub("", text) for text in column] for column in columns]  # where intervals stand below
+    phone, page = (
+        sum(BETWEEN + _least(column, sentence) for column in one)
+        for one, sentence in zip((below, columns), SENTENCE, strict=True)
+    )
+    table["classes"] += ["stack"] * (phone > ROOM[0]) + ["wide"] * (page > ROOM[1])
+    for row in cells if phone > ROOM[0] and len(headings) > 2 else []:
         for heading, cell in zip(headings[1:], row[1:], strict=False):
             if cell.astext().strip() and heading.astext().strip():
                 cell.insert(0, nodes.inline("", heading.astext().strip(), classes=["heading"]))
+
+
+def _least(column: list[str], sentence: int) -> int:
+    """Return how many characters a column needs: its longest word, and all of what is shorter than a sentence."""
+    return max((max(min(len(text), sentence), *map(len, text.split() or [""])) for text in column), default=0)
 
 
 class Charts(SphinxPostTransform):

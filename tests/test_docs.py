@@ -114,7 +114,7 @@ def sentences(text: str) -> Iterator[str]:
 def test_sentences_are_short():
     """Of what users read: at most 30 words."""
     pages = [TOP[0], *(DOCS / f"{name}.md" for name in ("index", "start"))]
-    pages += [path for room in ("guides", "environments", "studies") for path in (DOCS / room).glob("*.md")]
+    pages += [path for room in ("guides", "environments", "studies") for path in (DOCS / room).rglob("*.md")]
     said = [(page.name, sentence) for page in pages for sentence in sentences(read(page))]
     assert len(said) >= 800
     assert [(page, text) for page, text in said if len(re.findall(r"[^\s]*\w[^\s]*", text)) > 30] == []

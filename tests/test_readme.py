@@ -49,7 +49,9 @@ CLAIMS = {
         ),
     ],
     "less than 10 mm off, gripper straight down": [("kinreach/thesis/_reward.py", "REACHED_DISTANCE = 0.01")],
-    "the closed form is exact to 5e-9 mm and takes any goal": [("tests/test_readme.py", "def test_how_exact_the_closed_form_is")],
+    "the closed form takes any goal, exact to 5e-9 mm;": [
+        ("tests/test_readme.py", "def test_how_exact_the_closed_form_is"),
+    ],
     "`ranked-single` learns one table in a minute, and decides three times faster because it skips collision checks": [
         (f"{DATA}/trained.csv", '`single`,5,"100.00 [99.96, 100.00]",100.00,"0.192 [0.159, 0.225]",0.398,99.99,100.00'),
         (f"{DATA}/trained.csv", "100.00,0.215,1,43–45"),
@@ -57,13 +59,13 @@ CLAIMS = {
         ("README.md", "| ranked-single | 100.0 [98.1, 100.0] | 0.17 / 0.35 | 0.047 / 0.083 |"),
         ("README.md", "| closed-form | 100.0 [98.1, 100.0] | **0.037** / 0.063 | 0.13 / 0.24 |"),
     ],
-    "With a wrong model fitted frames leave 0.21 mm after five looks, the best learned method 0.22;": [
+    "After five looks at a wrong arm fitted frames leave 0.21 mm, learning at best 0.22;": [
         (f"{DATA}/real-arm.csv", '`identified`,"5.90 [4.55, 7.31]","0.21 [0.20, 0.23]"'),
         (f"{DATA}/real-arm.csv", '`correction-joints`,"5.90 [4.55, 7.31]","0.22 [0.21, 0.24]"'),
         (f"{DATA}/real-arm.csv", '`policy-tuned`,"6.57 [5.57, 7.16]","0.73 [0.66, 0.80]"'),
         (f"{DATA}/real-arm.csv", '`policy-informed`,"5.88 [4.23, 7.06]","1.05 [0.92, 1.15]"'),
     ],
-    "of balls at 0.6 m/s a planner touches 95 % without a collision, the best PPO 5 % (study).": [
+    "a planner touches 95 % of balls at 0.6 m/s without collision, PPO 5 % (study).": [
         (f"{DATA}/moving-ball.csv", 'count,`interception`,"98.3 [91.1, 99.7]","93.3 [84.1, 97.4]","95.0 [86.3, 98.3]"'),
         (f"{DATA}/moving-ball.csv", 'count,`ppo-clear`,"76.7 [64.6, 85.6]","66.7 [54.1, 77.3]","5.0 [1.7, 13.7]"'),
     ],

@@ -12,6 +12,9 @@ from kinreach.view._real_arm import RealArm
 from kinreach.view._results import Results
 from kinreach.view._target import TargetModel
 
+#: Of numbers in a program, after the point: a frame stays a rigid motion, and what is only rounding is left out.
+DIGITS = 12
+
 
 def program(model: TargetModel, goal: Goal, seed: Floats, *, arm: str) -> str:
     """Write Python code that prints the postures of a target and their contacts.
@@ -147,4 +150,5 @@ def _search(goal: str) -> str:
 
 
 def _numbers(values: Floats | Sequence[float]) -> str:
-    return f"[{', '.join(repr(float(value)) for value in values)}]"
+    rounded = [round(float(value), DIGITS) + 0.0 for value in values]  # + 0.0: no minus before a zero
+    return repr(rounded)
