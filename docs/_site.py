@@ -38,6 +38,8 @@ SENTENCE, BETWEEN = (12, 20), 3
 ROOM = (55, 90)
 #: A figure is a chart if more than this share of its pixels is at least so bright, of 255.
 WHITE_SHARE, NEAR_WHITE = 0.55, 250
+#: So are these maps, whose cells cover more.
+MAPS = ("moving_map.png", "lift_beyond.png", "off_volume.png")
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
 #: Numbers of several seeds, as in `99.7, 99.6, 99.4`.
@@ -216,7 +218,8 @@ class Charts(SphinxPostTransform):
             if image["uri"].endswith(".png"):
                 picture = Image.open(self.app.srcdir / image["uri"]).convert("L")
                 light = picture.histogram()[NEAR_WHITE:]
-                image["classes"] += ["chart"] * (sum(light) > WHITE_SHARE * picture.width * picture.height)
+                white = sum(light) > WHITE_SHARE * picture.width * picture.height
+                image["classes"] += ["chart"] * (white or image["uri"].endswith(MAPS))
 
 
 def _mark_intervals(text: nodes.Text) -> None:
