@@ -46,7 +46,7 @@ _XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 _DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 _TWISTS = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)
 _DELTA_LINE = re.compile(r"^\s*(delta_\w+)\s*=\s*\[([^\]]*)\]\s*$", re.MULTILINE)
-#: Calibrations of eight real arms whose owners published them, by name, such as "ur5_a" (the model, then a letter):
+#: Calibrations of eight real arms whose owners published them, by name, such as "ur5_a" (the model, then a letter);
 #: the driver's files. The first line of each names the source of its figures.
 PUBLISHED_CALIBRATIONS = {file.stem: file for file in sorted((Path(__file__).parent / "calibrations").glob("*.yaml"))}
 
