@@ -29,7 +29,7 @@ def draw_workspace(kinematics: ArmKinematics, believed: ArmKinematics | None = N
         values = np.array([check.smallest_singular_value(kinematics, posture, scale) for posture in q])
         title, label = "Where the arm is agile", "smallest singular value, mean of a cell (arm as of 1 m)"
     figure, (axes,) = new_figure(
-        f"{title}: {name_label(kinematics.arm.name)}",
+        f"{title}:\n{name_label(kinematics.arm.name)}",
         size=(5.0, 6.4),
         note=f"{len(tip)} random postures within the limits, seed {seed}; "
         f"tip {name_label(kinematics.tip)}, from the first joint.",
