@@ -74,9 +74,10 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def imports(path: Path) -> Iterator[str]:
+@cache
+def imports(path: Path) -> tuple[str, ...]:
     """Every module or name that a file imports, also within functions, by its full name."""
-    return imports_in(tree(path), path)
+    return tuple(imports_in(tree(path), path))
 
 
 def imports_in(part: ast.AST, path: Path) -> Iterator[str]:

@@ -13,6 +13,7 @@ from kinreach.envs._button.world import torque_model
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import get_arm
+from tests.cases import slow
 
 NAME = "kinreach/ButtonPress-v0"
 KIN = Arm3Kinematics(base="world")
@@ -29,10 +30,9 @@ def make(**options):
 @pytest.mark.parametrize(
     ("actuation", "count", "median"),
     [
-        ("tuned", 300, 25),
-        pytest.param("tuned", 1000, 25, marks=pytest.mark.slow),
-        ("report", 100, 138),
-        pytest.param("report", 1000, 138, marks=pytest.mark.slow),
+        ("tuned", 100, 25),
+        ("report", 40, 138),
+        *slow(("tuned", 1000, 25), ("report", 1000, 138)),
     ],
 )
 def test_held_out_targets_are_pressed(actuation, count, median):

@@ -21,6 +21,7 @@ from kinreach.baselines._training import train
 from kinreach.baselines._vec_envs import SB3VecEnv
 from kinreach.kinematics import Arm3Kinematics
 from tests.baselines.small_runs import weights
+from tests.cases import slow
 
 GOAL = np.array([0.45, 0.35, 0.3])
 
@@ -166,7 +167,7 @@ def test_evaluation_knows_nothing_of_the_training_reward(name, tmp_path):
     np.testing.assert_allclose(first.measures["return"], rewards)
 
 
-@pytest.mark.parametrize("name", ["button", "button-report"])
+@pytest.mark.parametrize("name", ["button", *slow("button-report")])
 def test_the_policies_of_the_package_press(name):
     policy = load_policy(name, environment=BUTTON)
     found = evaluate(policy, goals=200, options=policy.card.recipe["options"])
@@ -199,7 +200,7 @@ def test_n_step_returns_end_where_a_segment_ends(tmp_path, monkeypatch):
     assert checked == 30 * 64
 
 
-@pytest.mark.parametrize("exploration", [0.1, 0.9])
+@pytest.mark.parametrize("exploration", [*slow(0.1), 0.9])
 def test_a_dqn_that_was_interrupted_gives_what_no_interruption_gives(exploration, tmp_path):
     """Also where the first action after an interruption is most likely one of chance."""
     recipe = small("button-dqn")

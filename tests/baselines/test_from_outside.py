@@ -15,6 +15,7 @@ from kinreach.baselines._recipes import RECIPES, Networks, Recipe, get_recipe, r
 from kinreach.baselines._training import train
 from kinreach.cli import main
 from kinreach.errors import InputError, UnknownNameError
+from tests.cases import slow
 
 #: As a user would write it.
 MINE = """
@@ -91,7 +92,7 @@ for name in ("SAC", "DQN"):
         ("CartPole-v1", "PPO", {"n_steps": 20, "minibatches": 4}),
     ],
 )
-@pytest.mark.parametrize("features", ["raw", "scaled"])
+@pytest.mark.parametrize("features", [*slow("raw"), "scaled"])
 def test_environments_of_gymnasium(environment, algorithm, settings, features, tmp_path):
     recipe = replace(
         RECIPE, environment=environment, algorithm=algorithm, settings=settings,

@@ -18,6 +18,7 @@ from kinreach.baselines._policy_file import read_policy, save_policy
 from kinreach.cli import main
 from kinreach.errors import InputError
 from tests.baselines.small_runs import interrupted, small
+from tests.cases import slow
 
 SHIPPED = Path(str(resources.files("kinreach.baselines"))) / "pretrained"
 
@@ -110,7 +111,7 @@ def test_bad_input_is_one_line_before_any_episode(arguments, message, capsys, mo
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        pytest.param([], "", marks=pytest.mark.slow),
+        *slow(([], "")),
         (
             ["--seeds", "2", "--threads", "3", "--split", "held-out", "--export"],
             "--seeds 2 --threads 3 --split held-out --export",

@@ -13,6 +13,7 @@ from kinreach.baselines._training import CHECKPOINT, POLICY, RUN, train
 from kinreach.cli import main
 from kinreach.errors import OutputError, TrainingError
 from tests.baselines.small_runs import small
+from tests.cases import slow
 
 
 def spoilt_after(calls, value):
@@ -30,7 +31,7 @@ def spoilt_after(calls, value):
     return reward
 
 
-@pytest.mark.parametrize(("name", "value"), [("ppo-multi", np.nan), ("sac-single", np.nan), ("single", np.inf)])
+@pytest.mark.parametrize(("name", "value"), [*slow(("ppo-multi", np.nan), ("sac-single", np.nan)), ("single", np.inf)])
 def test_a_reward_that_is_no_number_is_named_and_the_last_checkpoint_kept(name, value, tmp_path, monkeypatch):
     recipe = replace(small(name), reward="spoilt")
     steps = recipe.steps // recipe.num_envs

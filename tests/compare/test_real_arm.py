@@ -90,6 +90,7 @@ def test_the_same_again_and_all_methods_alike():
     assert other[0]["tool"] != one[0]["tool"]
 
 
+@pytest.mark.slow
 def test_on_disk(tmp_path, capsys):
     arguments = ["--task", "real-arm", "--goals", "5", "--methods", "look-again,residual", "--looks", "0,10"]
     assert main([*arguments, "--again", "1", "--out", str(tmp_path)], prog="compare") == 0

@@ -32,6 +32,7 @@ from kinreach.compare._runner import prepare, results_of, run_trials
 from kinreach.compare._task import _OWN
 from kinreach.errors import DrawingError, InstallationError
 from kinreach.kinematics import ArmKinematics
+from tests.cases import slow
 
 HOSTILE = "<script>alert('x')</script>\"><img src=x onerror=alert(1)> & ${title} \N{BULLET}"
 
@@ -260,9 +261,7 @@ def test_every_task_is_drawn_below():
     assert set(QUICK) == set(_OWN)
 
 
-@pytest.mark.parametrize(
-    "name", [name if name == "ur5" else pytest.param(name, marks=pytest.mark.slow) for name in QUICK]
-)
+@pytest.mark.parametrize("name", ["ur5", *slow(*(name for name in QUICK if name != "ur5"))])
 def test_every_task_has_pictures(name, needs_gl, tmp_path):
     compare(name, QUICK[name], goals=3, out=tmp_path)
     reader = Reader((tmp_path / "report.html").read_text())
@@ -279,9 +278,7 @@ def test_every_task_has_pictures(name, needs_gl, tmp_path):
         assert np.asarray(scene).std() > 10
 
 
-@pytest.mark.parametrize(
-    "name", ["arm3", *(pytest.param(name, marks=pytest.mark.slow) for name in ("real-arm", "button"))]
-)
+@pytest.mark.parametrize("name", ["arm3", *slow("real-arm", "button")])
 def test_a_posture_beyond_the_limits_is_drawn(name, needs_gl):
     """A simulated joint is stopped by a spring: at the end of a trial it may be a little beyond its limit."""
     comparison = prepare(

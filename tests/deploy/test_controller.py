@@ -11,6 +11,7 @@ from kinreach.deploy._rtde import RuntimeState, SafetyMode
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Workcell, get_arm
+from tests.cases import slow
 from tests.deploy.conftest import CALIBRATION
 
 REAL = get_arm("ur5e").calibrated(CALIBRATION)
@@ -39,7 +40,7 @@ def shifted(ur, *offset):
     return numbers
 
 
-@pytest.mark.parametrize("name", ["ur5e_a", "ur3_a", pytest.param("ur10e_a", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["ur5e_a", *slow("ur3_a", "ur10e_a")])
 def test_poses_are_those_of_the_calibration(name):
     model, file = name[:-2], PUBLISHED_CALIBRATIONS[name]
     arm = get_arm(model).calibrated(file).with_tool([0.01, 0.02, 0.1, 0.1, 0.2, 0.3])
@@ -97,7 +98,7 @@ def test_movel_is_straight_and_turns_evenly(ur):
                                (done.commanded.qd[1:] + done.commanded.qd[:-1]) / 2, atol=5e-3)  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", ["movej", pytest.param("movel", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["movej", *slow("movel")])
 def test_a_blend_leaves_and_joins_the_lines_at_its_radius_and_saves_time(ur, kind):
     corner, end, radius = shifted(ur, 0.0, 0.0, 0.2), shifted(ur, 0.2, 0.0, 0.2), 0.05
     kin = ArmKinematics.of(REAL, tip="tool0", base="base")

@@ -21,6 +21,7 @@ from kinreach.deploy._planning import plan
 from kinreach.errors import InputError, PathError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, pose, pose_vector
 from kinreach.robots import Box, Workcell, get_arm
+from tests.cases import slow
 from tests.deploy.conftest import CALIBRATION, ROOT
 
 ARM = get_arm("ur5e").calibrated(CALIBRATION)
@@ -37,7 +38,7 @@ def goals(count, seed):
         yield KIN.fk(rng.uniform(-1.2, 1.2, 6) + HOME)
 
 
-@pytest.mark.parametrize("linear", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("linear", [False, *slow(True)])
 def test_ways_are_free_by_dense_checks_and_runs_end_at_their_goals(linear):
     planned, refused = 0, []
     for T in goals(20, 6):

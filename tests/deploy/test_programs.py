@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kinreach
@@ -39,6 +39,7 @@ moves = st.builds(
 )
 
 
+@settings(max_examples=30)
 @given(sixes, sixes, st.lists(moves, max_size=6), sixes, st.none() | st.floats(0, 50), st.tuples(*[finite] * 3))
 def test_moves_come_back_as_they_were(start, tcp, some, last, payload, centre):
     settings = {} if payload is None else {"payload": payload, "centre_of_mass": centre}
@@ -46,6 +47,7 @@ def test_moves_come_back_as_they_were(start, tcp, some, last, payload, centre):
     assert Program.parse(program.text) == program
 
 
+@settings(max_examples=40)
 @given(st.integers(2, 60), st.sampled_from([125.0, 500.0]), st.integers(0, 2**32 - 1))
 def test_a_trajectory_comes_back_as_it_was(samples, rate, seed):
     rng = np.random.default_rng(seed)

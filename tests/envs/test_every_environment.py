@@ -16,6 +16,7 @@ from kinreach.envs._reach.task import check_cameras
 from kinreach.envs._reach.worlds import BatchDynamicWorld
 from kinreach.errors import InputError
 from kinreach.sim import BatchSimulation
+from tests.cases import slow
 
 OBSTACLES = "kinreach/Obstacles-v0"
 OBJECTS = {"shapes": ("ball", "cube"), "sizes": (0.02, 0.03), "masses": (0.05, 0.2), "frictions": (0.5, 1.5)}
@@ -35,6 +36,7 @@ ALONE = {
     "obstacles": (OBSTACLES, {"clutter": (2,), "max_steps": 2}),
 }
 COUNT = 3
+COSTLY = ("moving", "lift", "judged", "small steps")
 #: One arm takes the URDF's angles as they are written, many take right angles where almost right ones are written.
 ROUNDED = {"single": 1e-9, "single, dynamics": 1e-11, "multi": 1e-9, "space": 1e-9, "judged": 1e-9}
 #: Left out in kinematic batches of the reach tasks, or not in the same words.
@@ -86,7 +88,7 @@ def test_steps_return_the_types_of_gymnasium(task):
     assert kinds == {(float, bool, bool)}
 
 
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("task", [*(task for task in TASKS if task not in COSTLY), *slow(*COSTLY)])
 def test_a_batch_says_all_that_single_environments_say(task):
     """Every entry of `info`, from reset to reset."""
     many, singles = batch(task, autoreset_mode="Disabled"), [single(task) for _ in range(COUNT)]

@@ -218,7 +218,10 @@ def test_small_steps_lift_what_is_held_high_for_half_a_second(rise, lifts):
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("options", [{}, RANGE | {"clutter": True}], ids=["default", "range"])
+@pytest.mark.parametrize(
+    "options",
+    [pytest.param({}, id="default"), pytest.param(RANGE | {"clutter": True}, id="range", marks=pytest.mark.slow)],
+)
 def test_a_batch_is_as_many_single_ones(form, options):
     """Bit for bit, with whatever objects, over the ends of episodes."""
     options = FORMS[form] | options | ({"attempts": 2} if form == "single" else {})

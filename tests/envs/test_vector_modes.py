@@ -1,6 +1,7 @@
 """Native batches as Gymnasium's users have them: when episodes start anew, Gymnasium's wrappers, copies, pictures."""
 
 import copy
+from itertools import product
 
 import gymnasium as gym
 import numpy as np
@@ -11,6 +12,7 @@ from gymnasium.wrappers import vector as wrappers
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.envs._batch import Outcome
 from kinreach.errors import InputError
+from tests.cases import slow
 
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
 TASKS = {
@@ -98,8 +100,17 @@ def masks_of(info):
             **{f"final_info.{name}": inner[name] for name in inner if name.startswith("_")}}  # fmt: skip
 
 
-@pytest.mark.parametrize("mode", AutoresetMode)
-@pytest.mark.parametrize("task", [*TASKS, *OTHERS])
+@pytest.mark.parametrize(
+    ("task", "mode"),
+    [
+        *product(("single", "multi", "button", "space"), AutoresetMode),
+        *product(("single, dynamics", "random arm", "lift"), [AutoresetMode.NEXT_STEP]),
+        *slow(
+            *product(("multi, dynamics", "moving"), AutoresetMode),
+            *product(("single, dynamics", "random arm", "lift"), [AutoresetMode.SAME_STEP, AutoresetMode.DISABLED]),
+        ),
+    ],
+)
 def test_masks_say_which_environments_an_entry_is_of_as_gymnasiums_do(task, mode):
     native, sync = batch(task, autoreset_mode=mode), singles(task, mode)
     told = [native.reset(seed=3)[1], sync.reset(seed=3)[1]]
@@ -288,7 +299,7 @@ def test_gymnasiums_vector_wrappers(task):
     ("task", "mode"),
     [
         ("single", AutoresetMode.SAME_STEP),
-        pytest.param("multi, dynamics", AutoresetMode.SAME_STEP, marks=pytest.mark.slow),
+        *slow(("multi, dynamics", AutoresetMode.SAME_STEP)),
         ("button", AutoresetMode.NEXT_STEP),
     ],
 )

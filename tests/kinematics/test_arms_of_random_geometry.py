@@ -22,9 +22,12 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, SevenAxisKinematics, SixAxisKinematics
 from kinreach.kinematics._general_6r import Chain
 from kinreach.kinematics._six_axis.closed_form import DecoupledArm
+from tests.cases import slow
 from tests.kinematics.test_six_axis_closed_form import eliminated
 
 ERRORS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3)
+#: Classes that `make test` solves singular poses of.
+FEW = ("spherical wrist", "three parallel axes")
 
 
 def judged(kin, judge, T, exact=1e-9):
@@ -39,7 +42,7 @@ def judged(kin, judge, T, exact=1e-9):
     return found.q
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
+@pytest.mark.parametrize("seed", [0, *slow(*range(1, 4))])
 @pytest.mark.parametrize("name", [*CLASSES, *OTHERS])
 def test_six_axes(name, seed, tmp_path):
     rng, count, again = np.random.default_rng([seed, len(name)]), 0, 0
@@ -56,8 +59,8 @@ def test_six_axes(name, seed, tmp_path):
     assert count >= 2 * again
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
-@pytest.mark.parametrize("name", CLASSES)
+@pytest.mark.parametrize("seed", [0, *slow(*range(1, 4))])
+@pytest.mark.parametrize("name", [*FEW, *slow(*(name for name in CLASSES if name not in FEW))])
 def test_singular_poses(name, seed, tmp_path):
     """Arms of a class and near it, of any angles and of right ones: never empty, alone as in a batch."""
     rng, solved = np.random.default_rng([seed, len(name), 1]), 0
@@ -76,13 +79,15 @@ def test_singular_poses(name, seed, tmp_path):
 @pytest.mark.parametrize(
     ("name", "seed", "off", "backwards", "case", "row"),
     [
-        ("spherical wrist", (8881, 297), 1e-3, False, "wrist", 3),
         ("spherical wrist, axes 1 and 2 meet", (8881, 68), 1e-5, True, "wrist", 3),
-        ("spherical wrist, axes 1 and 2 meet", (8881, 145), 1e-8, False, "wrist", 1),
-        ("spherical wrist, axes 1 and 2 meet", (8881, 145), 1e-8, False, "beside by 1e-9", 2),
-        ("spherical wrist, axes 1 and 2 meet", (8881, 222), 1e-8, False, "wrist", 2),
-        ("spherical wrist, axes 1 and 2 parallel", (8881, 36), 1e-5, False, "wrist", 3),
         ("three parallel axes", (8883, 38), 1e-3, True, "right angles", 0),
+        *slow(
+            ("spherical wrist", (8881, 297), 1e-3, False, "wrist", 3),
+            ("spherical wrist, axes 1 and 2 meet", (8881, 145), 1e-8, False, "wrist", 1),
+            ("spherical wrist, axes 1 and 2 meet", (8881, 145), 1e-8, False, "beside by 1e-9", 2),
+            ("spherical wrist, axes 1 and 2 meet", (8881, 222), 1e-8, False, "wrist", 2),
+            ("spherical wrist, axes 1 and 2 parallel", (8881, 36), 1e-5, False, "wrist", 3),
+        ),
     ],
 )
 def test_two_singularities_at_once(name, seed, off, backwards, case, row, tmp_path):
@@ -101,11 +106,9 @@ def test_two_singularities_at_once(name, seed, off, backwards, case, row, tmp_pa
 @pytest.mark.parametrize(
     ("index", "case"),
     [
-        pytest.param(7, "wrist shoulder, 0 beside", marks=pytest.mark.slow),
-        pytest.param(7, "upright, 1e-07 beside", marks=pytest.mark.slow),
         (73, "wrist elbow shoulder, 1e-07 beside"),
-        pytest.param(807, "shoulder, 1e-12 beside", marks=pytest.mark.slow),
         (842, "wrist elbow, 1e-12 beside"),
+        *slow((7, "wrist shoulder, 0 beside"), (7, "upright, 1e-07 beside"), (807, "shoulder, 1e-12 beside")),
     ],
 )
 def test_poses_that_were_lost(index, case, tmp_path):
@@ -170,7 +173,7 @@ def test_out_of_reach_is_named(tmp_path):
     assert close >= 3
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
+@pytest.mark.parametrize("seed", [0, *slow(*range(1, 4))])
 def test_seven_axes(seed, tmp_path):
     """Any seven axes: every curve is closed, every sample reaches, and the posture of the pose is on one."""
     rng, curves = np.random.default_rng([seed, 7]), 0

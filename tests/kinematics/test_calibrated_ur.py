@@ -17,11 +17,13 @@ from kinreach.kinematics._ur.kinematics import FLIP, CalibratedURKinematics
 from kinreach.kinematics._ur.refine import EXACT
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 from kinreach.robots._urdf import parse_urdf, set_origin
+from tests.cases import slow
 
 DATA = Path(__file__).parents[1] / "data"
 #: Branches that ssik's general_6r found; benchmarks/studies/calibrated_arms.py --oracle made it.
 ORACLE = np.load(DATA / "calibrated_branches.npz")
 ROBOTS = sorted({name.split()[0] for name in ORACLE})
+FEW = ("ur10e_a", "ur3_a", "ur5_a")  # of `make test`
 
 
 def of(robot, **options):
@@ -36,7 +38,7 @@ def distance(q, others):
     return np.abs(wrapped(others - q)).max(axis=1).min(initial=np.inf)
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+@pytest.fixture(scope="module", params=[*FEW, *slow(*(robot for robot in ROBOTS if robot not in FEW))])
 def robot(request):
     return request.param
 
@@ -94,7 +96,7 @@ def test_the_tables_of_the_documentation(capsys):
     assert printed.count("| 0 / 0 |") == len(SINGULAR)
 
 
-@pytest.mark.parametrize("robot", ["ur5_a", "ur3e_a"])
+@pytest.mark.parametrize("robot", ["ur5_a", *slow("ur3e_a")])
 @pytest.mark.parametrize("case", ["elbow", "wrist", "shoulder"])
 def test_the_arms_own_singularities(robot, case):
     """Two postures are one there; it is found, nothing is empty and nothing wrong, also when the pose is rounded."""

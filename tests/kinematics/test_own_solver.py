@@ -18,6 +18,7 @@ from kinreach.kinematics import (
 )
 from kinreach.kinematics._solutions import Status
 from kinreach.kinematics._solvers import SOLVERS, ClosedFormSolver, LevenbergMarquardtSolver, new_solver
+from tests.cases import slow
 
 HIDDEN = """
 import sys
@@ -37,7 +38,7 @@ except InstallationError as error:
 """
 
 
-@pytest.mark.parametrize(("hidden", "broken"), [("placo", "PlacoSolver"), ("qpsolvers", "QPSolver")])
+@pytest.mark.parametrize(("hidden", "broken"), [("placo", "PlacoSolver"), *slow(("qpsolvers", "QPSolver"))])
 def test_a_missing_package_takes_its_own_solver_only(run_python, hidden, broken):
     working = {"ClosedFormSolver", "LevenbergMarquardtSolver", "PlacoSolver", "QPSolver"} - {broken}
     done = run_python("-c", HIDDEN.format(hidden=hidden, working="(" + ", ".join(working) + ")", broken=broken))

@@ -9,9 +9,10 @@ from kinreach.kinematics import URKinematics
 from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._ur.refine import FAR, ROWS, Refinement
 from kinreach.robots import PUBLISHED_CALIBRATIONS
+from tests.cases import slow
 
 
-@pytest.fixture(scope="module", params=["ur3e_a", "ur5_a", "ur10e_a"])
+@pytest.fixture(scope="module", params=["ur5_a", *slow("ur3e_a", "ur10e_a")])
 def chain(request):
     name = request.param
     kin = URKinematics.from_calibration(PUBLISHED_CALIBRATIONS[name], model=name.partition("_")[0])

@@ -20,6 +20,7 @@ from kinreach.kinematics import (
 )
 from kinreach.kinematics._solutions import Status
 from kinreach.robots import ArmDescription
+from tests.cases import slow
 from tests.kinematics.test_six_axis_closed_form import of_ssik
 
 FILE = "panda_description/urdf/panda.urdf"
@@ -93,7 +94,7 @@ def test_an_arm_that_is_off_its_data_sheet_has_its_curves(panda, tmp_path):
         assert on_a_curve(kin, T, motions, q)
 
 
-@pytest.mark.parametrize("name", ["iiwa14_ik", pytest.param("j2s7s300_ik", marks=pytest.mark.slow), "rizon4_ik"])
+@pytest.mark.parametrize("name", ["iiwa14_ik", *slow("j2s7s300_ik", "rizon4_ik")])
 def test_every_sample_of_ssik_is_on_a_curve(name, tmp_path):
     (arm, kin), compared = of_ssik(tmp_path, name), 0
     for q in np.random.default_rng(2).uniform(-np.pi, np.pi, (2, 7)):

@@ -17,6 +17,7 @@ from kinreach.robots._shapes import link_shapes
 from kinreach.robots._ur import UR_LENGTHS
 from kinreach.robots._urdf import Solid
 from kinreach.sim import ArmSimulation
+from tests.cases import slow
 
 DATA = Path(__file__).parents[1] / "data/calibrations"
 TOOLS = ([0, 0, 0.15, 0, 0, 0], [0.03, -0.02, 0.2, 0.3, -0.8, 0.5], [0, 0.1, 0, np.pi, 0, 0])
@@ -202,7 +203,7 @@ def test_without_a_seed_wrist_3_is_at_0_or_at_the_limit_next_to_it(calibrated):
     assert found > 100
 
 
-@pytest.mark.parametrize("name", ["ur5e", "ur5", "panda"])
+@pytest.mark.parametrize("name", ["ur5e", "ur5", *slow("panda")])
 def test_a_tool_with_a_mesh(name, tmp_path):
     """In millimetres; beside meshes of the arm, which are in another folder."""
     trimesh.creation.cylinder(30.0, 160.0).apply_translation([0, 0, 80.0]).export(tmp_path / "tool.stl")

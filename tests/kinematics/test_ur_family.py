@@ -27,8 +27,11 @@ from kinreach.robots._ur import UR_LENGTHS, nominal_urdf
 from kinreach.robots._urdf import add_joint, add_link, origin_of
 from kinreach.sim import ArmSimulation
 from kinreach.sim._controller import MoveStatus
+from tests.cases import slow
 
 WITH_MESHES = ("ur3", "ur5", "ur10")
+FEW = ("ur3e", "ur5", "ur16e")  # `make test` solves poses of these
+MORE = [name for name in UR_LENGTHS if name not in FEW]
 UR_FILES = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots/ur_description/urdf"
 
 
@@ -38,7 +41,7 @@ def of(name):
     return URKinematics(name, tip="tcp", base="world")
 
 
-@pytest.mark.parametrize("name", [*UR_LENGTHS, "ur10_robot.urdf", "ur3_robot.urdf"])
+@pytest.mark.parametrize("name", [*FEW, "ur10_robot.urdf", *slow("ur3_robot.urdf", *MORE)])
 def test_every_posture_is_found_again(name):
     kin = of(name)
     rng = np.random.default_rng(0)
@@ -85,7 +88,7 @@ def test_forward_kinematics_is_that_of_the_urdfs(name):
         np.testing.assert_allclose(T, data.oMf[frame].homogeneous, atol=1e-10)
 
 
-@pytest.mark.parametrize("name", UR_LENGTHS)
+@pytest.mark.parametrize("name", [*FEW, *slow(*MORE)])
 def test_no_singular_pose_comes_back_empty_or_wrong(name):
     kin = URKinematics(name)
     assert len(CASES) == 9
@@ -143,7 +146,7 @@ def test_the_elbow_ends_where_the_arm_hits_itself(name):
     assert ends >= 8
 
 
-@pytest.mark.parametrize("name", [name for name in UR_LENGTHS if name not in WITH_MESHES])
+@pytest.mark.parametrize("name", ["ur3e", "ur16e", *slow(*(name for name in MORE if name not in WITH_MESHES))])
 def test_arms_without_meshes_have_shapes(name):
     """They collide, are simulated, and reach every goal on their table with the tool down."""
     kin = URKinematics(name, base="world")

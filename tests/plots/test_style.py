@@ -13,6 +13,7 @@ from kinreach._plots._methods import METHOD_COLOURS, NAMES, OTHERS, PALETTE, col
 from kinreach._plots._style import FAINT, GRID, INK, LEADER, label_ends, new_figure, plain, spread, text_colour
 from kinreach.compare._methods import colours as task_colours
 from kinreach.compare._task import get_task, task_names
+from tests.cases import slow
 
 #: What colours look like to people without red, green or blue cones (Machado, Oliveira, Fernandes 2009, severity 1).
 BLINDNESS = {
@@ -89,7 +90,7 @@ def test_names_beside_lines_do_not_overlap(side):
     assert cases == 10
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("side", [*slow("left"), "right"])
 def test_a_stroke_to_a_name_is_no_line_that_goes_on(side):
     """It is beside the axes, of no method's colour, and slanted; a name that was hardly moved has none."""
     strokes = names = 0

@@ -14,6 +14,7 @@ from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
 from kinreach.robots._calibration import LINKS, PUBLISHED_CALIBRATIONS, nominal_placements, read_calibration
 from kinreach.robots._ur import JOINTS, UR_LENGTHS
+from tests.cases import slow
 
 FILES = Path(__file__).parents[1] / "data" / "calibrations"
 ROBOTS = sorted(PUBLISHED_CALIBRATIONS)
@@ -48,7 +49,7 @@ def axis_turn(axis, angle):
     return R
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("robot", [*ROBOTS[:3], *slow(*ROBOTS[3:])])
 def test_the_arm_is_the_one_in_the_file(robot):
     file, arm = PUBLISHED_CALIBRATIONS[robot], get_arm(model_of(robot))
     kin, nominal = ArmKinematics(arm.calibrated(file), tip="tool0"), ArmKinematics(arm, tip="tool0")

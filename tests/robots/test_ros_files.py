@@ -20,6 +20,7 @@ from kinreach.robots._shapes import link_shapes
 from kinreach.sim._scene import build_scene
 from kinreach.view._cli import setup_of
 from kinreach.view._figure import Figure
+from tests.cases import slow
 
 ROBOTS = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots"
 #: Name in ROS -> file, its folder of meshes, the joints of `q`, the default tip, and a pose that it reaches.
@@ -74,7 +75,7 @@ PACKAGES = [pytest.param(name, marks=pytest.mark.slow if name.startswith("z1") e
         ("ROS_PACKAGE_PATH", "ur_description"),
         ("AMENT_PREFIX_PATH", "ur_description"),
         *(("nowhere", package) for package in ARMS),
-        pytest.param("flag", "z1_gripper_description", marks=pytest.mark.slow),
+        *slow(("flag", "z1_gripper_description")),
     ],
 )
 def test_files_of_ros_from_a_shell(workspace, capsys, monkeypatch, package, how):

@@ -103,7 +103,7 @@ def test_arguments(command, fuzzed):
     word = st.sampled_from(WORDS) | st.text(max_size=6) | st.integers(-3, 10**20).map(str)
     option = st.sampled_from(OPTIONS[command])
     pairs = st.lists(st.tuples(option, word) | st.tuples(option) | st.tuples(word), max_size=4)
-    tally = fuzzed(pairs.map(lambda parts: [text for part in parts for text in part]), run, share=1.5, both=False)
+    tally = fuzzed(pairs.map(lambda parts: [text for part in parts for text in part]), run, share=0.6, both=False)
     assert len(refused) > tally.cases / 4
 
 

@@ -12,6 +12,7 @@ import kinreach  # noqa: F401 (registers the environments)
 from kinreach.sim._controller import MoveStatus
 from kinreach.sim._setpoints import ARRIVED
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
+from tests.cases import slow
 
 SPEEDS = [np.nan, np.inf, -np.inf, 1e5, 1e8, 1e12]
 GOAL = (0.45, 0.05, -0.175)
@@ -40,8 +41,7 @@ def blow_up(plant, row, speed):
 
 
 @pytest.mark.parametrize(("before", "after", "written"), [
-    ("", "", []), pytest.param(OWN_LOG, "", ["own.txt"], marks=pytest.mark.slow),
-    pytest.param("import kinreach.sim._engine", OWN_LOG, ["own.txt"], marks=pytest.mark.slow),
+    ("", "", []), *slow((OWN_LOG, "", ["own.txt"]), ("import kinreach.sim._engine", OWN_LOG, ["own.txt"])),
 ])  # fmt: skip
 def test_a_move_that_diverges_writes_no_file_but_the_log_that_was_asked_for(before, after, written, tmp_path):
     code = "\n".join([before, after, DIVERGING])

@@ -11,6 +11,7 @@ import pytest
 from kinreach import cli
 from kinreach._files import make_writable, write_text
 from kinreach.errors import OutputError
+from tests.cases import slow
 from tools.endurance import storage
 
 #: Sets the largest size of a file that the process can write, a stand-in for a full disk that needs no rights.
@@ -135,7 +136,7 @@ class TestOutputThatCannotBeWritten:
             ((), "1"),
             (("--version",), ""),
             (("--version",), "1"),
-            (EVALUATE, "1"),
+            *slow((EVALUATE, "1")),
         ],
     )
     def test_full_device(self, root, arguments, unbuffered):
@@ -147,7 +148,7 @@ class TestOutputThatCannotBeWritten:
 
     @pytest.mark.parametrize(
         ("arguments", "unbuffered"),
-        [(("--help",), ""), (("--help",), "1"), pytest.param(EVALUATE, "", marks=pytest.mark.slow)],
+        [(("--help",), ""), (("--help",), "1"), *slow((EVALUATE, ""))],
     )
     def test_reader_who_has_left(self, root, arguments, unbuffered):
         reading, writing = os.pipe()

@@ -10,6 +10,7 @@ from kinreach.compare import compare
 from kinreach.errors import DrawingError, KinreachError
 from kinreach.sim import ArmSimulation, render
 from kinreach.sim._rendering import FrameRenderer
+from tests.cases import slow
 
 pytestmark = pytest.mark.usefixtures("needs_gl")
 DRAWN = mujoco.Renderer.render
@@ -80,7 +81,7 @@ def test_a_context_that_cannot_be_made(monkeypatch):
     assert render(simulation, width=64, height=36).shape == (36, 64, 3)
 
 
-@pytest.mark.parametrize("camera", ["front", "wrist", "overview"])
+@pytest.mark.parametrize("camera", ["front", *slow("wrist", "overview")])
 def test_a_frame_does_not_depend_on_the_ones_before_it(camera):
     simulation = ArmSimulation("ur5", visual=True)
     with FrameRenderer(simulation.model, width=160, height=90, shadows=False) as renderer:

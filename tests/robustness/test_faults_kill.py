@@ -14,6 +14,7 @@ from kinreach.baselines import _training as training
 from kinreach.baselines._learning_curve import read_curve
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._training import train
+from tests.cases import slow
 from tools.endurance import kills
 from tools.endurance.outcome import BrokenPromiseError
 
@@ -42,7 +43,7 @@ def test_what_is_not_whole_is_found(whole):
         (whole / path).write_bytes(content)
 
 
-@pytest.mark.parametrize("segment", [0, 2])
+@pytest.mark.parametrize("segment", [*slow(0), 2])
 def test_a_run_that_dies_between_its_checkpoint_and_its_curve_has_a_whole_curve_in_the_end(
     segment, whole, tmp_path, monkeypatch
 ):

@@ -15,6 +15,7 @@ from kinreach.sim import _rendering as rendering
 from kinreach.sim._rendering import FrameRenderer
 from kinreach.sim._scene import BALL_GROUP
 from kinreach.sim._visuals import camera_rotation
+from tests.cases import slow
 
 WIDTH, HEIGHT = 320, 180
 
@@ -37,7 +38,7 @@ def test_cameras_look_at_their_targets_with_up_upwards():
         assert abs(R[:, 0] @ mount.up) < 1e-12
 
 
-@pytest.mark.parametrize("camera", ["front", "wrist", "overview"])
+@pytest.mark.parametrize("camera", ["front", "wrist", *slow("overview")])
 def test_pictures_show_the_red_ball(scene, camera):
     scene.reset()
     scene.place_ball((0.45, 0.05, -0.175))
@@ -135,7 +136,7 @@ except InstallationError:
 """
 
 
-@pytest.mark.parametrize("platform", [None, "glx"])
+@pytest.mark.parametrize("platform", [*slow(None), "glx"])
 def test_a_library_that_fails_leaves_nothing_to_the_next(platform):
     """MuJoCo sets PyOpenGL's platform before it fails; the next library would be bound to it."""
     chosen = "" if platform is None else f"import os; os.environ['PYOPENGL_PLATFORM'] = {platform!r}"
@@ -151,7 +152,7 @@ print("moved")
 """
 
 
-@pytest.mark.parametrize("library", [None, "disable"])
+@pytest.mark.parametrize("library", [None, *slow("disable")])
 def test_physics_loads_no_graphics(library):
     assert run(PHYSICS_ONLY, library) == "moved"
 
@@ -170,7 +171,7 @@ except InstallationError as error:
 
 @pytest.mark.parametrize(
     ("library", "packages"),
-    [(None, ("libegl1 libgl1", "libosmesa6")), ("egl", ("libegl1 libgl1",)), ("osmesa", ("libosmesa6",))],
+    [(None, ("libegl1 libgl1", "libosmesa6")), *slow(("egl", ("libegl1 libgl1",)), ("osmesa", ("libosmesa6",)))],
 )
 def test_a_missing_library_stops_pictures_and_not_physics(library, packages):
     message = run(MISSING, library)

@@ -8,6 +8,7 @@ from kinreach.kinematics._collision import CollisionChecker
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation
 from kinreach.sim._scene import TIMESTEP, build_scene, scene_model
+from tests.cases import slow
 
 ARMS = ("arm3", "ur10", "ur3", "ur5")
 
@@ -17,7 +18,7 @@ def postures(kinematics, count, seed=0):
 
 
 @pytest.mark.parametrize("visual", [False, True])
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", ["arm3", "ur5", *slow("ur10", "ur3")])
 def test_every_registered_arm_compiles_and_is_free_of_contact_at_home(name, visual):
     simulation = ArmSimulation(name, visual=visual)
     assert simulation.contacts() == ()
@@ -81,7 +82,7 @@ def test_mass_matrix_agrees_with_pinocchio(name):
         np.testing.assert_allclose(full[:n, :n], M, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", ["arm3", "ur5", *slow("ur10", "ur3")])
 def test_drives_are_those_of_the_description(name):
     arm, model = get_arm(name), scene_model(get_arm(name))
     kinematics = ArmKinematics(name)

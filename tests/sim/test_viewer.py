@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from kinreach.sim import _picture as viewers
+from tests.cases import slow
 
 PROGRAM = """
 import struct, sys, time
@@ -104,7 +105,7 @@ def test_the_viewer_shows_the_ball_and_closes(screen, run_python, backend):
     assert 30 < int(done.stdout) < 5000
 
 
-@pytest.mark.parametrize("hook", ["none", "own"])
+@pytest.mark.parametrize("hook", [*slow("none"), "own"])
 def test_to_ask_for_a_screen_changes_nothing_of_the_process(run_python, hook):
     done = run_python("-c", ASKED, hook)
     assert done.returncode == 0, done.stderr

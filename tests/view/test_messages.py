@@ -76,6 +76,7 @@ def test_what_no_input_takes_is_a_red_sentence(tab, capfd):
     assert not tab.page.trouble  # what is accepted takes it away
 
 
+@pytest.mark.slow
 def test_what_an_input_takes_is_answered(tab, capfd, monkeypatch):
     """The least and the most, all options, any text, every button: no error, whatever the order."""
     monkeypatch.setattr(tab.page, "picture", lambda height, width: np.zeros((height, width, 4), dtype=np.uint8))

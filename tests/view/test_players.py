@@ -11,6 +11,7 @@ from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots import get_arm
 from kinreach.view._episodes import Recording
 from kinreach.view._players import new_player, playable, playable_names
+from tests.cases import slow
 
 #: Beside the page's own: these episodes are watched by nobody.
 SHORT = {REAL_ARM: {"balls": 1, "budgets": (0, 5), "again": 0}, MOVING: {"speeds": (0.6,)}}
@@ -37,7 +38,7 @@ def test_all_methods_of_comparisons_are_offered():
 
 
 #: Without dynamics, the same tasks and players as with them.
-KINEMATIC = [pytest.param(name, marks=pytest.mark.slow) for name in playable_names() if "Kinematic" in name]
+KINEMATIC = slow(*(name for name in playable_names() if "Kinematic" in name))
 
 
 @pytest.mark.slow

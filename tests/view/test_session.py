@@ -162,6 +162,7 @@ def test_targets_of_a_calibrated_arm():
         session.step("dark")
 
 
+@pytest.mark.slow
 def test_the_other_parts_of_an_arm(comparison, monkeypatch):
     monkeypatch.setattr(Episode, "measure_goal", seen)
     with Session("parts", setup_of("ur5", simple=True), hidden=str(comparison)) as session:

@@ -9,7 +9,7 @@ from kinreach.envs._reach.task import SINGLE_STEP, ReachOptions, ReachTask, goal
 
 #: Small and noisy pictures, in which the thesis's pipeline is 3 mm off and misses one ball in seven.
 PICTURES = {"pipeline": "thesis", "width": 160, "height": 90, "rgb_noise": 60.0}
-LOOKS = 150
+LOOKS = 80
 
 
 @pytest.fixture(scope="module")

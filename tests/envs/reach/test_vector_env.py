@@ -10,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 import kinreach
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
+from tests.cases import slow
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 #: One arm takes the URDF's angles as they are written, many take right angles where almost right ones are written.
@@ -35,8 +36,8 @@ def actions_for(name, count, steps):
 @pytest.mark.parametrize(
     ("name", "backend", "count", "steps", "tolerance"),
     [
-        (SINGLE, "kinematic", 32, 20, ROUNDED),
-        (MULTI, "kinematic", 8, 110, ROUNDED),
+        (SINGLE, "kinematic", 16, 10, ROUNDED),
+        (MULTI, "kinematic", 4, 105, ROUNDED),
         (SINGLE, "mujoco", 6, 4, 0.0),
         (MULTI, "mujoco", 3, 8, 0.0),
     ],
@@ -250,7 +251,7 @@ def test_what_starts_anew_leaves_the_others_pictures_as_they_are(needs_gl):
     single.close()
 
 
-@pytest.mark.parametrize("exposure", [pytest.param(1.0, marks=pytest.mark.slow), 4.0])
+@pytest.mark.parametrize("exposure", [*slow(1.0), 4.0])
 def test_pictures_are_those_of_single_environments(exposure, needs_gl):
     options = {"backend": "kinematic", "observation": "pixels", "width": 48, "height": 32, "exposure": exposure}
     batch, singles = make_vec(SINGLE, 3, **options), [gym.make(SINGLE, **options) for _ in range(3)]
