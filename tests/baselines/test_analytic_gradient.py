@@ -72,6 +72,7 @@ def test_it_comes_near_in_seconds(tmp_path):
     assert run.card.meaning == "posture"
 
 
+@pytest.mark.slow
 def test_an_evaluation_has_the_goals_of_the_training(tmp_path):
     run = train(replace(SMALL, segments=1), tmp_path, seed=0, steps=256)
     tilted = evaluate(run.policy, goals=20, options={"backend": "kinematic"})

@@ -20,6 +20,7 @@ from kinreach.baselines import _training as training
 from kinreach.baselines._training import train
 from kinreach.errors import InputError, OutputError
 from tests.baselines.small_runs import SMALL, interrupted, small, weights
+from tests.cases import slow
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def test_another_seed_gives_another_policy(uninterrupted, tmp_path):
     assert not np.array_equal(*(weights(run.folder / "policy.safetensors") for run in (uninterrupted["single"], other)))
 
 
-@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("name", ["single", *slow(*(name for name in SMALL if name != "single"))])
 def test_the_same_seed_gives_the_same_policy(name, uninterrupted, tmp_path):
     whole = uninterrupted[name].folder
     train(small(name), tmp_path / "again", seed=4)

@@ -26,6 +26,7 @@ from kinreach.compare._runner import Comparison, notes, results_of
 from kinreach.compare._task import _OWN, SOLVER, Method, get_task
 from kinreach.envs._moving import PATHS, SPEEDS
 from kinreach.envs._real_arm import BUDGETS
+from tests.cases import slow
 
 KEPT = Path(__file__).parents[1] / "data" / "reports"
 #: Methods: how far their trials end from the goal [m], and the share of impossible ones.
@@ -148,7 +149,7 @@ def reported(task):
         yield from drawn(task.paths(trials, results, replayed))
 
 
-@pytest.mark.parametrize("name", _OWN)
+@pytest.mark.parametrize("name", [*(name for name in _OWN if name != "real-arm"), *slow("real-arm")])
 def test_reports_are_as_they_were(name, monkeypatch):
     monkeypatch.setattr(_runner, "summarise", partial(summarise, resamples=20))
     task = get_task(name)

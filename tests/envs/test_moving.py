@@ -124,7 +124,7 @@ def test_a_touch_counts_only_without_a_collision_on_the_way():
     """The same moves with and without the rule: the same until the first collision, which ends the episode."""
     checker, kinematics = CollisionChecker("ur5"), UR5Kinematics(tip="tcp", base="world")
     free_touches = collisions = late_touches = 0
-    for seed in range(30):
+    for seed in range(16):
         ruled, lawless = make(), make(collisions=False)
         options = {"speed": 0.05}
         observation, info = ruled.reset(seed=seed, options=options)
@@ -152,9 +152,9 @@ def test_a_touch_counts_only_without_a_collision_on_the_way():
         while not ended:
             _, _, ended, _, same = lawless.step(action)
         late_touches += same["is_success"] and not info["is_success"]
-    assert free_touches >= 5
-    assert collisions >= 10
-    assert late_touches >= 2
+    assert free_touches >= 3
+    assert collisions >= 5
+    assert late_touches >= 1
 
 
 def test_joints_come_to_rest_at_their_targets():

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import strategies as st
 
 from kinreach import cli
+from tests.cases import slow
 
 OPTIONS = {
     "compare": [
@@ -29,6 +30,7 @@ OPTIONS = {
     "simulate-ur": ["--arm", "--from", "--address", "--rtde-port", "--script-port", "--speed", "--no-cell", "-h"],
     "bench": ["--suite", "--quick", "--rounds", "--seed", "--out", "--docs", "--fresh", "--help", "--", "--nonsense"],
 }  # fmt: skip
+COSTLY = ("compare", "demo")
 WORDS = [
     "", " ", "-1", "0", "1", "3", "1e9", "nan", "inf", "1" * 30, "9" * 5000, "2.5", "\u0663", "\u00b2", "true", "None",
     "a\0b", "\udcff", "\n", "\x1b[2J", "x" * 5000, "../..", "/proc/nowhere/x", "/dev/full", "[/red]", "<b>", "%s", "{}",
@@ -78,7 +80,7 @@ def outcome(argv):
     return code, out.getvalue(), err.getvalue()
 
 
-@pytest.mark.parametrize("command", OPTIONS)
+@pytest.mark.parametrize("command", [*(name for name in OPTIONS if name not in COSTLY), *slow(*COSTLY)])
 def test_arguments(command, fuzzed):
     refused = []
 
@@ -103,7 +105,7 @@ def test_arguments(command, fuzzed):
     word = st.sampled_from(WORDS) | st.text(max_size=6) | st.integers(-3, 10**20).map(str)
     option = st.sampled_from(OPTIONS[command])
     pairs = st.lists(st.tuples(option, word) | st.tuples(option) | st.tuples(word), max_size=4)
-    tally = fuzzed(pairs.map(lambda parts: [text for part in parts for text in part]), run, share=0.6, both=False)
+    tally = fuzzed(pairs.map(lambda parts: [text for part in parts for text in part]), run, share=1.5, both=False)
     assert len(refused) > tally.cases / 4
 
 

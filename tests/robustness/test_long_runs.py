@@ -5,6 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
+from tests.cases import slow
 from tools.endurance import long_runs
 from tools.endurance.checks import CHECKS
 from tools.endurance.outcome import BrokenPromiseError
@@ -12,7 +13,7 @@ from tools.endurance.outcome import BrokenPromiseError
 
 @pytest.mark.parametrize(
     ("check", "rounds"),
-    [(long_runs.kinematic_steps, 4000), (long_runs.dynamics_steps, 60), (long_runs.torque_steps, 600)],
+    [*slow((long_runs.kinematic_steps, 4000)), (long_runs.dynamics_steps, 60), (long_runs.torque_steps, 600)],
 )
 def test_memory_stays_flat_and_a_seed_means_the_same_twice(check, rounds):
     assert check(rounds).count == 2 * rounds

@@ -16,10 +16,12 @@ from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.kinematics._solvers.base import Solver, Tolerance
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
+from tests.cases import slow
 from tools.endurance import workers
 from tools.endurance.jobs import JOBS, SHARED, UNPICKLED
 
 ROOT = Path(__file__).parents[2]
+COSTLY = "lm, 3-DOF arm"
 LIGHT = [name for name in JOBS if "reach" not in name and "dynamics" not in name and "Simulation" not in name]
 
 
@@ -33,7 +35,7 @@ def impatient():
 
 
 @pytest.mark.usefixtures("impatient")
-@pytest.mark.parametrize("name", LIGHT)
+@pytest.mark.parametrize("name", [*(name for name in LIGHT if name != COSTLY), *slow(COSTLY)])
 def test_eight_threads_find_what_one_finds(name):
     found = workers.in_threads(1, jobs=[name])
     assert found.count == workers.THREADS * (2 if name in SHARED else 1)

@@ -145,6 +145,7 @@ def test_a_target_that_is_dragged_is_answered(serve):
         assert answers == 10
 
 
+@pytest.mark.slow
 def test_the_self_motion_of_a_seven_axis_arm(serve):
     """Lines of the elbow, and a slider that moves the arm on a curve while the tool stands still."""
     with Tab(serve("panda")) as tab:
@@ -236,6 +237,7 @@ def test_a_calibration_says_at_the_target_what_it_changes(serve):
         assert "Calibrated" not in tab.text
 
 
+@pytest.mark.slow
 def test_without_a_file_the_real_arm_is_a_published_one(serve):
     with Tab(serve("ur5")) as tab:
         panel = tab.page.show("Real arm")
