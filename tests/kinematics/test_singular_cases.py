@@ -6,7 +6,10 @@ import pytest
 from benchmarks.speed.poses import CASES, FLANGE
 from benchmarks.speed.suites.ik_edge_cases import judge
 from kinreach.kinematics._goals import pose_error
-from kinreach.kinematics._ur.geometry import Singularity
+from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS
+from kinreach.kinematics._ur.closed_form import reaches_pose, solve_pose
+from kinreach.kinematics._ur.free_wrist import free_wrist_within
+from kinreach.kinematics._ur.geometry import Singularity, URGeometry, ur_fk
 
 COUNT = 400
 
@@ -88,6 +91,25 @@ def test_a_free_wrist_that_moves_goes_no_farther_than_it_must():
             assert away[0] <= away[1:].min(initial=np.pi) + 1e-9
             compared += len(feasible[branch]) > 0
     assert compared > 10
+
+
+def test_both_arcs_of_a_free_wrist_are_listed():
+    """With d5 as long as the arm, wrist_1 comes from two sides: held against all values of wrist_3 on a grid."""
+    g, rng, both = URGeometry(0.1, -0.3, -0.25, 0.1, 0.5, 0.08), np.random.default_rng(13), 0
+    limits = np.full(6, -2 * np.pi), np.full(6, 2 * np.pi)
+    for q in rng.uniform(-np.pi, np.pi, (60, 6)) * (1, 1, 1, 1, 0, 1):
+        rows, kept = ur_fk(q, g), set()
+        for wanted in np.linspace(-np.pi, np.pi, 30):
+            kept |= {row[BRANCH] for row in solve_pose(rows, g, q6=wanted)[0] if row[FLAGS] == Singularity.WRIST}
+        found, _ = solve_pose(rows, g)
+        free = [row for row in found if row[FLAGS] & Singularity.WRIST]
+        assert {branch & 6 for branch in kept} == {row[BRANCH] & 6 for row in free}  # a moved elbow may be straight
+        assert len(found) == len({row[BRANCH] for row in found})
+        assert all(reaches_pose(row[ANGLES], g, rows, 1e-7) for row in found)
+        within = free_wrist_within(rows, g, *limits, seed=np.zeros(6), tol=1e-7)
+        assert kept <= {row[BRANCH] for row in within}
+        both += {0, 2} <= kept
+    assert both >= 4
 
 
 @pytest.mark.parametrize("tol", [1e-7, 1e-5])

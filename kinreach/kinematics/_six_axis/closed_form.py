@@ -44,8 +44,7 @@ from kinreach.kinematics._ur.closed_form import (
     NEAR_WRIST,
     SHOULDER,
     WRIST,
-    arc_in_reach,
-    nearest_on_arc,
+    pitches,
 )
 
 #: Cosines and lengths below this are 0 [m].
@@ -513,21 +512,21 @@ class DecoupledArm:
                 g, f = sa4 * s5, sa4 * c5 * ca5 + ca4 * sa5
                 yield 0, q4, atan2(n31 * f - n32 * g, n31 * g + n32 * f), 0
                 return
-            pitches = [(0, q4, 0)]
+            arcs = [(0, q4, 0)]
             if palm is not None:
                 _, nearest, flags = next(self._pitches(q4, palm, tol))
                 if 0.0 < abs(nearest - q4) * s <= tol:  # the wrist is almost free
-                    pitches = [(0, nearest, flags)]
+                    arcs = [(0, nearest, flags)]
         else:
             if doubt is not None:
                 doubt.free.add(3 if palm is None else 5)
             if palm is None:
-                pitches = [(0, first, WRIST)]
+                arcs = [(0, first, WRIST)]
             else:
                 sign = copysign(1.0, n33)  # the last joint falls as the pitch grows, or grows
                 wanted = wrap(sign * (self._last(n11, n21, n31, 0.0, q5) - palm[-1]))
-                pitches = list(self._pitches(wanted, palm, tol))
-        for arc, q4, flags in pitches:
+                arcs = list(self._pitches(wanted, palm, tol))
+        for arc, q4, flags in arcs:
             yield arc, q4, self._last(n11, n21, n31, q4, q5), flags
 
     def _last(self, n11: float, n21: float, n31: float, q4: float, q5: float) -> float:
@@ -540,24 +539,11 @@ class DecoupledArm:
         return atan2(self.ca5 * y + self.sa5 * z, x)
 
     def _pitches(self, wanted: float, palm: _Palm, tol: float) -> Iterator[tuple[int, float, int]]:
-        """The pitch nearest to a wanted one at which the elbow reaches a hand, of each arc of them; branch and flags.
-
-        The hand turns on a circle. Where the elbow reaches neither its nearest point nor its farthest one, or both are
-        too far or too close, that part of the circle is two arcs. If the circle passes axis 2 and the elbow folds to
-        there, joint 2 is free at one more pitch.
-        """
+        """`pitches` of a hand. If it comes to axis 2, to where the elbow folds, joint 2 is free at one more pitch."""
         u, v, hand, hand_angle, _ = palm
-        eta = wrap(wanted + hand_angle - atan2(v, u) + pi)
-        arc = lower, upper = arc_in_reach(hypot(u, v), hand, self.stretched, self.folded)
-        nearest = nearest_on_arc(eta, arc)
-        apart = lower > 0.0 and upper < pi
-        moved = nearest - eta
-        yield (2 if apart and nearest < 0.0 else 0), wanted + moved, WRIST | MOVED if moved else WRIST
-        if apart:
-            other = lower if abs(eta) + lower < 2.0 * pi - abs(eta) - upper else upper
-            yield (0 if nearest < 0.0 else 2), wanted - copysign(other, nearest) - eta, WRIST | MOVED
+        yield from pitches(wanted, u, v, hand, hand_angle, self.stretched, self.folded)
         if self.folded <= ZERO and abs(hypot(u, v) - hand) <= tol:
-            yield 0, wanted + pi - eta, WRIST | MOVED
+            yield 0, atan2(v, u) - hand_angle, WRIST | MOVED
 
     def _elbows(
         self, u: float, v: float, tol: float, start: float, doubt: Doubt | None, gain: float

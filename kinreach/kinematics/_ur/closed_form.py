@@ -15,7 +15,8 @@ Singular cases (where eight branches meet or a joint becomes free) are solved, n
 * arguments that leave their domain by rounding are clamped when the geometry is missed by no more than `tol`;
 * at sin q5 = 0 only q234 +- q6 is given. q6 starts from the caller's value and is moved to the nearest angle from
   which the elbow can reach: as q6 turns, wrist_1's origin runs on a circle of radius d5 about P5, and the part of
-  it between the folded and the stretched elbow is one interval of |eta|, bounded by two arccosines.
+  it between the folded and the stretched elbow is one interval of |eta|, bounded by two arccosines. If neither bound
+  is 0 or pi that is two arcs, and each has a posture.
 
 Every solution in which something was clamped or moved is checked by forward kinematics before it is returned.
 """
@@ -82,10 +83,10 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
         else:
             # n lies in the arm's plane, at the angle q234 + q6 (q5 = 0) or q234 - q6 + pi (q5 = pi)
             angle = atan2(nz, nx * c1 + ny * s1)
-            wanted = angle - q6 if c5 > 0.0 else angle + q6 - pi
-            flags, q5, q234, u, v = _free_wrist(flags, c5, wanted, -u, z, g)
-            q6_ = wrap(angle - q234 if c5 > 0.0 else q234 - angle + pi)
-            wrists.append((branch, flags, q1, q5, q6_, q234, u, v))
+            wanted, near = angle - q6 if c5 > 0.0 else angle + q6 - pi, True
+            for side, flag, q5, q234, a, b in _free_wrists(c5, wanted, -u, z, g):
+                q6_ = wrap(angle - q234 if c5 > 0.0 else q234 - angle + pi)
+                wrists.append((branch + side, flags | flag, q1, q5, q6_, q234, a, b))
     found, miss, clamped = _elbows(wrists, g, tol)
     if len(wrists) == REGULAR_WRISTS and not (near or clamped):
         return found, miss
@@ -123,8 +124,8 @@ def solve_axis(
     length = g.d6 + reach
     x, y, z = position[0] - length * ax, position[1] - length * ay, position[2] - length * az - g.d1
     wrists: list[Wrist] = []
-    turns = shoulders(x, y, g.d4, tol)
-    for branch, flags, s1, c1 in turns:
+    free = False
+    for branch, flags, s1, c1 in shoulders(x, y, g.d4, tol):
         q1, u = atan2(s1, c1), -x * c1 - y * s1
         a_u, c5 = ax * c1 + ay * s1, ax * s1 - ay * c1
         s5 = hypot(a_u, az)
@@ -135,10 +136,11 @@ def solve_axis(
             q234 += pi if q234 <= 0.0 else -pi
             wrists.append((branch + 2, flags, q1, -q5, q6, q234, u + s, -c - z))
         else:
-            flags, q5, q234, u, v = _free_wrist(flags, c5, pitch, -u, z, g)
-            wrists.append((branch, flags, q1, q5, q6, q234, u, v))
+            free = True
+            for side, flag, q5, q234, a, b in _free_wrists(c5, pitch, -u, z, g):
+                wrists.append((branch + side, flags | flag, q1, q5, q6, q234, a, b))
     found, miss, clamped = _elbows(wrists, g, tol)
-    if len(wrists) == REGULAR_WRISTS and not clamped:
+    if len(wrists) == REGULAR_WRISTS and not (free or clamped):
         return found, miss
     return _verified(found, miss, lambda q: _axis_missed_by(ur_fk(q, g), position, axis, reach) <= tol)
 
@@ -202,14 +204,13 @@ def _elbow_miss(rho: float, g: URGeometry, tol: float) -> int:
     return int(Miss.ELBOW_IN) if rho < g.folded - tol else 0
 
 
-def _free_wrist(
-    flags: int, c5: float, wanted: float, u: float, v: float, g: URGeometry
-) -> tuple[int, float, float, float, float]:
-    """Flags, q5, q234, u and v of the wrist at sin q5 = 0, with q234 as near to `wanted` as the elbow allows."""
-    q234 = reachable_pitch(wanted, u, v, g)
-    flags |= WRIST if q234 == wanted else WRIST | MOVED
-    s, c = g.d5 * sin(q234), g.d5 * cos(q234)
-    return flags, 0.0 if c5 > 0.0 else pi, q234, s - u, -c - v
+def _free_wrists(
+    c5: float, wanted: float, u: float, v: float, g: URGeometry
+) -> Iterator[tuple[int, int, float, float, float, float]]:
+    """Branch, flags, q5, q234, u and v of the wrist at sin q5 = 0: of each arc of `pitches`."""
+    for side, q234, flags in free_pitches(wanted, u, v, g):
+        s, c = g.d5 * sin(q234), g.d5 * cos(q234)
+        yield side, flags, 0.0 if c5 > 0.0 else pi, q234, s - u, -c - v
 
 
 def _near_wrists(
@@ -223,7 +224,7 @@ def _near_wrists(
     branch, flags, q1, q5, q6 = wrist
     for side, q5_ in ((0, q5), (2, -q5)):
         wanted = wrap(total - q6 if q5 < 0.5 * pi else total + q6)
-        q234, moved = reachable_pitch(wanted, u, v, g), 0
+        (_, q234, _), moved = next(free_pitches(wanted, u, v, g)), 0
         if abs(q234 - wanted) > slack:
             q234 = wanted
         elif q234 != wanted:
@@ -234,26 +235,50 @@ def _near_wrists(
         q6 += pi if q6 <= 0.0 else -pi
 
 
-def reachable_pitch(wanted: float, u: float, v: float, g: URGeometry) -> float:
-    """Return the pitch q234 nearest to `wanted` [rad] from which the elbow reaches, P5 being at (u, v) [m].
+def free_pitches(wanted: float, u: float, v: float, g: URGeometry) -> Iterator[tuple[int, float, int]]:
+    """`pitches` of q234 at sin q5 = 0, P5 being at (u, v) [m]."""
+    return pitches(wanted, u, v, g.d5, -0.5 * pi, g.stretched, g.folded)
 
-    The squared distance from the shoulder to wrist_1 is D^2 + d5^2 + 2 D d5 cos(eta) with
-    eta = q234 + atan2(u, v), so the reachable part is lower <= |eta| <= upper. Where nothing is reachable
-    the end that comes nearest is returned, and the elbow decides.
+
+def pitches(
+    wanted: float, u: float, v: float, hand: float, hand_angle: float, stretched: float, folded: float
+) -> Iterator[tuple[int, float, int]]:
+    """Compute the pitch nearest to a wanted one at which two links reach a hand, of each arc of such pitches.
+
+    The hand turns on a circle. Where the links reach neither its nearest point nor its farthest one, that part of the
+    circle is two arcs. Where nothing is in reach the end that comes nearest is returned, and the elbow decides.
+
+    Args:
+        wanted: The pitch [rad].
+        u: Where the hand's tip is, as seen from the links' root [m].
+        v: As `u`.
+        hand: Length of the hand [m].
+        hand_angle: Its angle at pitch 0 [rad].
+        stretched: The links' longest reach [m].
+        folded: Their shortest reach [m].
+
+    Returns:
+        Branch, 2 for the second of two arcs; pitch; and flags. The arc that is nearest comes first.
     """
-    eta = wrap(wanted + atan2(u, v))
-    nearest = nearest_on_arc(eta, arc_in_reach(hypot(u, v), g.d5, g.stretched, g.folded))
-    return wanted if nearest == eta else wanted + nearest - eta
+    eta = wrap(wanted + hand_angle - atan2(v, u) + pi)
+    arc = lower, upper = _arc_in_reach(hypot(u, v), hand, stretched, folded)
+    nearest = _nearest_on_arc(eta, arc)
+    apart = lower > 0.0 and upper < pi
+    moved = nearest - eta
+    yield (2 if apart and nearest < 0.0 else 0), wanted + moved, WRIST | MOVED if moved else WRIST
+    if apart:
+        other = lower if abs(eta) + lower < 2.0 * pi - abs(eta) - upper else upper
+        yield (0 if nearest < 0.0 else 2), wanted - copysign(other, nearest) - eta, WRIST | MOVED
 
 
-def nearest_on_arc(eta: float, arc: tuple[float, float]) -> float:
+def _nearest_on_arc(eta: float, arc: tuple[float, float]) -> float:
     """Return the angle nearest to `eta`, in [-pi, pi] [rad], whose absolute value is between two bounds."""
     lower, upper = arc
     nearest = min(max(abs(eta), lower), upper)
     return eta if nearest == abs(eta) else copysign(nearest, eta)
 
 
-def arc_in_reach(distance: float, radius: float, stretched: float, folded: float) -> tuple[float, float]:
+def _arc_in_reach(distance: float, radius: float, stretched: float, folded: float) -> tuple[float, float]:
     """Return the bounds of the absolute angles at which a point on a circle is in reach of two links [rad].
 
     The angle is 0 at the point farthest from the links' root.

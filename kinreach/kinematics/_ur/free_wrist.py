@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
+from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._solutions import NEAR_LIMIT, Row, nearest_windings
 from kinreach.kinematics._ur.batch import solve_elbow
-from kinreach.kinematics._ur.closed_form import MOVED, WRIST, reaches_pose, shoulders
+from kinreach.kinematics._ur.closed_form import MOVED, WRIST, free_pitches, reaches_pose, shoulders
 from kinreach.kinematics._ur.geometry import Rows, URGeometry
 
 #: Values of q234 that are tried on a full turn, and `ROUNDS` times around the best of them.
@@ -50,10 +51,11 @@ def free_wrist_within(
                 g, lower, upper, seed,
                 q1=atan2(s1, c1), straight=c5 > 0.0, angle=atan2(nz, nx * c1 + ny * s1), u=-x * c1 - y * s1, v=-z,
             )  # fmt: skip
-            for elbow in (0, 1):
-                q = family.nearest(elbow)
-                if q is not None and reaches_pose(q, g, rows, tol):
-                    found.append((branch + elbow, flags | WRIST | MOVED, *q))
+            for side in family.sides:
+                for elbow in (0, 1):
+                    q = family.nearest(side, elbow)
+                    if q is not None and reaches_pose(q, g, rows, tol):
+                        found.append((branch + side + elbow, flags | WRIST | MOVED, *q))
     return found
 
 
@@ -79,6 +81,11 @@ class _Family:
     u: float
     v: float
 
+    @property
+    def sides(self) -> list[int]:
+        """Branches of the arcs of q234 in reach, as `pitches` has them."""
+        return sorted(side for side, _, _ in free_pitches(0.0, -self.u, -self.v, self.g))
+
     def members(self, q234: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Postures by elbow and q234, shape (6, 2, m), in windings within the limits; which are allowed, (2, m)."""
         q = np.empty((6, 2, len(q234)))
@@ -90,9 +97,12 @@ class _Family:
             q, within = nearest_windings(q, self.seed[:, None, None], self.lower, self.upper, slack=NEAR_LIMIT)
         return q, within & reached
 
-    def nearest(self, elbow: int) -> list[float] | None:
-        """Return the allowed member whose q6 is nearest to the seed's, or None."""
+    def nearest(self, side: int, elbow: int) -> list[float] | None:
+        """Return the allowed member of an arc whose q6 is nearest to the seed's, or None."""
         q234 = np.linspace(-pi, pi, STEPS + 1)
+        if len(self.sides) > 1:  # either side of the circle's farthest point
+            eta = wrapped(q234 + atan2(-self.u, -self.v))
+            q234 = q234[eta < 0.0] if side else q234[eta >= 0.0]
         for _ in range(ROUNDS):
             q, allowed = self.members(q234)
             away = np.where(allowed[elbow], np.abs(q[5, elbow] - self.seed[5]), np.inf)
