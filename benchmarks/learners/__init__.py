@@ -49,6 +49,7 @@ from benchmarks.learners.variants import (
     lift_ppo_single,
     moving_clear,
     pixels_light,
+    ppo_moving_noise,
     ppo_multi_ending,
     space_ranked,
 )
@@ -74,6 +75,7 @@ __all__ = [
     "lift_ppo_single",
     "moving_clear",
     "pixels_light",
+    "ppo_moving_noise",
     "ppo_multi_ending",
     "sac_multi",
     "sac_single",

@@ -36,6 +36,14 @@ space_ranked = register_recipe(
         settings=get_recipe("single").settings,
     )
 )
+ppo_moving_noise = register_recipe(
+    replace(
+        get_recipe("ppo-moving"),
+        name="ppo-moving-noise",
+        summary="As ppo-moving, for balls at 0.4 m/s alone that are seen with 3 mm of noise.",
+        options={**get_recipe("ppo-moving").options, "speeds": (0.4,), "noise": 0.003},
+    )
+)
 moving_clear = register_recipe(
     replace(
         get_recipe("moving"),

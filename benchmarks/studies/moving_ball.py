@@ -225,6 +225,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--times", action="store_true", help="how long a decision takes (60 balls a speed)")
     parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
     parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three; beliefs 0.4)")
+    parser.add_argument("--worlds", nargs="+", choices=WORLDS, default=list(WORLDS), help="of the map (default: all)")
     parser.add_argument("--paths", nargs="+", choices=PATHS, help="kinds of paths (default: all)")
     parser.add_argument("--balls", type=int, help="in each cell (default: 60; map 96, causes 300, trainings 1000)")
     parser.add_argument("--seed", type=int, default=100, help="of the balls (default: %(default)s)")
@@ -266,7 +267,7 @@ def main(argv: list[str] | None = None) -> int:
     files = {name: [name] for name in methods}
     if arguments.trainings:
         files[methods[1]] = [str(file) for file in sorted(arguments.trainings.glob(f"seed-*/{POLICY}"))]
-    worlds = {name: {**world, **RULES["ignored"]} for name, world in WORLDS.items()} if arguments.map else RULES
+    worlds = {name: {**WORLDS[name], **RULES["ignored"]} for name in arguments.worlds} if arguments.map else RULES
     if arguments.paths:
         worlds = {name: {**world, "paths": tuple(arguments.paths)} for name, world in worlds.items()}
     print(head("world" if arguments.map else "collisions", "method", *(f"{speed:g} m/s" for speed in speeds)))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("torch")
-from benchmarks.learners import button_report_demonstrated, button_report_starts
+from benchmarks.learners import button_report_demonstrated, button_report_demonstrated_19, button_report_starts
 from benchmarks.learners.button_exploration import StartsOnTheWay
 from kinreach._registration import BUTTON
 from kinreach.baselines._models import build
@@ -50,13 +50,17 @@ def test_starts_are_those_of_the_environment_at_last():
 
 
 @pytest.mark.slow
-def test_imitation_answers_more_often_as_the_controller_does():
-    settings = {**button_report_demonstrated.settings, "rounds": 4, "length": 60, "n_steps": 10, "n_epochs": 1}
-    recipe = replace(button_report_demonstrated, num_envs=16, steps=160, settings=settings)
+@pytest.mark.parametrize(
+    ("demonstrated", "size"), [(button_report_demonstrated, 22), (button_report_demonstrated_19, 19)]
+)
+def test_imitation_answers_more_often_as_the_controller_does(demonstrated, size):
+    settings = {**demonstrated.settings, "rounds": 4, "length": 60, "n_steps": 10, "n_epochs": 1}
+    recipe = replace(demonstrated, num_envs=16, steps=160, settings=settings)
     trainee = build(recipe, 0, steps=160)
     model = trainee.model
     env = gym.make_vec(BUTTON, num_envs=16, vectorization_mode="vector_entry_point", **recipe.options)
     observations, _ = env.reset(seed=5)
+    assert observations.shape == (16, size)
     answers = model.controller.actions(observations)
     model.controller.restart()
     before = model.policy.evaluate_actions(*map(as_tensor, (observations, answers)))[1].mean().item()
