@@ -35,7 +35,7 @@ SHORT = 14
 #: What a column of sentences needs at least, in characters, on a phone and on a page, and what is between columns.
 SENTENCE, BETWEEN = (12, 20), 3
 #: With more than that in all, a table's rows are stacked on a phone, and intervals stand below the numbers on a page.
-ROOM = (50, 85)
+ROOM = (49, 80)
 #: A figure is a chart if more than this share of its pixels is at least so bright, of 255.
 WHITE_SHARE, NEAR_WHITE = 0.55, 250
 #: So are these maps, whose cells cover more.
