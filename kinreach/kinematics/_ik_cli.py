@@ -58,11 +58,7 @@ class Answers:
     @property
     def note(self) -> str:
         """A note on what the collision checks leave out; empty if nothing."""
-        if self.checker is None or self.kinematics.tip != TOOL:
-            return ""
-        if TOOL_BODY in {shape.name for shape in self.checker.shapes}:
-            return ""
-        return "the tool has no shape, so it cannot collide; --tool-radius or --tool-mesh gives it one"
+        return "" if self.checker is None else tool_note(self.checker)
 
     def collision(self, q: Floats) -> str:
         """Return what collides in a posture, such as "forearm_link - table"; empty if nothing does, or is known."""
@@ -99,6 +95,13 @@ class Answers:
             causes = ", ".join(dict.fromkeys(self.collision(q) for q, _ in found))
             reason = f"{'all ' * (len(found) > 1)}{len(found)} postures collide: {causes}"
         return free, reason
+
+
+def tool_note(checker: CollisionChecker) -> str:
+    """Return a note if the tool has no shape for a checker; empty if it has one, or there is no tool."""
+    if checker.kinematics.tip != TOOL or TOOL_BODY in {shape.name for shape in checker.shapes}:
+        return ""
+    return "the tool has no shape, so it cannot collide; --tool-radius or --tool-mesh gives it one"
 
 
 def why_none(kinematics: ArmKinematics, T: Floats, reason: str) -> str:

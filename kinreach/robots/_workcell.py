@@ -63,7 +63,10 @@ def as_boxes(obstacles: Sequence[Box]) -> tuple[Box, ...]:
     """
     boxes: Any = obstacles
     if not isinstance(boxes, Sequence) or not all(isinstance(box, Box) for box in boxes):
-        raise InputError(f"obstacles must be a list of Box, got {shown(obstacles)}")
+        raise InputError(
+            f"obstacles of a work cell must be a list of Box, got {shown(obstacles)}; an Obstacle is for "
+            "CollisionChecker(kin, obstacles=...)"
+        )
     names = [box.name for box in obstacles]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"two obstacles are named {twice[0]!r}")

@@ -152,7 +152,7 @@ def test_without_a_robot_it_is_tried_and_written(run, tmp_path):
     assert lines[0] == "UR5E, calibrated by ur5e_a.yaml with tool: tip tool in base, degrees"
     assert [float(word) for word in lines[1].removeprefix("from").split()] == pytest.approx(np.degrees(HOME), abs=0.05)
     assert [line.split()[0] for line in lines] == [
-        "UR5E,", "from", "to", "branch", "dry", "no", "ends", "wrote", "picture"
+        "UR5E,", "from", "to", "branch", "dry", "no", "the", "ends", "wrote", "picture"
     ]  # fmt: skip
     assert "branch 6, " in out
     assert "postures free; movej, 0.79 rad/s" in out

@@ -42,7 +42,7 @@ def test_goals_are_in_their_box():
 @pytest.mark.parametrize(
     ("facts", "said"),
     [
-        ({"obstacles": ("x",)}, "obstacles must be a list of Box"),
+        ({"obstacles": ("x",)}, "obstacles of a work cell must be a list of Box"),
         ({"obstacles": (Box("a", (1, 1, 1), (0, 0, 0)),) * 2}, "two obstacles are named 'a'"),
         ({"touching": ("table",)}, "touching must be pairs"),
         ({"goals": "everywhere"}, "goals must be a region"),
