@@ -64,7 +64,7 @@ class Parser(argparse.ArgumentParser):
     """An argument parser that reports bad input in one line instead of a page of usage."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Parse arguments; -0.4,0.1 after a flag is its value, which argparse takes for a flag."""
+        """Parse arguments; -0.4,0.1 after a flag is its value, which argparse would read as a flag."""
         words = list(sys.argv[1:] if args is None else args)
         for place in range(len(words) - 1, 0, -1):
             if _NEGATIVE.match(words[place]) and words[place - 1].startswith("--") and "=" not in words[place - 1]:

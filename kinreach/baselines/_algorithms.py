@@ -100,24 +100,6 @@ class RankedPPO(AdaptivePPO):
 WAVES = (0.5, 1.0, 2.0)
 #: Opening that a grasp begins with, as an action: 20 mm.
 FIRST_OPENING = -0.75
-#: Seed of the observations whose mean and spread scale the network's inputs.
-_SCALE_SEED = 1
-#: Scales of the features `"button"`: cosines and sines, two positions [m], joint velocities [rad/s], difference of
-#: the positions [m], push state.
-BUTTON_SCALE = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
-#: Means and scales of `"sights"`: a ball [m], the age of its sight [s], joint angles [rad] and speeds [rad/s],
-#: earlier sights less the last [m], which are further away the earlier they are.
-SIGHTS_MEAN = (0.475, 0.0, -0.175, 0.05, *get_arm("ur5").home, *(0.0,) * 6)
-SIGHTS_SCALE = (0.09, 0.17, 1.0, 0.05, *(0.5,) * 6, *(1.0,) * 6)
-SIGHT_SCALE = 0.01
-#: Means and scales of `"arms"`: a ball [m], two errors beside it [m], moves, looks, and of three coordinates
-#: the mean error [m] and its slopes [m].
-ARMS_MEAN = (0.475, 0.0, -0.175, *(0.0,) * 6, 1.0, 20.0, *(0.0,) * 9)
-ARMS_SCALE = (0.1, 0.18, 0.006, *(5e-3,) * 6, 1.0, 20.0, *(5e-3, 7e-4, 7e-4) * 3)
-#: Means and scales of `"grasps"`: an object [m], the angle of its faces [rad], its size [m] and shape, joint
-#: angles [rad], the opening [m], from the tip to the object [m].
-GRASPS_MEAN = (0.475, 0.0, -0.175, 0.0, 0.025, 0.0, 0.0, 0.0, *get_arm("ur5").home, 0.05, *(0.0,) * 3)
-GRASPS_SCALE = (0.1, 0.18, 0.05, 0.5, 0.01, 1.0, 1.0, 1.0, *(0.5,) * 6, 0.02, *(0.05,) * 3)
 
 
 def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
@@ -238,22 +220,36 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms", "grasps"))
     if kind == "button":
         options = ButtonOptions(**recipe.options)
-        frame = (*BUTTON_SCALE, *(CONTROL_LIMIT,) * JOINTS * options.controls)
+        # cosines and sines, two positions [m], joint velocities [rad/s], difference of the positions [m], push state
+        scale = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
+        frame = (*scale, *(CONTROL_LIMIT,) * JOINTS * options.controls)
         return {"mean": [0.0] * len(frame) * options.frames, "scale": frame * options.frames}
+    home = get_arm("ur5").home
     if kind == "sights":
-        earlier = [SIGHT_SCALE * k for k in range(1, recipe.options["sights"]) for _ in range(3)]
-        return {"mean": [*SIGHTS_MEAN, *(0.0 for _ in earlier)], "scale": [*SIGHTS_SCALE, *earlier], "waves": WAVES}
+        # a ball [m], the age of its sight [s], joint angles [rad] and speeds [rad/s]; of earlier sights the way to the
+        # last [m], which is the longer the earlier they are
+        mean = (0.475, 0.0, -0.175, 0.05, *home, *(0.0,) * 6)
+        scale = (0.09, 0.17, 1.0, 0.05, *(0.5,) * 6, *(1.0,) * 6)
+        earlier = [0.01 * k for k in range(1, recipe.options["sights"]) for _ in range(3)]
+        return {"mean": [*mean, *(0.0 for _ in earlier)], "scale": [*scale, *earlier], "waves": WAVES}
     if kind == "arms":
-        return {"mean": ARMS_MEAN, "scale": ARMS_SCALE, "waves": WAVES}
+        # a ball [m], two errors beside it [m], moves, looks, and of three coordinates the mean error [m] and its slopes
+        mean = (0.475, 0.0, -0.175, *(0.0,) * 6, 1.0, 20.0, *(0.0,) * 9)
+        scale = (0.1, 0.18, 0.006, *(5e-3,) * 6, 1.0, 20.0, *(5e-3, 7e-4, 7e-4) * 3)
+        return {"mean": mean, "scale": scale, "waves": WAVES}
     if kind == "grasps":
-        return {"mean": GRASPS_MEAN, "scale": GRASPS_SCALE}
-    observations = first_observations(recipe.environment, recipe.options, seed=_SCALE_SEED)
+        # an object [m], the angle of its faces [rad], its size [m] and shape, joint angles [rad], the opening [m], and
+        # from the tip to the object [m]
+        mean = (0.475, 0.0, -0.175, 0.0, 0.025, 0.0, 0.0, 0.0, *home, 0.05, *(0.0,) * 3)
+        scale = (0.1, 0.18, 0.05, 0.5, 0.01, 1.0, 1.0, 1.0, *(0.5,) * 6, 0.02, *(0.05,) * 3)
+        return {"mean": mean, "scale": scale}
+    observations = first_observations(recipe.environment, recipe.options, seed=1)
     if kind == "goal waves":
         observations = observations[:, _fixed(recipe)]
-    scale = observations.std(axis=0)
-    scale = np.where(scale < 1e-6, 1.0, scale)
+    spread = observations.std(axis=0)
+    spread = np.where(spread < 1e-6, 1.0, spread)
     waves = WAVES if "waves" in kind else ()
-    return {"mean": observations.mean(axis=0).tolist(), "scale": scale.tolist(), "waves": waves}
+    return {"mean": observations.mean(axis=0).tolist(), "scale": spread.tolist(), "waves": waves}
 
 
 def step_by_step(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:

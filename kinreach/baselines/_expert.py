@@ -10,9 +10,6 @@ from kinreach._checks import Floats
 from kinreach.kinematics import URKinematics
 from kinreach.robots import ArmDescription
 
-_QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
-
-
 #: Points around the gripper of the thesis's arm, from the tip [m]: of the palm, and below and beside both fingers.
 #: These end 10 mm beyond the tip, 124 mm apart outside: with the points above the table the gripper is clear of it.
 GRIPPER = np.array(
@@ -43,7 +40,8 @@ def tool_down_postures(kinematics: URKinematics, goals: Floats, turns: Floats | 
     home = np.array(kinematics.arm.home)
     outwards = np.arctan2(goals[:, 1], goals[:, 0]) + turns
     poses = np.tile(np.eye(4), (len(goals), 1, 1))
-    poses[:, :2, :2] = np.cos(outwards)[:, None, None] * np.eye(2) + np.sin(outwards)[:, None, None] * _QUARTER_TURN
+    quarter_turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    poses[:, :2, :2] = np.cos(outwards)[:, None, None] * np.eye(2) + np.sin(outwards)[:, None, None] * quarter_turn
     poses[:, :3, :3] = poses[:, :3, :3] @ kinematics.fk(home)[:3, :3]
     poses[:, :3, 3] = goals
     return kinematics.nearest_batch(poses, home).q

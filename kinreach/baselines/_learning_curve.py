@@ -28,9 +28,6 @@ COLUMNS = ("steps", "episodes", "reward", "return", "reached", "distance", "post
 #: Columns of a traced episode: steps so far, distance after the step [m] (empty without one), reward of the step.
 TRACE_COLUMNS = ("steps", "distance", "reward")
 
-#: What is averaged over the episodes that ended: column of the curve, and name in the info.
-_LAST = {"reached": "is_success", "distance": "distance", "posture_error": "posture_error"}
-
 
 class LearningCurve(VectorWrapper[Any, Any, Any]):
     """A vector environment that records its learning curve.
@@ -110,7 +107,9 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         self.episodes += int(over.sum())
         self._ended += int(over.sum())
         self._sums["return"] += float(self._returns[over].sum())
-        for column, name in _LAST.items():
+        # column of the curve -> name in the info
+        columns = {"reached": "is_success", "distance": "distance", "posture_error": "posture_error"}
+        for column, name in columns.items():
             if (values := last_value(self._info, name)) is not None:
                 self._sums[column] = self._sums.get(column, 0.0) + float(values[over].sum())
         self._returns[over] = 0.0

@@ -32,7 +32,6 @@ OPSET, IR_VERSION = 18, 8
 INPUT, OUTPUT = "observation", "action"
 #: Policies that see have inputs such as `front_rgb`, uint8, (batch, height, width, 3), and, if they walk, the joints.
 JOINTS = "joints"
-_LAST = np.iinfo(np.int64).max
 
 
 def export_onnx(policy: LearnedPolicy, path: str | Path, *, observations: int | None = None) -> None:
@@ -144,7 +143,7 @@ def _eye(graph: _Graph, eye: Eye, picture: str) -> str:
             h = graph("Relu", h)
         size = weight.shape[2]
         h = graph("Pad", h, [0, size // 2, size // 2, 0] * 2)
-        ends = [*range(1 - size, 0), _LAST]
+        ends = [*range(1 - size, 0), np.iinfo(np.int64).max]
         places = [([y, x], [ends[y], ends[x]]) for y in range(size) for x in range(size)]
         windows = [graph("Slice", h, first, last, [1, 2], [stride, stride]) for first, last in places]
         flat = weight.transpose(2, 3, 1, 0).reshape(-1, len(bias))

@@ -43,8 +43,6 @@ def paced(way: Array) -> Array:
     return way / STEP_SIZE / np.maximum(1.0, np.ceil(steps - SLACK))
 
 
-#: Largest number in an observation.
-MAX_OBSERVED = 1e6
 _SUFFIX = ".safetensors"
 
 
@@ -178,7 +176,7 @@ class LearnedPolicy:
         x = as_floats("observation", observation)
         if x.ndim == 0 or not self.accepts(x.shape[-1]):
             raise InputError(f"an observation must have {self._wanted} numbers, got shape {x.shape}")
-        check_entries("observation", x, MAX_OBSERVED)
+        check_entries("observation", x, 1e6)
         return x
 
     def _pictures(self, observation: Any) -> dict[str, Array]:

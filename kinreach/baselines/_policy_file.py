@@ -96,10 +96,6 @@ class Network:
 FORMAT = 1
 #: Largest file [bytes].
 MAX_BYTES = 16 * 1024 * 1024
-#: What a network's output means: an action of the environment, a posture, or the preference of each discrete action.
-MEANINGS = ("action", "posture", "preferences")
-#: Fields that older cards lack.
-_LATER = {"goal_seeds"}
 
 
 @dataclass(frozen=True)
@@ -108,7 +104,7 @@ class PolicyCard:
 
     Attributes:
         environment: Id of the environment it acts in.
-        meaning: What its output means, one of `MEANINGS`.
+        meaning: What its output is: an `action` of the environment, a `posture`, or `preferences` for discrete actions.
         activation, output: Of the network.
         algorithm: That trained it.
         recipe: Name and settings of the recipe.
@@ -196,7 +192,7 @@ def _card(header: Mapping[str, str]) -> PolicyCard:
     if not isinstance(values, dict) or values.pop("format", None) != FORMAT:
         raise InputError(f"its format is not {FORMAT}")
     known = {f.name for f in fields(PolicyCard)}
-    if not known - _LATER <= set(values) <= known:
+    if not known - {"goal_seeds"} <= set(values) <= known:  # older cards lack it
         raise InputError(f"its card must have the fields {sorted(known)}, got {sorted(values)}")
     kinds = {"recipe": dict, "results": dict, "versions": dict, "goal_seeds": dict, "seed": int, "steps": int}
     for name, value in values.items():
@@ -204,7 +200,7 @@ def _card(header: Mapping[str, str]) -> PolicyCard:
             raise InputError(f"{name} must be of type {kinds.get(name, str).__name__}, got {type(value).__name__}")
     card = PolicyCard(**values)
     for name, value, choices in (
-        ("meaning", card.meaning, MEANINGS),
+        ("meaning", card.meaning, ("action", "posture", "preferences")),
         ("activation", card.activation, ACTIVATIONS),
         ("output", card.output, OUTPUTS),
     ):

@@ -23,8 +23,6 @@ TrainingReward = Callable[[Array, Mapping[str, Any]], Array]
 
 #: Least reward: the thesis's -100 and -25 hide all other differences at first.
 FLOOR = -30.0
-#: Reward of fingers that close around an object.
-GRASPED = 5.0
 #: Distance below which the dense reward has nothing left to gain [m], and its weight of the posture error.
 DENSE_DISTANCE, DENSE_POSTURE, DENSE_IMPOSSIBLE = 1e-5, 5.0, -200.0
 
@@ -49,8 +47,8 @@ def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
 
 
 def grasp(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the dense reward, plus `GRASPED` if the fingers close around the object."""
-    return dense(rewards, info) + GRASPED * info["held"]
+    """Return the dense reward, plus 5 if the fingers close around the object."""
+    return dense(rewards, info) + 5.0 * info["held"]
 
 
 def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:

@@ -45,16 +45,6 @@ _ALGORITHMS = "PPO, A2C, SAC, TQC, TD3, DDPG and DQN"
 TORCH_ACTIVATIONS = {"Tanh": "tanh", "SiLU": "silu", "ReLU": "relu", "ELU": "elu", "LeakyReLU": "leaky_relu"}
 #: Modules whose policies have these actors.
 _POLICIES = re.compile(r"(stable_baselines3|sb3_contrib)\.(common|sac|td3|dqn|tqc)\.policies")
-#: Beginnings of the names of other tensors: an actor's standard deviations, critics, target networks.
-_OTHERS = (
-    "log_std",
-    "actor.log_std",
-    "mlp_extractor.value_net.",
-    "value_net.",
-    "critic",
-    "actor_target.",
-    "q_net_target.",
-)
 
 
 def actor_network(
@@ -183,7 +173,17 @@ def _policy(path: Path, data: dict[str, Any], tensors: dict[str, Array]) -> tupl
         raise InputError(f"it has a features extractor of its own ({odd[0]}); only MlpPolicy's can be read")
     network, kind = actor_network(tensors, activation=activation, bounds=bounds)
     prefixes = tuple(prefix for actor in ACTORS for prefix in (actor[0], actor[1] + ".") if prefix != ".")
-    if strange := [name for name in tensors if not name.startswith(prefixes + _OTHERS)]:
+    # actors' standard deviations, critics, target networks
+    others = (
+        "log_std",
+        "actor.log_std",
+        "mlp_extractor.value_net.",
+        "value_net.",
+        "critic",
+        "actor_target.",
+        "q_net_target.",
+    )
+    if strange := [name for name in tensors if not name.startswith(prefixes + others)]:
         raise InputError(f"it has tensors that no MlpPolicy has: {strange[0]}")
     if shape != [len(network.mean)]:
         raise InputError(f"its network takes {len(network.mean)} numbers, its observations have {shape}")

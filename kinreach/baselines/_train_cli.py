@@ -25,14 +25,10 @@ from kinreach.errors import InputError, InstallationError
 if TYPE_CHECKING:
     from kinreach.baselines._training import Run
 
-#: Trials of a search that are shown.
-SHOWN = 10
 #: Goals of the evaluation after a training.
 GOALS = 1000
 #: Default goals, by which recipes may be changed.
 SPLIT = "validation"
-#: Options that a search does not have.
-OF_RECIPES = ("seed", "seeds", "steps", "split", "engine", "export", "fresh")
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -54,7 +50,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if (arguments.recipe is None) == (arguments.search is None):
         raise InputError("give a RECIPE, or a --search")
     if arguments.search is not None:
-        for name in OF_RECIPES:
+        for name in ("seed", "seeds", "steps", "split", "engine", "export", "fresh"):  # which a search does not have
             if getattr(arguments, name) not in (parser.get_default(name), RAY):
                 raise InputError(f"--{name} is not for --search; its file has the settings")
         return _search(arguments)
@@ -106,7 +102,7 @@ def _search(arguments: argparse.Namespace) -> int:
     names = [*given.ranges, "steps", *JUDGES, "status"]
     for name in names:
         table.add_column(name)
-    for row in results["trials"][:SHOWN]:
+    for row in results["trials"][:10]:
         table.add_row(*(f"{row[name]:.4g}" if isinstance(row[name], float) else str(row[name]) for name in names))
     console = Console(width=TABLE_WIDTH)
     console.print(table)

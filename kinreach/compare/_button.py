@@ -51,14 +51,11 @@ def decision_ms(trial: Trial) -> float:
     return 1e3 * float(trial["solve_s"]) / int(trial["steps"])
 
 
-#: Columns of all tasks that are not shown.
-_SHOWN = {"reached": "", "distance_mm": "", "success_at_mm.1": "", "impossible": "", "solve_ms": ""}
-
-
 def _column(column: Column) -> Column:
     """Return a column of all tasks for this one; its reward is the sum over the episode."""
     value = "return" if column.key == "reward_mean" else column.value
-    return replace(column, value=value, show=_SHOWN.get(column.key, column.show))
+    show = {"reached": "", "distance_mm": "", "success_at_mm.1": "", "impossible": "", "solve_ms": ""}
+    return replace(column, value=value, show=show.get(column.key, column.show))
 
 
 def _scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:

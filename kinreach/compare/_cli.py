@@ -29,8 +29,6 @@ from kinreach.robots._flags import ARM_FLAGS, add_arm_flags, arm_of, package_dir
 
 #: Width that the tables for people fit into [characters].
 TABLE_WIDTH = 100
-#: Longest setting that is part of the default folder's name as it is [characters].
-MAX_PART = 40
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -138,7 +136,7 @@ def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: M
     short = []
     for part in filter(None, parts):
         text = part.replace(",", "+")
-        plain = len(text) <= MAX_PART and re.fullmatch(r"[\w.+-]+", text, re.ASCII)
+        plain = len(text) <= 40 and re.fullmatch(r"[\w.+-]+", text, re.ASCII)
         short.append(text if plain else digest(text.encode())[:8])
     return "-".join([f"compare-{task}", *short])
 

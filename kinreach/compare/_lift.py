@@ -22,8 +22,6 @@ from kinreach.kinematics._solvers import new_solver
 
 #: Stages at which a grasp can fail, in their order.
 CAUSES = ("seen", "reached", "closed", "slipped", "dropped")
-#: Their colours in the figure.
-SHADES = ("#111111", "#444444", "#777777", "#a6a6a6", "#d0d0d0")
 #: Title of the second table.
 TIME_TABLE = "Distances and times"
 
@@ -48,7 +46,7 @@ def _scripted(name: str) -> Method:
 
 def draw_causes(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     """Draw the share that each method lifts, and what failed in the rest."""
-    methods = results["methods"]
+    methods, shades = results["methods"], ("#111111", "#444444", "#777777", "#a6a6a6", "#d0d0d0")
     figure, (axes,) = new_figure(
         "Objects lifted, and what failed",
         size=(8.0, 1.3 + 0.5 * len(methods)),
@@ -59,7 +57,7 @@ def draw_causes(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         left = 100.0 * method["reached"]
         axes.barh(row, left, color=method["colour"], height=0.6)
         axes.text(1.0, row, f"{left:.1f}", va="center", color="white", fontsize=9, weight="bold")
-        for cause, shade in zip(CAUSES, SHADES, strict=True):
+        for cause, shade in zip(CAUSES, shades, strict=True):
             share = 100.0 * method["failed"][cause]
             axes.barh(row, share, left=left, color=shade, height=0.6, label=cause if row == 0 else None)
             left += share

@@ -22,7 +22,6 @@ from kinreach.errors import InputError
 
 #: Both become `--resolution`.
 SIZE = ("width", "height")
-_TRUTH = {"true": True, "false": False}
 
 
 @dataclass(frozen=True)
@@ -175,7 +174,7 @@ def _parser_of(hint: Any) -> tuple[Callable[[str], Any], str, str] | None:
             f"{words} with commas between them",
         )
     known: Mapping[Any, tuple[Callable[[str], Any], str, str]] = {
-        bool: (lambda text: _TRUTH[text.lower()], "true|false", "true or false"),
+        bool: (lambda text: {"true": True, "false": False}[text.lower()], "true|false", "true or false"),
         int: (int, "N", "a whole number"),
         float: (float, "X", "a number"),
         str: (str, "NAME", "a text"),

@@ -14,8 +14,6 @@ RANKED = {
     "decision_ms": "decides fastest: {} ms in the median",
     "solve_ms": "decides fastest: {} ms in the median",
 }
-#: More methods than these are counted, not listed.
-MAX_LISTED = 3
 
 
 def reaching(entries: Sequence[Entry]) -> list[Entry]:
@@ -58,7 +56,7 @@ def finding(results: Mapping[str, Any]) -> list[str]:
     near = ranked[len(top) :]
     every = f"every one of {goals} goals" if goals > 1 else "the goal"
     share_text = every if share == 1 else f"{100 * share:.1f} % of {goals} goals"
-    who = _listed(_names(top)) if len(top) <= MAX_LISTED else f"{len(top)} of {len(entries)} methods"
+    who = _listed(_names(top)) if len(top) <= 3 else f"{len(top)} of {len(entries)} methods"
     if len(top) == len(entries) > 1:
         who = "Both methods" if len(top) == 2 else f"All {len(top)} methods"
     sentence = f"{who} {'reach' if len(top) > 1 else 'reaches'} {share_text}"

@@ -32,14 +32,10 @@ from kinreach.errors import DrawingError, InstallationError
 from kinreach.sim._picture import Scene, ScenePicture
 from kinreach.sim._posed import PosedScene
 
-#: Dots per inch of browsers.
-PAGE_DPI = 96
 #: Width and height of pictures of a scene [pixels].
 SIZE = (960, 540)
 #: Quality of the pictures' JPEG.
 QUALITY = 85
-#: Longer names of methods are wrapped.
-MAX_NAME_LENGTH = 24
 #: Names of the task's terms -> their headings; others are headings as they are.
 HEADINGS = {
     "goal": "Goals",
@@ -293,7 +289,7 @@ def _row(
     kind: bool,
 ) -> str:
     name = escape(entry["name"])
-    long = ' class="long"' * (len(entry["name"]) > MAX_NAME_LENGTH)
+    long = ' class="long"' * (len(entry["name"]) > 24)
     dot = f'<i style="background: {escape(entry["colour"])}"></i>'
     cells = [f'<th scope="row"{long} data-value="{name}">{dot}{name}</th>']
     if kind:
@@ -351,7 +347,7 @@ def _failures(
 def _chart(file: Path, title: str) -> str:
     """Return a figure in the page's text size, with a link to save it."""
     with Image.open(file) as picture:
-        width = round(PAGE_DPI / DPI * picture.width)
+        width = round(96 / DPI * picture.width)  # browsers have 96 dots per inch
     uri = _data_uri("image/png", file.read_bytes())
     return (
         f'<figure class="chart {escape(file.stem)}"><img src="{uri}" alt="{escape(title)}" width="{width}">'

@@ -1,7 +1,7 @@
 """Run comparisons: every method on every goal, resumable trial by trial.
 
 All methods play one goal before the next, in random order, so that other load on the machine affects all of them
-alike. Cameras look at a goal once; all methods observe the same measurement.
+alike. Cameras measure a goal once; all methods observe the same measurement.
 """
 
 from __future__ import annotations

@@ -133,7 +133,7 @@ class _Watched(gym.Wrapper[Any, Any, Any, Any]):
 
     @property
     def full(self) -> bool:
-        """Whether the film takes no more frames."""
+        """Whether the film has as many frames as it may."""
         return self._film is not None and self._film.full
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:

@@ -21,8 +21,6 @@ from kinreach.errors import InputError, OutputError
 FILM_FPS = 25
 Frame = NDArray[np.uint8]
 FORMATS = (".gif", ".mp4")
-#: VP9: the wheels of OpenCV have an encoder for it, but not for H.264; browsers do not play their MPEG-4 Part 2, mp4v.
-CODEC = "vp09"
 #: Frames of a GIF, which is put together in memory; a longer film has to be a video.
 MAX_GIF_FRAMES = 1000
 #: A GIF has every second frame only, and few colours: those of its first frame, chosen by an octree, which keeps those
@@ -110,7 +108,8 @@ class Film(AbstractContextManager["Film"]):
         return image.quantize(palette=self._palette, dither=Image.Dither.NONE)
 
     def _open(self, width: int, height: int) -> Any:
-        writer = cv2.VideoWriter(str(self._temporary), cv2.VideoWriter.fourcc(*CODEC), self._fps, (width, height))
+        # the wheels of OpenCV have no encoder for H.264, and browsers do not play their mp4v
+        writer = cv2.VideoWriter(str(self._temporary), cv2.VideoWriter.fourcc(*"vp09"), self._fps, (width, height))
         if not writer.isOpened():
             raise OutputError(f"cannot write {self.path}: this OpenCV has no VP9 encoder; a .gif needs none")
         self._stack.callback(writer.release)  # where the film fails; a second time does nothing

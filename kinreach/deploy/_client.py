@@ -41,8 +41,6 @@ _VARIABLES = (
     "timestamp", "target_q", "target_qd", "actual_q", "actual_qd", "actual_TCP_pose", "robot_mode", "safety_mode",
     "runtime_state", "speed_scaling", *_OPTIONAL,
 )  # fmt: skip
-#: Speed of a joint below which it is at rest [rad/s].
-STANDS = 0.001
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +254,7 @@ class URClient:
 
     def _wait_until_it_stands(self, states: list[RobotState]) -> None:
         deadline = monotonic() + TIMEOUT
-        while np.abs(states[-1].actual_qd).max() > STANDS or states[-1].runtime_state == RuntimeState.PLAYING:
+        while np.abs(states[-1].actual_qd).max() > 0.001 or states[-1].runtime_state == RuntimeState.PLAYING:
             states.append(self.next_state())
             if monotonic() > deadline:
                 raise RobotError(f"the robot at {self.address} still moves: use its emergency stop")

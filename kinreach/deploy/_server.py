@@ -46,8 +46,6 @@ from kinreach.robots import ArmDescription, get_arm
 PRIMARY_PORT = 30001
 #: Clients of a port, and bytes that may wait for one.
 MAX_CLIENTS, MAX_WAITING = 32, 2**20
-#: Input recipes of a client.
-MAX_RECIPES = 255
 #: Largest delay behind real time that the simulation catches up with [s].
 PATIENCE = 0.2
 #: Messages on a script port: kind of the package, and kinds of messages in it.
@@ -408,7 +406,7 @@ class _RtdeClient(_Client):
         """Take a recipe of inputs; its number goes back."""
         names = names_in(payload)
         types = self.robot.claim(names, self)
-        accepted = bool(names) and not {IN_USE, NOT_FOUND} & set(types) and len(self.inputs) < MAX_RECIPES
+        accepted = bool(names) and not {IN_USE, NOT_FOUND} & set(types) and len(self.inputs) < 255
         if accepted:
             self.inputs.append(Recipe(names, types))
         self.send(package(Kind.SETUP_INPUTS, bytes([len(self.inputs) if accepted else 0]) + ",".join(types).encode()))

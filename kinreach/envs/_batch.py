@@ -25,8 +25,6 @@ AHEAD = 256
 #: Environments for which they are drawn before they are put in place: as many as fit into the cache. Freeing an array
 #: of that size also makes glibc keep the memory that every step allocates.
 TOGETHER = 256
-#: More environments in one batch are refused before memory is asked for.
-MAX_ENVIRONMENTS = 2**17
 #: More environments than this are not drawn.
 MAX_DRAWN = 64
 
@@ -411,7 +409,7 @@ def check_batch(num_envs: int, threads: int, render_mode: object) -> int:
     Raises:
         InputError: A number of environments or threads out of range, or a mode that batches do not have.
     """
-    num_envs = check_count("num_envs", num_envs, most=MAX_ENVIRONMENTS)
+    num_envs = check_count("num_envs", num_envs, most=2**17)  # refused before memory is asked for
     check_count("threads", threads, most=MAX_THREADS)
     if render_mode is not None:
         check_known("render_mode of a native batch", render_mode, NativeVectorEnv.metadata["render_modes"])

@@ -40,8 +40,6 @@ SPEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)
 INSIDE = 0.02
 #: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds, and sights before.
 BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
-#: No more sights than an episode has frames.
-MAX_SIGHTS = round(SECONDS * FRAMES)
 #: The first joint turns a tip at the far end of the table no faster [m/s].
 FASTEST = 2.0
 
@@ -129,7 +127,7 @@ class MovingOptions:
             check_known("path", path, PATHS)
         check_number("delay [s]", self.delay, least=0.0, most=1.0)
         check_number("noise [m]", self.noise, least=0.0, most=0.1)
-        check_count("sights", self.sights, most=MAX_SIGHTS)
+        check_count("sights", self.sights, most=round(SECONDS * FRAMES))
         check_flag("collisions", self.collisions)
         check_number("strength", self.strength, least=0.1, most=1.0)
 

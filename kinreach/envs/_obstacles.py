@@ -52,8 +52,6 @@ CLUTTER, MAX_CLUTTER = (0, 4, 8, 16), 20
 EDGE, X, Y = (0.04, 0.10), (0.20, 0.75), (-0.45, 0.45)
 #: An obstacle is at least so far from the ball's centre [m].
 FROM_BALL = 0.04
-#: Turns of the gripper about the vertical in which goals are sought [rad]; its two fingers are alike.
-TURNS = np.arange(8) * np.pi / 8
 #: Samples of a motion that is judged: no joint moves farther from one to the next [rad].
 DENSE = 0.002
 #: A move in which no joint turns farther than this ends the episode [rad].
@@ -280,7 +278,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
     def goal_postures(self) -> Floats:
         """Return the postures at the ball that keep the margin [rad], shape (k, 6): every branch, at eight turns."""
         clearance, found = self.clearance, []
-        for turn in TURNS:
+        for turn in np.arange(8) * np.pi / 8:  # the two fingers are alike
             seed = [*self._home[:-1], self._home[-1] + turn]
             solutions = self.kinematics.axis_solutions(self._goal, TOOL_DOWN, seed=seed)
             found += [q for q in solutions.q if clearance.free(q)]

@@ -72,8 +72,6 @@ LINK_MASSES = np.array((3.7, 8.393, 2.275, 1.219, 1.219, 0.1879))
 NOISE, MEDIAN_LENGTH = 1.4e-4, 1.5382
 #: Looks that may be taken before, a choice of these; half of the balls have to be nearer than this in the end [m].
 BUDGETS, NEAR = (0, 5, 10, 20, 50, 100), 5e-4
-#: Least error of a look [m].
-MIN_NOISE = 1e-9
 #: UR5 whose calibrations come with the package.
 UR5S = tuple(name for name in PUBLISHED_CALIBRATIONS if name.startswith("ur5_"))
 #: Numbers of an observation: ball and tip as they were seen, posture, moves to this ball, looks allowed so far.
@@ -120,7 +118,7 @@ class RealArmOptions:
             raise InputError(f"budgets of looks must increase, got {shown(self.budgets)}")
         check_count("again", self.again, least=0, most=MAX_AGAIN)
         check_count("balls", self.balls, most=MAX_BALLS)
-        check_number("noise [m]", self.noise, least=MIN_NOISE, most=1.0)
+        check_number("noise [m]", self.noise, least=1e-9, most=1.0)
         for calibration in self.calibrations:
             true_arm(calibration)
 

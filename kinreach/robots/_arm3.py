@@ -15,7 +15,6 @@ from kinreach.robots._urdf import Solid, add_joint, add_link, named, numbers
 from kinreach.robots._workcell import Box, CameraMount, QuadrantRegion, Workcell
 
 BASE_HEIGHT = 0.158
-END_EFFECTOR = (-0.090, 0.0, 0.48)
 BEND_LIMIT = 2.0
 
 
@@ -97,7 +96,7 @@ def _build_urdf() -> str:
         )
         parent = link.name
     add_link(robot, "end_effector")
-    add_joint(robot, "end_effector_joint", parent, "end_effector", xyz=END_EFFECTOR)
+    add_joint(robot, "end_effector_joint", parent, "end_effector", xyz=(-0.090, 0.0, 0.48))
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode")
 

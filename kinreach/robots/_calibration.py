@@ -43,8 +43,6 @@ _KINDS = (
     "delta_theta), or a URDF"
 )
 _XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
-_DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
-_TWISTS = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)
 _DELTA_LINE = re.compile(r"^\s*(delta_\w+)\s*=\s*\[([^\]]*)\]\s*$", re.MULTILINE)
 #: Calibrations of eight real arms whose owners published them, by name, such as "ur5_a" (the model, then a letter);
 #: the driver's files. The first line of each names the source of its figures.
@@ -216,7 +214,7 @@ def _from_controller(text: str, model: str) -> _Placed:
     """Read the controller's file: four lists of six numbers, to be added to the DH parameters of the data sheet."""
     lists = dict(_DELTA_LINE.findall(text))
     values = []
-    for key in _DELTAS:
+    for key in ("delta_theta", "delta_a", "delta_d", "delta_alpha"):
         words = lists.get(key, "").replace(",", " ").split()
         if len(words) != 6:
             raise InputError(
@@ -226,7 +224,8 @@ def _from_controller(text: str, model: str) -> _Placed:
         values.append([_number(f"{key} of {joint}", w, bound, unit) for w, joint in zip(words, JOINTS, strict=True)])
     d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
     steps, z, x = [np.eye(4)] * 7, np.array((0.0, 0.0, 1.0)), np.array((1.0, 0.0, 0.0))
-    nominal = zip((d1, 0.0, 0.0, d4, d5, d6), (0.0, a2, a3, 0.0, 0.0, 0.0), _TWISTS, *values, strict=True)
+    twists = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)
+    nominal = zip((d1, 0.0, 0.0, d4, d5, d6), (0.0, a2, a3, 0.0, 0.0, 0.0), twists, *values, strict=True)
     for index, (d, a, alpha, theta, more_a, more_d, more_alpha) in enumerate(nominal):
         link = np.eye(4)
         R = turn(z, theta)

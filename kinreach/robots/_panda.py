@@ -10,7 +10,6 @@ from kinreach.robots._description import HULLS, ArmDescription
 from kinreach.robots._ur_arms import example_robot_data
 from kinreach.robots._workcell import Box, BoxRegion, Workcell
 
-URDF_FILE = "example-robot-data/robots/panda_description/urdf/panda.urdf"
 FLOOR = -0.75
 BALL_RADIUS = 0.025
 
@@ -22,7 +21,7 @@ def describe() -> ArmDescription:
         InstallationError: example-robot-data is not installed.
     """
     arm = ArmDescription.from_urdf(
-        Path(example_robot_data()) / URDF_FILE,
+        Path(example_robot_data()) / "example-robot-data/robots/panda_description/urdf/panda.urdf",
         name="panda",
         tip="panda_hand_tcp",
         meshes=HULLS,

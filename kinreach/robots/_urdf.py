@@ -391,8 +391,6 @@ SERVO_RATE = 30.0
 MAX_SPEED, MAX_ACCELERATION = 3.0, 10.0
 #: Branches that an error message names.
 MAX_NAMED = 6
-#: Field of view of the default `overview` camera [degrees].
-OVERVIEW_FOVY = 40.0
 #: How far a start posture may be beyond a limit [rad]: URDFs write pi with few digits.
 LIMIT_DIGITS = 1e-5
 
@@ -506,7 +504,7 @@ class UrdfArm:
         size = sum(_length(joint) for joint in self._path(self.tip)) or 1.0
         return CameraMount(
             "overview", "world", (1.5 * size, -1.5 * size, 0.9 * size), (0.15 * size, 0.0, 0.3 * size),
-            fovy=OVERVIEW_FOVY,
+            fovy=40.0,
         )  # fmt: skip
 
     @cached_property

@@ -18,8 +18,6 @@ from kinreach.errors import InputError
 
 #: Largest edge and coordinate of an obstacle [m]: collision engines miss contacts of shapes of too different sizes.
 MAX_SIZE = 1000.0
-#: Largest vertical field of view of a camera [degrees].
-MAX_FOVY = 179.0
 #: Smallest sine of the angle between a camera's line of sight and its up direction.
 MIN_SINE = 1e-6
 
@@ -106,7 +104,7 @@ class CameraMount:
         check_name("the name of a camera", self.name)
         of = f"of the camera {self.name!r}"
         check_name(f"the link {of}", self.link)
-        check_number(f"fovy {of}", self.fovy, above=0.0, most=MAX_FOVY)
+        check_number(f"fovy {of}", self.fovy, above=0.0, most=179.0)
         check_flag(f"observed {of}", self.observed)
         position, target, up = (
             as_vector(f"the {part} {of}", getattr(self, part), 3, most=MAX_DISTANCE)

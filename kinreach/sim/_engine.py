@@ -9,8 +9,6 @@ from typing import Any
 from kinreach.errors import InstallationError
 
 _GRAPHICS = "MUJOCO_GL"
-#: Where MuJoCo's warnings go by default: a file in the current folder.
-_DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 
 def _load() -> Any:
@@ -43,7 +41,7 @@ def _without_log_file(module: Any) -> Any:
     later, is used.
     """
     settings = module.MjLogConfig.get()
-    if settings.logfile == _DEFAULT_LOG:
+    if settings.logfile == "MUJOCO_LOG.TXT":
         settings.logto_file = False
         settings.set()
     return module

@@ -51,7 +51,7 @@ class Plant(Protocol):
         ...
 
     def put(self, ids: Ids, states: Floats) -> None:
-        """Put some, ascending, shape (k,), into states that they or others were in, and take them for sound."""
+        """Put some, ascending, shape (k,), into states that they or others were in, and mark them as not diverged."""
         ...
 
     def put_back(self, ids: Ids, states: Floats) -> None:

@@ -32,9 +32,7 @@ TIMESTEP = 0.008
 BALL = "ball"
 BALL_GROUP = 1  # of its own, so that it can be drawn alone
 BALL_COLOUR = (0.86, 0.04, 0.03, 1.0)
-NEITHER_SEEN_NOR_FELT = {**DRAWN_ONLY, "group": HIDDEN_GROUP}
 PAYLOAD = "payload"
-PAYLOAD_RADIUS = 0.02
 #: Stiffness of a finger's drive [N/m]: full force 12 mm from where it wants to be.
 GRIPPER_GAIN = 10_000.0
 #: Angles of the first joint at which it is tried what the first link touches.
@@ -166,7 +164,7 @@ def _add_servo(spec: Any, joint: Any, gain: float) -> None:
 
 
 def _spoil(spec: Any, arm: ArmDescription, imperfections: Imperfections) -> None:
-    """Friction and damping of the joints, and a mass at the tip that gravity compensation does not know."""
+    """Friction and damping of the joints, and a mass at the tip that gravity compensation ignores."""
     for name in arm.joints:
         joint = spec.joint(name)
         effort = float(joint.actfrcrange[1])
@@ -177,7 +175,7 @@ def _spoil(spec: Any, arm: ArmDescription, imperfections: Imperfections) -> None
         load.add_geom(
             name=PAYLOAD,
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[PAYLOAD_RADIUS, 0, 0],
+            size=[0.02, 0, 0],
             **{**DRAWN_ONLY, "mass": imperfections.payload, "group": HIDDEN_GROUP},
         )
 
@@ -190,7 +188,9 @@ def _add_workcell(spec: Any, arm: ArmDescription, *, marker: bool) -> None:
         body.add_geom(name=box.name, type=mujoco.mjtGeom.mjGEOM_BOX, size=[edge / 2 for edge in box.size])
         # With a second shape in the body, MuJoCo compares oriented bounding boxes before it searches for the contact
         # itself, and so drops almost all pairs; between bodies of one shape it compares bounding spheres only.
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[min(box.size) / 4, 0, 0], **NEITHER_SEEN_NOR_FELT)
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[min(box.size) / 4, 0, 0], **{**DRAWN_ONLY, "group": HIDDEN_GROUP}
+        )
     for one, other in (*disabled_pairs(arm), *cell.touching):
         spec.add_exclude(bodyname1=one, bodyname2=other)
     # Any goal will do until the first `place_ball`.

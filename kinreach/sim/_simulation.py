@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 
 #: What steps a batch.
 MUJOCO, WARP = "mujoco", "warp"
-#: More simulations than this are refused before memory is asked for; each takes some hundred kB.
-MAX_COUNT = 2**17
 
 
 class ArmSimulation:
@@ -236,7 +234,7 @@ class BatchSimulation:
         if device is not None and backend != WARP:
             raise InputError(f"device is for backend={WARP!r}; {backend!r} runs on the processor, got {shown(device)}")
         count, threads = (
-            check_count("count", count, most=MAX_COUNT),
+            check_count("count", count, most=2**17),  # refused before memory is asked for
             check_count("threads", threads, most=MAX_THREADS),
         )
         check_timestep(timestep)

@@ -31,8 +31,6 @@ _MATERIALS = {
 #: Width, height and depth of the housing that is drawn behind the lens [m], about those of a RealSense D435.
 HOUSING = (0.09, 0.025, 0.025)
 _GREY, _BLACK = (0.72, 0.73, 0.75, 1.0), (0.03, 0.03, 0.04, 1.0)
-#: A mesh of fewer is refused by MuJoCo; a triangle is drawn twice.
-MIN_VERTICES = 4
 #: The files' colours are darker than the arm is; they are raised to this power.
 _GAMMA = 0.75
 
@@ -170,7 +168,7 @@ def add_visual_meshes(spec: Any, arm: ArmDescription) -> None:
 
 
 def _add_mesh(spec: Any, body: str, name: str, colour: tuple[float, ...], meshes: list[LinkShape]) -> None:
-    if sum(len(mesh.vertices) for mesh in meshes) < MIN_VERTICES:
+    if sum(len(mesh.vertices) for mesh in meshes) < 4:  # a triangle is drawn twice; MuJoCo refuses a mesh of fewer
         meshes = meshes * 2
     offsets = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     faces = np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=True)])

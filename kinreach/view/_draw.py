@@ -37,7 +37,6 @@ ASIDE, AWAY, UNDER, AWAY_UPRIGHT = 0.14, 0.15, 0.25, 0.8
 #: Lines of the grid, of its cells and of its sections.
 GRID, DARK_GRID = ((222, 226, 230), (196, 202, 208)), ((46, 48, 52), (66, 69, 74))
 _LEG = 0.05  # edge of a table leg [m]
-_IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
 def box_colour(name: str) -> Colour:
@@ -196,7 +195,7 @@ class Ghosts(Branch):
                 f"{root}/{index}",
                 piece.vertices,
                 piece.faces,
-                batched_wxyzs=np.tile(_IDENTITY, (most, 1)),
+                batched_wxyzs=np.tile((1.0, 0.0, 0.0, 0.0), (most, 1)),
                 batched_positions=np.zeros((most, 3)),
                 batched_scales=np.zeros(most),
                 batched_colors=np.zeros((most, 3)),

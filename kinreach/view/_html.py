@@ -42,9 +42,6 @@ _ICONS = {
     ),
     PYTHON: _SVG.format('<path d="M7 8l-4 4 4 4M17 8l4 4-4 4M14 4l-4 16"/>'),
 }
-_COPY = _SVG.format(
-    '<rect x="9" y="9" width="11" height="11" rx="2"/><path d="M5 15a1 1 0 0 1-1-1V5a1 1 0 0 1 1-1h9"/>'
-)
 
 
 def css(colour: Colour) -> str:
@@ -126,9 +123,12 @@ def _row(index: int, posture: Posture, q: Floats, *, word: str, joints: Sequence
     detail = "" if usable else _reason(posture.reason)
     detail += f'<span class="kr-small" style="font-family:monospace" title="{escape(titles)}">{values}</span>'
     detail += f' <span class="kr-word">{word}</span>' if word else ""
+    icon = _SVG.format(
+        '<rect x="9" y="9" width="11" height="11" rx="2"/><path d="M5 15a1 1 0 0 1-1-1V5a1 1 0 0 1 1-1h9"/>'
+    )
     copy = (
         '<button class="kr-icon" title="Copy the joint angles in radians" aria-label="Copy the joint angles" '
-        f'data-copy="{q.tolist()}">{_COPY}</button>'
+        f'data-copy="{q.tolist()}">{icon}</button>'
     )
     does = f'{_press(POSTURE, index)} data-point="{POINT_AT} {index + 1}" role="button" tabindex="0"'
     does += f' title="{"Follow the nearest again" if word == "kept" else "Draw this one solid"}"'

@@ -15,7 +15,6 @@ from kinreach.view import _html as html
 
 #: viser's names of the messages that are answered; uploads, forms and commands are not.
 INPUT, DRAG = "GuiUpdateMessage", "TransformControlsUpdateMessage"
-ANSWERED = (INPUT, DRAG, "SceneNodeClickMessage", "ViewerCameraMessage")
 #: Largest length of a text, and largest coordinate of a dragged frame [m].
 MAX_TEXT, MAX_DISTANCE = 4096, 1e6
 
@@ -34,7 +33,7 @@ def watch(client: Any, report: Report) -> None:
     gui._thread_executor = client.scene._thread_executor = _Reporting(gui._thread_executor, report)
     for kind, handlers in list(connection._incoming_handlers.items()):
         connection.unregister_handler(kind)
-        if kind.__name__ in ANSWERED:
+        if kind.__name__ in (INPUT, DRAG, "SceneNodeClickMessage", "ViewerCameraMessage"):
             connection.register_handler(kind, _checking(gui, handlers, report))
 
 

@@ -23,7 +23,6 @@ from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots import ArmDescription
 
 RANDOM = "random"
-PIXELS = "pixels"
 #: Options of environments that the page lets the user choose.
 ARM, OBSERVATION, BACKEND = "arm", "observation", "backend"
 
@@ -68,7 +67,7 @@ class Playable:
             arm: The arm that acts, if the environment has the option.
             observation: Kind of observation; with pictures only policies that see them, or need none, act.
         """
-        eyes, environment = observation == PIXELS, trained_in(self.name)
+        eyes, environment = observation == "pixels", trained_in(self.name)
         closed = self.solvable and ArmKinematics.of(arm).knows_all_postures
         solvers = [name for name in SOLVERS if self.solvable and (closed or name != "closed-form")]
         trained = trained_for(environment, arm.name if ARM in self.choices else None, eyes=eyes)

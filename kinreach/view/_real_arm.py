@@ -17,7 +17,6 @@ from kinreach.robots import ArmDescription
 CELLS = 32
 #: Half the edge of the map of an arm without a table, relative to the stretched arm.
 AROUND = 0.9
-_DOWN = (0.0, 0.0, -1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +119,7 @@ class RealArm:
         return ErrorMap(centre, size, distances)
 
     def _distance(self, position: Floats, seed: Floats) -> float:
-        result = self.nominal.axis_goal(position, _DOWN, seed)
+        result = self.nominal.axis_goal(position, (0.0, 0.0, -1.0), seed)
         return self.miss(result.q).distance if result.success else np.nan
 
 

@@ -20,8 +20,6 @@ from kinreach.view._snippet import calibrated, real_arm_program
 
 #: Factors of the drawn tip error: at the start and the largest.
 TIMES, MAX_TIMES = 30, 100
-#: Height of the map above the table [m].
-ABOVE = 0.002
 #: Pixels of a cell of the map.
 PIXELS = 8
 
@@ -140,7 +138,7 @@ class RealArmPanel(Panel):
         # the picture's columns run along x, its rows against y
         self._picture = self._client.scene.add_image(
             f"{self._root}/map", picture[::-1], *found.size, wxyz=(0.0, 1.0, 0.0, 0.0),
-            position=found.centre + np.array([0.0, 0.0, ABOVE]), cast_shadow=False, visible=self._over_table.value,
+            position=found.centre + np.array([0.0, 0.0, 0.002]), cast_shadow=False, visible=self._over_table.value,
         )  # fmt: skip
         self._scale.content = html.scale(
             colours(np.linspace(0, most, 24), most),

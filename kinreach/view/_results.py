@@ -24,7 +24,6 @@ MAX_BYTES = 256 * 1024 * 1024
 MAX_GOALS, MAX_METHODS = 20_000, 64
 #: Task -> its arm, for files that do not name it.
 UNNAMED = {"ur5": "ur5", "space": "ur5", "real-arm": "ur5", "moving": "ur5", "arm3": "arm3", "button": "arm3"}
-_NEEDED = ("goal_index", "method", "goal", "distance", "reached")
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +137,8 @@ def _summary(content: Any) -> tuple[list[str], dict[str, Any]]:
 
 
 def _trials(rows: csv.DictReader[str], methods: Collection[str]) -> tuple[Floats, tuple[Mapping[str, End], ...]]:
-    missing = [name for name in _NEEDED if name not in (rows.fieldnames or ())]
+    needed = ("goal_index", "method", "goal", "distance", "reached")
+    missing = [name for name in needed if name not in (rows.fieldnames or ())]
     if missing:
         raise InputError(f"it has no column {missing[0]!r}")
     goals: dict[int, Floats] = {}

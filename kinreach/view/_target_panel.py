@@ -31,8 +31,6 @@ NOTHING = "nothing"
 THOSE_THAT_CAN, ALL, NONE = "that can be used", "all", "none"
 #: Opacity of the ghost under the mouse in the list, and of the others meanwhile.
 CLEAR, FAINT = 0.8, 0.07
-#: Largest coordinate [m].
-MAX_POSITION = 1000.0
 #: The self-motion is computed when the target has been still for so long [s].
 STILL = 0.15
 TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
@@ -128,7 +126,7 @@ class TargetPanel(Panel):
         with gui.add_folder("Goal"):
             kind = gui.add_dropdown("asks for", model.kinds, initial_value=self._kind)
             place, turn = "Of the tool's tip in the world frame, that of the scene", "About the world's x, y, z in turn"
-            self._position = self._vector("x y z [m]", MAX_POSITION, step=0.001, hint=place)
+            self._position = self._vector("x y z [m]", 1000.0, step=0.001, hint=place)
             self._angles = self._vector("roll pitch yaw [°]", 360.0, step=0.1, hint=turn)
             down = gui.add_button("Turn the tool down", hint="The tool's z axis down; turning about it is free")
             back = gui.add_button("Back to the start", hint="Arm and target as in the beginning")

@@ -26,14 +26,8 @@ from kinreach.sim._simulation import ArmSimulation
 MAX_PIXELS = 2**16
 #: Bounds of focal lengths, and of how far from the upper left pixel the optical axis may be [pixels].
 MIN_FOCAL_LENGTH, MAX_LENGTH = 1e-6, 1e9
-#: Largest field of view [degrees].
-MAX_FOVY = 179.9
-#: Nearest point that is projected [m].
-MIN_DEPTH = 1e-6
 #: From the optical frame to the frame that MuJoCo and OpenGL give a camera.
 OPTICAL_IN_GL: Floats = np.diag([1.0, -1.0, -1.0])
-#: Largest standard deviation of a sensor's noise, in the unit of either picture: far more than leaves a picture.
-MAX_SIGMA = 1e3
 #: Largest factor of an exposure: of 255 levels hardly one is left.
 MAX_EXPOSURE = 100.0
 
@@ -78,7 +72,7 @@ class Intrinsics:
         Raises:
             InputError: The field of view is not above 0 and at most 179.9 degrees, or the picture is empty.
         """
-        fovy = check_number("fovy", fovy, above=0.0, most=MAX_FOVY)
+        fovy = check_number("fovy", fovy, above=0.0, most=179.9)
         width, height = (check_count("width", width, most=MAX_PIXELS), check_count("height", height, most=MAX_PIXELS))
         f = height / 2 / math.tan(math.radians(fovy) / 2)
         return cls(width, height, f, f, (width - 1) / 2, (height - 1) / 2)
@@ -96,7 +90,7 @@ class Intrinsics:
         if p.ndim == 0 or p.shape[-1] != 3:
             raise InputError(f"p_camera must have shape (..., 3), got {p.shape}")
         check_entries("p_camera", p, MAX_DISTANCE)
-        if not (p[..., 2] >= MIN_DEPTH).all():
+        if not (p[..., 2] >= 1e-6).all():
             raise InputError(
                 f"points to project must be in front of the camera, z > 0; got z = {p[..., 2].min():.6g} m"
             )
@@ -160,7 +154,7 @@ class SensorNoise:
 
     def __post_init__(self) -> None:
         for name in ("rgb_sigma", "depth_sigma"):
-            check_number(name, getattr(self, name), least=0.0, most=MAX_SIGMA)
+            check_number(name, getattr(self, name), least=0.0, most=1e3)  # far more than leaves a picture
         check_number("exposure", self.exposure, least=1.0, most=MAX_EXPOSURE)
 
     def apply(self, image: RGBDImage, rng: np.random.Generator) -> RGBDImage:

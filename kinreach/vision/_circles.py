@@ -30,8 +30,6 @@ CANNY = 100.0
 #: Votes that make a centre (`param2`). From 10 to 14 every ball of 50 was found by both cameras at 1280x720, 640x360
 #: and 320x180, with noise and without; from 18 on the smallest ones, 6 pixels in radius, begin to be missed.
 VOTES = 12.0
-#: Largest radius of the circles around every edge [pixels].
-MAX_RADIUS_PIXELS = 1024.0
 
 
 class Circle(NamedTuple):
@@ -137,9 +135,9 @@ def circle_votes(edges: NDArray[np.bool_], radius: float) -> NDArray[np.intp]:
         Shape (height, width).
 
     Raises:
-        InputError: Edges of another type or shape, or a radius below half a pixel or above `MAX_RADIUS_PIXELS`.
+        InputError: Edges of another type or shape, or a radius below half a pixel or above 1024 pixels.
     """
-    edges, radius = as_array("edges", edges), check_number("radius", radius, least=0.5, most=MAX_RADIUS_PIXELS)
+    edges, radius = as_array("edges", edges), check_number("radius", radius, least=0.5, most=1024.0)
     if edges.dtype != np.bool_ or edges.ndim != 2:
         raise InputError(f"edges must be bool of shape (height, width), got {edges.dtype} {edges.shape}")
     reach = int(np.ceil(radius + 0.5))

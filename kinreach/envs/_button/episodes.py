@@ -36,10 +36,6 @@ from kinreach.robots import ArmDescription, get_arm
 SPREAD = 0.1
 #: Numbers of a start: target (3), joint angles (3), joint velocities (3).
 SIZE = 3 + 2 * JOINTS
-#: More is a mistake: the report's gears move the arm in less.
-MAX_FRAMES = 16
-#: Why a step was impossible.
-REASON = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +67,7 @@ class ButtonOptions:
         check_count("max_steps", self.max_steps)
         check_reward(self.reward, "distance, q and press")
         check_flag("controls", self.controls)
-        check_count("frames", self.frames, most=MAX_FRAMES)
+        check_count("frames", self.frames, most=16)
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         _ = self.target
@@ -275,6 +271,7 @@ class ButtonEpisodes:
         self._wrong_presses += wrong
         self._energy += ((self._control * self._gears) ** 2).sum(axis=1) * self._period
         truncated = (diverged | (self._steps >= self._max_steps)) & ~pressed
+        reason = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
         info = self.start_info() | {
             "reached": pressed,
             "is_success": pressed,
@@ -283,7 +280,7 @@ class ButtonEpisodes:
             "wrong_presses": self._wrong_presses.copy(),
             "impossible": diverged,
             "impossible_code": diverged.astype(np.uint8),
-            "impossible_reason": np.where(diverged, REASON, "").astype(object),
+            "impossible_reason": np.where(diverged, reason, "").astype(object),
             "energy": self._energy.copy(),
             "steps": self._steps.copy(),
             "move_s": self._steps * self._period,

@@ -45,13 +45,6 @@ class ButtonState(IntEnum):
     PRESSED = 2
 
 
-_CAPS = {
-    ButtonState.IDLE: (0.95, 0.94, 0.90, 1.0),
-    ButtonState.WRONG: (0.97, 0.66, 0.08, 1.0),
-    ButtonState.PRESSED: (0.10, 0.72, 0.25, 1.0),
-}
-
-
 def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: bool = True) -> Any:
     """Return the scene of an arm whose joints are driven by torque, with gravity, ready to compile.
 
@@ -147,7 +140,12 @@ def _draw_button(spec: Any) -> None:
     )
     # Long enough for the highest target; the rest is below the floor.
     stand.add_geom(type=shapes.mjGEOM_CYLINDER, size=(0.007, 0.6, 0), pos=(0, 0, top - 0.6), rgba=_POST, **DRAWN_ONLY)
-    for state, colour in _CAPS.items():
+    caps = {
+        ButtonState.IDLE: (0.95, 0.94, 0.90, 1.0),
+        ButtonState.WRONG: (0.97, 0.66, 0.08, 1.0),
+        ButtonState.PRESSED: (0.10, 0.72, 0.25, 1.0),
+    }
+    for state, colour in caps.items():
         sunk = 0.0 if state is ButtonState.IDLE else TRAVEL
         cap = spec.worldbody.add_body(name=_cap_name(state), mocap=True, pos=AWAY)
         cap.add_geom(

@@ -97,7 +97,7 @@ class LiftEnv(ArmEnv):
     `info["impossible_reason"]` says so.
 
     ## Info
-    `goal`, the object's middle when it was last looked at [m], `seen`, where the cameras saw it, `yaw` [rad], `shape`,
+    `goal`, the object's middle when it was last measured [m], `seen`, where the cameras saw it, `yaw` [rad], `shape`,
     `size` [m], `mass` [kg], `friction`, `q` [rad], `tip` [m], `distance` [m]; after a step `is_success` and `reached`,
     `status`, `cause` (empty, or what failed: `seen`, `reached`, `closed`, `slipped` or `dropped`), `held`, `clearance`
     (of the lowest point above the table [m]), `opening` [m], `posture_error` (tilt of the tool, and angle between

@@ -37,7 +37,7 @@ STARTED, REACHED, CLOSED, RAISED, LIFTED = range(5)
 CAUSES = np.array(["reached", "closed", "slipped", "dropped", ""], dtype=object)
 #: Of success; more than holding the object all the time could bring.
 LIFTED_REWARD = 20.0
-#: How often a grasp is looked at while the object is to be held [s].
+#: Interval between two checks of a grasp while the object is to be held [s].
 LOOK = 0.1
 ANYTHING = LiftStart()
 

@@ -22,8 +22,6 @@ Flags = NDArray[np.bool_]
 
 #: What is further away, the sky for example, has this depth [m]; the range of a RealSense D435.
 DEPTH_RANGE = 10.0
-#: Of the goals that are measured beforehand.
-_LOOKS_SEED = 0
 
 
 class Measurements(NamedTuple):
@@ -106,7 +104,7 @@ class RememberedObserver:
 
     def __init__(self, task: ReachTask) -> None:
         self._arm = task.arm
-        rng = np.random.default_rng(_LOOKS_SEED)
+        rng = np.random.default_rng(0)
         goals = task.arm.workcell.draw_goals(rng, task.options.looks)
         with closing(CameraObserver(task)) as observer:
             taken = observer.measure(goals, np.zeros(len(goals), dtype=np.intp), [rng])

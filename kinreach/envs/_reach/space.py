@@ -32,8 +32,6 @@ VARIANTS: Mapping[str, ReachVariant] = {"single": SINGLE_STEP, "multi": MULTI_ST
 HIGHEST, STEEPEST, WIDEST = 2.0, 90.0, math.pi
 #: How far apart the postures are in which a move is checked for collisions, in its longest joint [rad].
 WAY_STEP = 0.1
-#: A start that is drawn this often and always impossible gives way to the start pose.
-MAX_DRAWS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +78,7 @@ class SpaceStarts:
 
     Args:
         options: Of the environment.
-        checker: Says which postures are possible.
+        checker: Checks which postures are possible.
     """
 
     def __init__(self, options: SpaceOptions, checker: CollisionChecker) -> None:
@@ -103,7 +101,7 @@ class SpaceStarts:
         home = np.array(self._arm.home)
         q = np.tile(home, (count, 1))
         wanted = np.full(count, self._spread > 0.0)
-        for _ in range(MAX_DRAWS):
+        for _ in range(20):
             if not wanted.any():
                 break
             q[wanted] = home + rng.uniform(-self._spread, self._spread, (int(wanted.sum()), len(home)))

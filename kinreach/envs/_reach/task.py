@@ -48,21 +48,11 @@ STEP_SIZE = math.radians(5.0)
 CAMERA_RANGE = 2.0
 #: The same for an arm without cameras, whose goals are given in the world [m].
 GOAL_RANGE = 10.0
-#: Goals that show whether a camera is too far from them.
-SAMPLED_GOALS = 64
-#: Least length of a direction.
-SHORTEST_DIRECTION = 1e-9
-#: URDFs write pi with eleven digits; a limit this near to it is pi [rad].
-NEAR_PI = 1e-9
 
 OBSERVATION_KINDS = ("camera", "geometric", "pixels")
 BACKENDS = ("mujoco", "kinematic", "warp")
 #: How an observation gives the goal: in metres in the cameras' frames, or as places in their pictures and depth.
 CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
-#: Largest width and height of images [px]; graphics libraries have lower limits.
-LARGEST_PICTURE = 16384
-#: Most measurements beforehand; a million take some hours.
-MAX_LOOKS = 10**6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +140,7 @@ class ReachOptions:
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, self.exposure)
-        check_count("looks", self.looks, least=0, most=MAX_LOOKS)
+        check_count("looks", self.looks, least=0, most=10**6)
         check_known("goal_in", self.goal_in, GOAL_FRAMES)
         check_number("tolerance", self.tolerance, least=0.0, most=math.pi)
         if self.tolerance and self.backend != "kinematic":
@@ -187,7 +177,7 @@ def check_cameras(
     """
     check_known("pipeline", pipeline, PIPELINES)
     for name, size in (("width", width), ("height", height)):
-        check_count(f"{name} [px]", size, least=16, most=LARGEST_PICTURE)
+        check_count(f"{name} [px]", size, least=16, most=16384)
     check_number("rgb_noise", rgb_noise, least=0.0, most=255.0)
     check_number("depth_noise", depth_noise, least=0.0, most=1.0)
     check_number("exposure", exposure, least=1.0, most=MAX_EXPOSURE)
@@ -271,7 +261,8 @@ def joint_limits(arm: ArmDescription) -> tuple[Floats, Floats]:
     """Lower and upper joint limits [rad], each of shape (n,); where a URDF has pi with eleven digits, pi."""
     kinematics = ArmKinematics(arm)
     low, high = (
-        np.where(np.abs(np.abs(limits) - math.pi) < NEAR_PI, np.copysign(math.pi, limits), limits)
+        # URDFs write pi with eleven digits
+        np.where(np.abs(np.abs(limits) - math.pi) < 1e-9, np.copysign(math.pi, limits), limits)
         for limits in (kinematics.lower, kinematics.upper)
     )
     return low, high
@@ -314,7 +305,7 @@ def _check_views(arm: ArmDescription) -> None:
     """
     goals = arm.workcell.goals
     if arm.goal_cameras and goals is not None:
-        seen = np.abs(goal_block(arm, goals.sample(np.random.default_rng(0), SAMPLED_GOALS))).max(axis=0)
+        seen = np.abs(goal_block(arm, goals.sample(np.random.default_rng(0), 64))).max(axis=0)
         if seen.max() > CAMERA_RANGE:
             camera = arm.goal_cameras[int(seen.argmax()) // 3].name
             raise InputError(
@@ -395,7 +386,7 @@ def reset_options(
             raise InputError(f"goal {start.goals[seen.argmax()]} m is outside the {bound:g} m {where}")
     if start.directions is not None:
         length = np.linalg.norm(start.directions, axis=1, keepdims=True)
-        if (length < SHORTEST_DIRECTION).any():
+        if (length < 1e-9).any():
             raise InputError(f"direction must not be zero, got {start.directions[length.argmin()]}")
         start = start._replace(directions=start.directions / length)
     if start.views is not None and (np.abs(start.views) > bound).any():
