@@ -298,6 +298,17 @@ def test_users_import_from_faces():
     assert len(names) >= 65
 
 
+def test_faces_export_what_a_page_or_an_example_uses():
+    """The reference, which lists every name, does not count."""
+    pages = [read(page) for page in (*PAGES, *TOP) if page.parent.name != "api" and page.stem != "changelog"]
+    words = set(re.findall(r"\w+", "\n".join([*pages, *(code for _, code in programs())])))
+    exported = {
+        f"{face}.{name}": name for face in FACES[1:] for name in getattr(importlib.import_module(face), "__all__", ())
+    }
+    assert [path for path, name in exported.items() if name not in words] == []
+    assert len(exported) >= 90
+
+
 def test_code_is_narrow():
     """At most 88 columns in what users read, examples included, and 98 in what notebooks print."""
     pages = [
