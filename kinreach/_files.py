@@ -26,8 +26,6 @@ from kinreach.errors import InputError, OutputError
 #: In the name of every unfinished file, between the beginning of the stem and the inode's number.
 UNFINISHED = ".kinreach-unfinished-"
 _NAME = re.compile(r"\..*" + re.escape(UNFINISHED) + r"(?P<inode>[0-9a-f]+)-[0-9a-f]{16}(\..*)?", re.DOTALL)
-#: Longest part of a file's stem in the names of its temporaries [characters].
-LONGEST_STEM = 40
 #: Free space that a disk must have [bytes].
 _ROOM = 16_384
 #: Mode bits of an owner who reads and writes.
@@ -193,7 +191,7 @@ def _sweep(directory: Path, beginning: str) -> None:
 
 def _prefix(path: Path) -> str:
     """Return what the names of a file's temporaries begin with, of a long name its beginning."""
-    return f".{path.stem[:LONGEST_STEM]}{UNFINISHED}"
+    return f".{path.stem[:40]}{UNFINISHED}"
 
 
 def _locked_temporary(path: Path) -> tuple[int, Path, int]:

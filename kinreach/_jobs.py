@@ -27,15 +27,8 @@ Job = TypeVar("Job")
 Value = TypeVar("Value")
 
 SERIAL, RAY = "serial", "ray"
-ENGINES = (SERIAL, RAY)
-#: How often Ray runs a task again whose worker or node died.
-RETRIES = 3
 #: Most jobs of one run: Ray keeps a record of each.
 MAX_JOBS = 10_000
-#: How long the head of a cluster may take to accept a connection [s].
-CONNECTION_TIMEOUT = 5.0
-#: Packages that a job's values depend on, besides those in every result.
-_LEARNING = ("torch", "stable-baselines3")
 
 
 class Engine(Protocol):
@@ -105,7 +98,7 @@ class Ray:
             KinreachError: What a job raised.
         """
         ray = self._ray
-        task = ray.remote(num_returns="streaming", num_cpus=threads, max_retries=RETRIES)(_values)
+        task = ray.remote(num_returns="streaming", num_cpus=threads, max_retries=3)(_values)
         try:
             shared = ray.put((function, _versions(), together))
             streams = {task.remote(shared, job): number for number, job in enumerate(jobs)}
@@ -144,7 +137,7 @@ def _values(
 
 @cache
 def _versions() -> dict[str, str | None]:
-    return provenance.versions((*provenance.DISTRIBUTIONS, *_LEARNING))
+    return provenance.versions((*provenance.DISTRIBUTIONS, "torch", "stable-baselines3"))
 
 
 @contextmanager
@@ -154,7 +147,7 @@ def open_engine(name: str = SERIAL, address: str | None = None) -> Iterator[Engi
     A process that is connected to a Ray cluster already uses that one.
 
     Args:
-        name: One of `ENGINES`.
+        name: `"serial"` or `"ray"`.
         address: Of a running Ray cluster, `host:port`, or `auto` for the one of this machine; Ray is started on this
             machine if None.
 
@@ -163,7 +156,7 @@ def open_engine(name: str = SERIAL, address: str | None = None) -> Iterator[Engi
         InputError: Unknown engine, or an address of the serial one.
         ClusterError: Nothing answers at the address.
     """
-    check_known("engine", name, ENGINES)
+    check_known("engine", name, (SERIAL, RAY))
     if name == SERIAL:
         if address is not None:
             raise InputError(f"an address is that of a Ray cluster: engine {RAY!r}, not {SERIAL!r}")
@@ -202,7 +195,7 @@ def _check_address(address: str) -> None:
     if not host or "/" in host or not port.isdecimal() or int(port) >= 2**16:
         raise InputError(f"the address of a Ray cluster is host:port, such as 10.0.0.1:6379, or auto; got {address!r}")
     try:
-        socket.create_connection((host.strip("[]"), int(port)), CONNECTION_TIMEOUT).close()
+        socket.create_connection((host.strip("[]"), int(port)), 5.0).close()
     except OSError as error:
         raise ClusterError(
             f"no Ray cluster answers at {address} ({error.strerror or error}): check the address, and that "

@@ -28,8 +28,6 @@ from kinreach.kinematics._closed_form import POSE_JOINTS
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 from kinreach.robots._flags import add_arm_flags, arm_of, print_notes
 
-#: Endings of the files with a UR's calibration.
-CALIBRATIONS = (".yaml", ".yml", ".conf")
 #: Poses to solve by default, and the most singular ones.
 POSES, MAX_SINGULAR = 200, 60
 
@@ -183,7 +181,7 @@ def _subject(arguments: argparse.Namespace) -> Subject:
         if arguments.calibration is not None:
             raise InputError("give a calibration with --model, or an arm with --calibration")
         arguments.arm, arguments.calibration = arguments.model, arguments.arm
-    elif Path(arguments.arm).suffix.lower() in CALIBRATIONS:
+    elif Path(arguments.arm).suffix.lower() in (".yaml", ".yml", ".conf"):
         raise InputError(f"{arguments.arm} is a calibration: name its UR too, such as check ur5e --calibration FILE")
     print_notes(arm := arm_of(arguments.arm, arguments))
     real = ArmKinematics.of(arm)

@@ -25,7 +25,6 @@ SEARCH_STEP = 0.1
 SHORTCUTS = 10
 #: Largest change of a posture in one step of a tree [rad, a joint counted by how far it moves the arm].
 RANGE = 0.3
-MAX_SECONDS = 3600.0
 MAX_SEED = 2**32 - 2
 
 
@@ -95,7 +94,7 @@ def plan_path(
         goals = _windings(kin, start, goals.q)
     goals = as_waypoints(np.atleast_2d(as_floats("goals", goals)), kin.n, name="goals")
     seed = check_count("seed", seed, least=0, most=MAX_SEED)
-    deadline = time.monotonic() + check_number("timeout", timeout, above=0.0, most=MAX_SECONDS)
+    deadline = time.monotonic() + check_number("timeout", timeout, above=0.0, most=3600.0)
     _check_free(motion, start, "the start")
     goals = _free_goals(motion, start, goals)
     for goal in goals:

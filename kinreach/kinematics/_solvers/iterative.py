@@ -151,8 +151,6 @@ DEFAULT_TOLERANCE = Tolerance()
 #: Largest number of steps and of restarts that can be set.
 MAX_COUNT = 10_000
 
-#: Largest duration of a step [s].
-MAX_DT = 1e3
 
 #: A step below this [rad] ends an attempt: the limits or a singular posture hold it.
 STALLED = 1e-5
@@ -322,7 +320,7 @@ class SteppingSolver(IterativeSolver):
         super().__init__(
             kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
         )
-        self.dt = check_number("dt", dt, above=0.0, most=MAX_DT)
+        self.dt = check_number("dt", dt, above=0.0, most=1e3)
         self._prepare()
 
     @abstractmethod
