@@ -221,14 +221,14 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     if kind == "button":
         options = ButtonOptions(**recipe.options)
         # cosines and sines, two positions [m], joint velocities [rad/s], difference of the positions [m], push state
-        scale = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
+        scale: tuple[float, ...] = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
         frame = (*scale, *(CONTROL_LIMIT,) * JOINTS * options.controls)
         return {"mean": [0.0] * len(frame) * options.frames, "scale": frame * options.frames}
     home = get_arm("ur5").home
     if kind == "sights":
         # a ball [m], the age of its sight [s], joint angles [rad] and speeds [rad/s]; of earlier sights the way to the
         # last [m], which is the longer the earlier they are
-        mean = (0.475, 0.0, -0.175, 0.05, *home, *(0.0,) * 6)
+        mean: tuple[float, ...] = (0.475, 0.0, -0.175, 0.05, *home, *(0.0,) * 6)
         scale = (0.09, 0.17, 1.0, 0.05, *(0.5,) * 6, *(1.0,) * 6)
         earlier = [0.01 * k for k in range(1, recipe.options["sights"]) for _ in range(3)]
         return {"mean": [*mean, *(0.0 for _ in earlier)], "scale": [*scale, *earlier], "waves": WAVES}
