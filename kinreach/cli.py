@@ -187,6 +187,8 @@ def run_command(name: str, argv: Sequence[str] | None = None, *, prog: str) -> i
     Returns:
         The exit code of the process.
     """
+    if name == "view" and sys.stderr.isatty():  # its imports take seconds
+        complain("starting ...")
     return run(COMMANDS[name].module, argv, prog=prog)
 
 

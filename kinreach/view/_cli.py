@@ -34,7 +34,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     """
     arguments = _parser(prog).parse_args(argv)
     check_count("port", arguments.port, least=1, most=MAX_PORT)
-    print("starting ...", flush=True)
     setup = setup_of(
         arguments.arm,
         calibration=arguments.calibration,

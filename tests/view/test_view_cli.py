@@ -76,6 +76,14 @@ def test_a_page_is_opened_and_served_until_ctrl_c(monkeypatch, capsys):
         done.clear()
 
 
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_terminal_shows_that_it_starts(terminal, monkeypatch, capsys):
+    monkeypatch.setattr("kinreach.cli.run", lambda module, argv, *, prog: 0)
+    monkeypatch.setattr("sys.stderr.isatty", lambda: terminal)
+    assert run_command("view", [], prog="kinreach view") == 0
+    assert capsys.readouterr().err == "starting ...\n" * terminal
+
+
 def test_the_face_has_its_names_only():
     assert view.TargetModel("arm3").kinds == ("position only",)
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
