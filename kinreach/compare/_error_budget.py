@@ -51,7 +51,7 @@ def completed(trial: Trial) -> bool:
     return not trial["impossible"]
 
 
-def posture_error_mm(trial: Trial) -> float | None:
+def ik_error_mm(trial: Trial) -> float | None:
     """Return the distance of the commanded posture, by forward kinematics, from the seen goal [mm]."""
     return None if trial["status"] == "forfeited" else _between(trial, "target_tip", "seen")
 
@@ -87,7 +87,7 @@ def _distance(trial: Trial) -> float | None:
 
 
 BUDGET_COLUMNS = (
-    Column("ik_error_mm", posture_error_mm, QUANTILES, "posture's own\nerror, mm", table=BUDGET_TABLE),
+    Column("ik_error_mm", ik_error_mm, QUANTILES, "posture's own\nerror, mm", table=BUDGET_TABLE),
     Column("move_error_mm", _moved, QUANTILES, "controller's\nerror, mm", table=BUDGET_TABLE),
     Column("budget_mm.seeing", _part("seeing"), MEAN, "seeing\nmm", "mean", BUDGET_TABLE),
     Column("budget_mm.deciding", _part("deciding"), MEAN, "+ deciding\nmm", "mean", BUDGET_TABLE),

@@ -54,20 +54,20 @@ def write_figures(
     return written
 
 
-def draw_errors(posture_error_mm: Value, seen_error_mm: Value, *, near_mm: float) -> Draw:
+def draw_errors(ik_error_mm: Value, seen_error_mm: Value, *, near_mm: float) -> Draw:
     """Draw every trial's distance to the goal: of the commanded posture, and after the move.
 
     With cameras, the first row is their error, and its median a line through both panels.
 
     Args:
-        posture_error_mm: Error of a trial's commanded posture [mm].
+        ik_error_mm: Error of a trial's commanded posture [mm].
         seen_error_mm: Error of the cameras [mm].
         near_mm: Distance within which a goal counts as reached [mm].
     """
 
     def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         figure, (left, right) = _strips_figure(results, "Distance from the tip to the goal", columns=2)
-        posture = by_method(trials, results, lambda t: _at_least(posture_error_mm(t), SMALLEST_ERROR_MM))
+        posture = by_method(trials, results, lambda t: _at_least(ik_error_mm(t), SMALLEST_ERROR_MM))
         moved = by_method(trials, results, lambda t: _at_least(1e3 * t["distance"], SMALLEST_ERROR_MM))
         drawn = f"dot: one goal · bar: median · dotted: {near_mm:g} mm, near enough to reach the goal"
         if any((values == SMALLEST_ERROR_MM).any() for values in posture.values()):

@@ -23,7 +23,7 @@ from kinreach.compare._error_budget import (
     BUDGET_TABLE,
     Budget,
     completed,
-    posture_error_mm,
+    ik_error_mm,
     seen_error_mm,
 )
 from kinreach.compare._methods import policy_method, solver_method
@@ -54,7 +54,7 @@ COLUMNS = (
 def _figures(near_mm: float) -> Mapping[str, Draw]:
     """Return the figures of a task whose goals count as reached within a distance [mm]."""
     return {
-        "errors": figures.draw_errors(posture_error_mm, seen_error_mm, near_mm=near_mm),
+        "errors": figures.draw_errors(ik_error_mm, seen_error_mm, near_mm=near_mm),
         "success": curves.draw_success,
         "map": figures.draw_map,
         "times": figures.draw_times,

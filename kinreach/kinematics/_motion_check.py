@@ -55,7 +55,8 @@ class MotionCheck:
         Args:
             start: Posture [rad], shape (n,).
             end: Posture [rad], shape (n,).
-            step: Farthest that a point may move between two samples [m]; by default twice the margin, which proves it.
+            step: Farthest that a point may move between two samples [m]; by default twice the margin:
+                then nothing between the samples is missed.
         """
         way = end - start
         count = self._samples(way, 2.0 * self.checker.margin if step is None else step)
@@ -107,7 +108,7 @@ def _coarse_to_fine(count: int) -> NDArray[np.int64]:
 
 
 def _reach(checker: CollisionChecker) -> Floats:
-    """Largest distance from each joint's origin of anything that the joint carries, in any posture [m]."""
+    """Upper bound of the distance from each joint's axis of anything that it carries, in any posture [m]."""
     model, far = checker.model, np.zeros(checker.model.nq + 1)
     for shape in checker.geometry.geometryObjects:
         if not shape.parentJoint:

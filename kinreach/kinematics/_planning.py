@@ -23,7 +23,7 @@ from kinreach.kinematics._solutions import SLACK, IKSolutions, nearest_windings
 SEARCH_STEP = 0.1
 #: Number of random parts of a path that are replaced by straight lines where these are free.
 SHORTCUTS = 10
-#: Largest change of a posture in one step of a tree [rad, a joint counted by how far it moves the arm].
+#: Largest change of a posture in one step of a tree [rad, each joint weighted by how far it moves the arm].
 RANGE = 0.3
 MAX_SEED = 2**32 - 2
 
@@ -63,9 +63,9 @@ def plan_path(
     start and one from all goals, always the smaller one [2]. Then the path is shortened. The result depends on the
     seed only, not on the time that it takes.
 
-    Give it all solutions of a pose, `kin.all_solutions(T)`: some may be blocked where others are free. Each is a goal
-    in the full turn of its joints that is nearest to the start, and in the one that is nearest to the middle of their
-    range: the elbow of a UR cannot be turned over itself. Postures are goals as they are.
+    Give it all solutions of a pose, `kin.all_solutions(T)`: some may be blocked where others are free. Two
+    windings of each are goals: the one nearest to the start, and the one nearest to the middle of the joints' ranges.
+    Postures are goals as they are.
 
     [1] Kuffner and LaValle, RRT-Connect: An efficient approach to single-query path planning, ICRA 2000.
     [2] Kuffner and LaValle, An efficient approach to path planning using balanced bidirectional RRT search, CMU 2005.

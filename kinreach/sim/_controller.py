@@ -29,8 +29,8 @@ from kinreach.sim._setpoints import ARRIVED, DIVERGED, LATE, MOVING, Following, 
 
 #: The thesis's tolerance: "the smallest value where the environment still gets the joint angles close" [rad].
 TOLERANCE = 0.01
-#: Bodies that are deeper than this inside each other at the end are pressed together [m]. Servos and contact share what
-#: a target is inside an obstacle, and this is the depth for some 0.03 mm of it, about as well as the tip is placed.
+#: Bodies that are deeper than this inside each other at the end are pressed together [m]. Where a target lies inside an
+#: obstacle, servos and contact both yield: this depth is that of a target 0.03 mm inside, about the tip's accuracy.
 PRESSED = 1e-5
 #: A simulation in which a joint ends further than this past its limit [rad] has diverged. Limits are springs in MuJoCo:
 #: links that start inside one another pushed joints of the UR5 up to 0.29 rad past theirs.

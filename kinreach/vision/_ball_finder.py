@@ -45,8 +45,8 @@ REACH = 1.5
 #: And where there is depth, up to this many radii from the ball's centre: this leaves out red things beside the ball or
 #: behind it, and so much of a flat square that the rest is too small for a ball.
 SHELL = 1.25
-#: From so many radii of the outline to so many, the surface of a ball is one radius from its centre in the median; that
-#: of a ball 1.6 times as large is 1.09, of a flat thing 1.23.
+#: Ring in which roundness is tested, in radii of the outline: there the surface of a ball is one radius from its centre
+#: in the median; that of a ball 1.6 times as large is 1.09, of a flat thing 1.23.
 ROUND_REACH = (0.5, 0.85)
 ROUND_TOLERANCE = 1.07
 #: Steps of the centroid; from a third of the radius off it arrives in two, beside other red things in four.

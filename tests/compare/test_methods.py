@@ -128,7 +128,7 @@ def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
     parent = tmp_path.name
     assert list(resolve_methods(task, [str(runs[0])])) == ["policy"]
     named = list(resolve_methods(task, ["lm", *map(str, runs)]))
-    assert named == ["lm", f"{parent}/one", str(runs[1]), f"{parent}/two", str(runs[3])]
+    assert named == ["lm", f"{parent}/one", "one/best", f"{parent}/two", "two/best"]
     with pytest.raises(InputError, match="named twice"):
         resolve_methods(task, [str(runs[0]), str(runs[0])])
 

@@ -80,6 +80,7 @@ def of(*values):
         elif np.size(value) > 6:
             part = np.ravel(value).astype(float)
             part = part[np.isfinite(part)]
+            assert part.size, "no number in a figure: trials_of lacks an entry that a column reads"
             found.append(f"{np.size(value)}x[{of(part[0], part[-1], part.min(), part.mean(), part.max())}]")
         else:
             found.append(",".join(f"{0.0 if abs(n) < 1e-12 else n:.3g}" for n in np.ravel(value).astype(float)))

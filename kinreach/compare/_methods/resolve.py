@@ -102,9 +102,9 @@ def _label(name: object) -> str:
 
 
 def _names(task: Task, given: Sequence[Any]) -> list[str]:
-    """Return names; files of the same name have that of their run's folder, else their path."""
+    """Return names; files of the same name have that of their folder too, else their path."""
     names = [_name(task, value) for value in given]
-    for longer in (lambda file: run_name(Path(file)) or file, str):
+    for longer in (lambda file: run_name(Path(file)) or "/".join(Path(file).with_suffix("").parts[-2:]), str):
         names = [
             longer(value) if names.count(name) > 1 and _is_file(value) else name
             for name, value in zip(names, given, strict=True)

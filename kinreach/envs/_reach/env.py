@@ -266,7 +266,7 @@ class UR5SingleStepEnv(ReachEnv):
 
     ## Other Arms
     `arm=` takes any registered arm or an `ArmDescription`. An action has one number for each joint, mapped linearly
-    onto its limits. An arm without cameras named front and wrist observes the goal in the world (3 numbers) instead of
+    onto its limits. An arm without observed cameras observes the goal in the world (3 numbers) instead of
     the six. The reward of arms with other joints than a UR's is minus the distance, and the goal is reached within
     `arm.workcell.reached_distance`.
 

@@ -31,8 +31,8 @@ NO_LIMIT = 100.0
 class PlacoSolver(SteppingSolver):
     """placo (github.com/Rhoban/placo) with restarts.
 
-    Used as it works best: with speed limits, which keep each step where the linearisation holds, and iterated to
-    convergence. Joints that turn full circle have no position limit on the way (see `JointSpace`). placo's objects
+    Its settings gave the best results: speed limits, which keep each step where the linearisation holds, and steps up
+    to convergence. Joints that turn full circle have no position limit on the way (see `JointSpace`). placo's objects
     are made once per kind of goal and thread; a call only moves their targets. Threads may share an instance.
 
     The arguments are those of `SteppingSolver`.
