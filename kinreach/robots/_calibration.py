@@ -101,6 +101,8 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
         placed = _from_controller(text, model)
         fits = [name for name in UR_LENGTHS if _fits(_from_controller(text, name), name)]
         note = f"{path.name} does not name its model: {model} is assumed, it fits {', '.join(fits) or 'none well'}"
+        if fits and model not in fits:
+            raise InputError(f"the calibration is not that of a {model}: it fits {' or '.join(fits)}")
     else:
         placed = _from_driver(text)
     placements, repaired = _placements(placed, model), ""

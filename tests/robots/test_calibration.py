@@ -174,12 +174,15 @@ def test_what_cannot_be_a_calibration(tmp_path, old, new, said):
         read_calibration(changed(tmp_path, old, new), "ur5")
 
 
-@pytest.mark.parametrize("model", ["ur5e", "ur5", "ur16e"])
+@pytest.mark.parametrize("model", ["ur5e", "ur5"])
 def test_the_controllers_file_leaves_the_model_open(model):
     arm = get_arm(model).calibrated(FILES / "controller_calibration_ur5e.conf")
     note = "controller_calibration_ur5e.conf does not name its model: {} is assumed, it fits ur5, ur5e, ur7e"
     assert arm.notes == (note.format(model),)
     assert get_arm("ur5e").calibrated(PUBLISHED_CALIBRATIONS["ur5e_a"]).notes == ()
+    for other in ("ur16e", "ur18", "ur3e", "ur10e"):
+        with pytest.raises(InputError, match="it fits ur5 or ur5e or ur7e"):
+            get_arm(other).calibrated(FILES / "controller_calibration_ur5e.conf")
 
 
 @pytest.mark.parametrize(
