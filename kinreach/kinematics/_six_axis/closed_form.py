@@ -61,6 +61,8 @@ FAR_MISS = 0.03
 #: How far a complex root may be off the unit circle to count.
 OFF_CIRCLE = 1e-3
 
+#: Rows of a quartic's companion matrix below the first.
+_BELOW = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
 _Rows = Sequence[Sequence[float]]
 #: P in the plane (u, v) [m], distance of P from axis 4 [m] and its angle there, and the wanted angle of the last joint.
 _Palm = tuple[float, float, float, float, float]
@@ -624,7 +626,8 @@ def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None, ga
     found: list[tuple[float, bool]] = []
     middles: list[float] = []  # of two roots that almost merge
     off_circle = max(OFF_CIRCLE, 2.0 * sqrt(tol))
-    for z in np.roots([high, low, middle, low.conjugate(), high.conjugate()]).tolist():
+    companion = [[-low / high, -middle / high, -low.conjugate() / high, -high.conjugate() / high], *_BELOW]
+    for z in np.linalg.eigvals(companion).tolist():
         off = abs(abs(z) - 1.0)
         if doubt is not None and OFF_CIRCLE < off < 2.0 * fold:
             doubt.found = True
