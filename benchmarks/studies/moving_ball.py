@@ -218,10 +218,10 @@ def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--map", action="store_true", help="the map instead of the table")
-    parser.add_argument("--beliefs", action="store_true", help="worlds that methods have wrong")
+    parser.add_argument("--beliefs", action="store_true", help="the map of worlds that methods have wrong")
     parser.add_argument("--causes", nargs="+", metavar="POLICY", help="what these policies collide with (300 balls)")
     parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe (1000 balls a speed); with "
-                        "--map they are the map's second method")  # fmt: skip
+                        "--map or --beliefs they are the second method")  # fmt: skip
     parser.add_argument("--times", action="store_true", help="how long a decision takes (60 balls a speed)")
     parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
     parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three; beliefs 0.4)")
@@ -245,7 +245,7 @@ def main(argv: list[str] | None = None) -> int:
         for name in arguments.methods or ("interception", "ppo", "ppo-clear"):
             print(line(*times(name, balls, seed)), flush=True)
         return 0
-    if arguments.trainings and not arguments.map:
+    if arguments.trainings and not (arguments.map or arguments.beliefs):
         speeds = tuple(arguments.speeds or TABLE_SPEEDS)
         print(head("collisions", *(f"{speed:g} m/s" for speed in speeds)))
         for rule, options in RULES.items():
@@ -253,24 +253,18 @@ def main(argv: list[str] | None = None) -> int:
             print(line(rule, *cells), flush=True)
         return 0
     make_writable(arguments.out)
-    if arguments.beliefs:
-        cases = [(rule, speed) for rule in RULES for speed in arguments.speeds or (0.4,)]
-        print(head("world", "method", *(f"{speed:g} m/s, collisions {rule}" for rule, speed in cases)))
-        for world, options in BELIEFS.items():
-            for name in arguments.methods or ("interception", "ppo", "ppo-clear"):
-                found = (touched(name, speed, {**options, **RULES[rule]}, balls=balls, seed=seed, out=arguments.out)
-                         for rule, speed in cases)  # fmt: skip
-                print(line(world, f"`{name}`", *(share(sum(one), balls) for one in found)), flush=True)
-        return 0
-    speeds = tuple(arguments.speeds or (SPEEDS if arguments.map else TABLE_SPEEDS))
-    methods = tuple(arguments.methods or (MAPPED if arguments.map else METHODS))
+    worlds, speeds, methods = RULES, TABLE_SPEEDS, METHODS
+    if arguments.map or arguments.beliefs:
+        mapped = BELIEFS if arguments.beliefs else {name: WORLDS[name] for name in arguments.worlds}
+        worlds = {name: {**world, **RULES["ignored"]} for name, world in mapped.items()}
+        speeds, methods = SPEEDS[:1] if arguments.beliefs else SPEEDS, MAPPED
+    speeds, methods = tuple(arguments.speeds or speeds), tuple(arguments.methods or methods)
     files = {name: [name] for name in methods}
     if arguments.trainings:
         files[methods[1]] = [str(file) for file in sorted(arguments.trainings.glob(f"seed-*/{POLICY}"))]
-    worlds = {name: {**WORLDS[name], **RULES["ignored"]} for name in arguments.worlds} if arguments.map else RULES
+    print(head("collisions" if worlds is RULES else "world", "method", *(f"{speed:g} m/s" for speed in speeds)))
     if arguments.paths:
         worlds = {name: {**world, "paths": tuple(arguments.paths)} for name, world in worlds.items()}
-    print(head("world" if arguments.map else "collisions", "method", *(f"{speed:g} m/s" for speed in speeds)))
     cells = {}
     for world, options in worlds.items():
         for name in methods:
