@@ -655,6 +655,11 @@ def turns_about_z(angle: Floats) -> Floats:
 
 
 def first_of_each(q: Floats, distance: float) -> NDArray[np.bool_]:
-    """Which of the postures (m, 6) are not near an earlier one."""
-    same = np.abs(wrapped(q[:, None] - q)).max(axis=2, initial=0.0) < distance
-    return ~(same & np.tri(len(q), k=-1, dtype=np.bool_)).any(axis=1)
+    """Which of the postures (m, n) are not near an earlier one."""
+    weights = np.sqrt(np.arange(2.0, 2.0 + 2 * q.shape[1]))
+    sums = np.hstack([np.cos(q), np.sin(q)]) @ weights  # those of near postures are near
+    near = np.abs(sums[:, None] - sums) <= distance * weights.sum() + 1e-12
+    later, earlier = np.nonzero(near & np.tri(len(q), k=-1, dtype=np.bool_))
+    first = np.ones(len(q), dtype=np.bool_)
+    first[later[np.abs(wrapped(q[later] - q[earlier])).max(axis=1, initial=0.0) < distance]] = False
+    return first

@@ -55,6 +55,8 @@ TRIALS, MIN_SHARE = 100, 0.98
 NEIGHBOURS, NEIGHBOURING = 4, 0.6
 #: Starts of Newton's method near a singular pose, at most; and closer ones start one curve [rad].
 MAX_STARTS, NEAR_START = 160, 0.1
+#: Poses of an arm that are off by less make curves that almost reach [m, rad].
+SLIGHT = 1e-5
 _JOINTS = 6
 
 
@@ -223,14 +225,19 @@ class NearlyDecoupled(NearClosedForm):
             rows += [row for pose in self._about(T) for row in self._arm.solve(pose, tol=wide, seed=given)]
         starts = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
         starts = starts[first_of_each(starts, SAME_START)]
-        starts = starts[np.random.default_rng(0).permutation(len(starts))[:MAX_STARTS]]
-        starts = np.vstack([starts, reached_beside(self.chain, T, starts[first_of_each(starts, NEAR_START)])])
+        rng = np.random.default_rng(0)
+        starts = starts[rng.permutation(len(starts))[:MAX_STARTS]]
+        if self._off < SLIGHT:  # elimination is as good as singular where the closed form is
+            more = reached_beside(self.chain, T, starts[first_of_each(starts, NEAR_START)])
+        else:
+            more = starts + rng.normal(size=starts.shape) * sqrt(self._off)
+        starts = np.vstack([starts, more])
         q, off = nearest_by_newton(self.chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
         every = np.vstack([eliminated, wrapped(q[off < EXACT])])
         if not len(every):
             every = wrapped(q[off < tol])
         every = every[first_of_each(every, SAME)]
-        if len(every) > BRANCHES:  # as many only where some are on curves
+        if len(every) > MAX_POSTURES:
             every = every[_families(self.chain, every, T)][:MAX_POSTURES]
         exact = self._arm.solve(T, tol=EXACT, seed=given)
         near_by = sorted(
