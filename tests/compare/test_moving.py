@@ -121,7 +121,6 @@ def test_travel_times_are_those_of_the_arm():
     assert checked == 180
 
 
-@pytest.mark.slow
 def test_on_disk(tmp_path, capsys):
     arguments = ["--task", "moving", "--goals", "3", "--speeds", "0.1,0.3", "--methods", "first-sight,last-sight"]
     assert main([*arguments, "--out", str(tmp_path)], prog="compare") == 0

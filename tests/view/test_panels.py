@@ -145,7 +145,6 @@ def test_a_target_that_is_dragged_is_answered(serve):
         assert answers == 10
 
 
-@pytest.mark.slow
 def test_the_self_motion_of_a_seven_axis_arm(serve):
     """Lines of the elbow, and a slider that moves the arm on a curve while the tool stands still."""
     with Tab(serve("panda")) as tab:
