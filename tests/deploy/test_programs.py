@@ -20,6 +20,14 @@ KIN = ArmKinematics.of("ur5e", tool=[0, 0.01, 0.15, 0.1, 0, 0], base="base")
 HOME = np.array(KIN.arm.home)
 
 
+@pytest.mark.parametrize(("command", "speed", "acceleration"), [("movej", 100.0, 10.0), ("movel", 1.0, 5.0)])
+def test_each_command_has_its_own_bounds(command, speed, acceleration):
+    assert Move(command, HOME, speed, acceleration).acceleration == acceleration
+    for fast, hard in ((1.01 * speed, acceleration), (speed, 1.01 * acceleration)):
+        with pytest.raises(InputError, match=f"of {command} must be .* at most"):
+            Move(command, HOME, fast, hard)
+
+
 def swing(duration=1.0, amplitude=0.2, samples=200, joints=JOINTS, start=HOME):
     t = np.linspace(0, duration, samples)
     share = (1 - np.cos(np.pi * t / duration)) / 2

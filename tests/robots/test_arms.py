@@ -16,10 +16,11 @@ from kinreach.robots import (
     CameraMount,
     Tool,
     Workcell,
+    arm_names,
     get_arm,
     register_arm,
 )
-from kinreach.robots._registry import arm_named
+from kinreach.robots._registry import _arms, arm_named
 from kinreach.robots._ur_arms import example_robot_data
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.thesis import posture_error
@@ -249,6 +250,18 @@ def test_what_does_not_fit_the_urdf_is_refused_when_it_is_read(facts, said):
             make()
     with pytest.raises(InputError, match=said):
         bare("ur5", gripper=get_arm("ur5").gripper, **facts)
+
+
+def test_a_registered_arm_has_its_name():
+    mine = replace(get_arm("ur5"), name="my-arm")
+    try:
+        assert register_arm(mine) is register_arm(mine) is mine
+        assert get_arm("My-Arm") is mine
+        assert "my-arm" in arm_names()
+        with pytest.raises(InputError, match="'my-arm' is registered already"):
+            register_arm(replace(mine))
+    finally:
+        _arms().pop("my-arm", None)
 
 
 @pytest.mark.parametrize("other", ["ur5", None, get_arm])

@@ -1,6 +1,7 @@
 """What a tab sends: whatever it is, it ends in a value or in a red sentence, and the tab goes on answering."""
 
 from math import inf, nan
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from benchmarks.studies.tab import Tab, wait_for
 from kinreach.errors import InputError
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.view._cli import setup_of
+from kinreach.view._messages import checked
 from kinreach.view._server import Server
 
 #: What no input takes.
@@ -31,6 +33,14 @@ def tab(comparison):
         wait_for(lambda: not play_button(opened)["disabled"])
         yield opened
     server.stop()
+
+
+@pytest.mark.parametrize("value", [[1.0] * 2, [1.0] * 4, None, "x", [nan] * 3])
+def test_an_input_of_three_numbers_takes_three_numbers(value):
+    handle = SimpleNamespace(label="x y z", value=(0.0, 0.0, 0.0))
+    assert checked(handle, [1.0, 2, 3]) == (1.0, 2, 3)
+    with pytest.raises(InputError, match="x y z must be"):
+        checked(handle, value)
 
 
 def play_button(tab):
