@@ -19,6 +19,7 @@ from kinreach._provenance import digest
 from kinreach._statistics import tables
 from kinreach._terminal import Console
 from kinreach.cli import HELP, Parser, quoted
+from kinreach.compare._methods.resolve import ZIP
 from kinreach.compare._motion import with_motion
 from kinreach.compare._options import Flag, add_flags, flags_of, given_options
 from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
@@ -85,7 +86,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
             f"{name} names no environment and was used in {next(iter(task.variants.values()))}; for another: "
             + ", ".join(f"{name}@{short}" for short in list(task.variants)[1:])
             for name in methods
-            if name.endswith(".zip") and len(task.variants) > 1
+            if name.endswith(ZIP) and len(task.variants) > 1
         ),
         f"Again: {results['settings']['command']}",
         f"In {out}: {', '.join(files)}",

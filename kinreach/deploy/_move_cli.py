@@ -22,7 +22,7 @@ from kinreach.errors import InputError, PathError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pose, pose_vector
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._goals import pose_error
-from kinreach.kinematics._ik_cli import tool_note
+from kinreach.kinematics._remarks import tool_note
 from kinreach.kinematics._surroundings import add_surroundings, surrounded
 from kinreach.robots import ArmDescription
 from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, posture_of, print_notes

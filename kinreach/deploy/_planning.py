@@ -14,7 +14,7 @@ from kinreach.errors import InputError, PathError
 from kinreach.kinematics import CollisionChecker, plan_path, pose_vector, tool_line
 from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._closed_form import ClosedFormKinematics
-from kinreach.kinematics._ik_cli import why_none
+from kinreach.kinematics._remarks import why_none
 
 #: Default part of the joints' speed limits, and of `MAX_TOOL_SPEED`.
 SPEED = 0.25

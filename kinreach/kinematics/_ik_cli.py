@@ -19,12 +19,12 @@ from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker, NoShapesError
 from kinreach.kinematics._goals import PoseGoal
+from kinreach.kinematics._remarks import tool_note, why_none
 from kinreach.kinematics._surroundings import add_surroundings, surrounded
 from kinreach.kinematics._ur.geometry import ur_branch
 from kinreach.kinematics._ur.kinematics import URKinematics
 from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, posture_of, print_notes
 from kinreach.robots._rotations import pose
-from kinreach.robots._tools import TOOL, TOOL_BODY
 from kinreach.robots._ur import JOINTS
 
 #: Columns of the poses that are read.
@@ -33,10 +33,6 @@ COLUMNS = ("x", "y", "z", "rx", "ry", "rz")
 MAX_BYTES, MAX_POSES = 2**28, 1_000_000
 #: Exit code where a pose has no posture.
 NONE_FOUND = 1
-#: A position farther away than this many lengths of the arm is not in metres.
-WRONG_UNIT = 10
-#: A pose nearer to the reach than this is at its border [m].
-AT_BORDER = 1e-6
 
 
 class Answers:
@@ -95,28 +91,6 @@ class Answers:
             causes = ", ".join(dict.fromkeys(self.collision(q) for q, _ in found))
             reason = f"{'all ' * (len(found) > 1)}{len(found)} postures collide: {causes}"
         return free, reason
-
-
-def tool_note(checker: CollisionChecker) -> str:
-    """Return a note if the tool has no shape for a checker; empty if it has one, or there is no tool."""
-    if checker.kinematics.tip != TOOL or TOOL_BODY in {shape.name for shape in checker.shapes}:
-        return ""
-    return "the tool has no shape, so it cannot collide; --tool-radius or --tool-mesh gives it one"
-
-
-def why_none(kinematics: ArmKinematics, T: Floats, reason: str) -> str:
-    """Add to the reason why a pose has no posture how far it is from the reach, or that positions are in metres."""
-    if not reason:
-        return reason
-    first, *links = kinematics.chain.placements[:, :3, 3]
-    away, length = np.linalg.norm(T[:3, 3] - first), np.linalg.norm(links, axis=1).sum()
-    if away >= WRONG_UNIT * length:
-        return f"{reason}: {away:.0f} m from the first joint, of an arm of {length:.1f} m; positions are in metres"
-    if isinstance(kinematics, URKinematics):
-        lack = float(np.linalg.norm(kinematics.nearest_in_reach(T)[:3, 3] - T[:3, 3]))
-        if lack > AT_BORDER:
-            return f"{reason}; the nearest pose in reach with this orientation is {1000 * lack:.3g} mm away"
-    return reason
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:

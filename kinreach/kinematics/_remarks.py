@@ -1,0 +1,38 @@
+"""Remarks for people on answers: why a pose has no posture, and what collision checks leave out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._collision import CollisionChecker
+from kinreach.kinematics._ur.kinematics import URKinematics
+from kinreach.robots._tools import TOOL, TOOL_BODY
+
+#: A position farther away than this many lengths of the arm is not in metres.
+WRONG_UNIT = 10
+#: A pose nearer to the reach than this is at its border [m].
+AT_BORDER = 1e-6
+
+
+def tool_note(checker: CollisionChecker) -> str:
+    """Return a note if the tool has no shape for a checker; empty if it has one, or there is no tool."""
+    if checker.kinematics.tip != TOOL or TOOL_BODY in {shape.name for shape in checker.shapes}:
+        return ""
+    return "the tool has no shape, so it cannot collide; --tool-radius or --tool-mesh gives it one"
+
+
+def why_none(kinematics: ArmKinematics, T: Floats, reason: str) -> str:
+    """Add to the reason why a pose has no posture how far it is from the reach, or that positions are in metres."""
+    if not reason:
+        return reason
+    first, *links = kinematics.chain.placements[:, :3, 3]
+    away, length = np.linalg.norm(T[:3, 3] - first), np.linalg.norm(links, axis=1).sum()
+    if away >= WRONG_UNIT * length:
+        return f"{reason}: {away:.0f} m from the first joint, of an arm of {length:.1f} m; positions are in metres"
+    if isinstance(kinematics, URKinematics):
+        lack = float(np.linalg.norm(kinematics.nearest_in_reach(T)[:3, 3] - T[:3, 3]))
+        if lack > AT_BORDER:
+            return f"{reason}; the nearest pose in reach with this orientation is {1000 * lack:.3g} mm away"
+    return reason
