@@ -263,7 +263,7 @@ def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, rew
 
 
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
-    """Return a batch in which several postures are tried for each goal; goals are drawn up to a margin around the area.
+    """Return a batch in which several postures are tried for each goal, drawn up to `recipe.beyond` around the area.
 
     With the features `"looks"`, the setting of that name is the number of looks in a segment of the training.
 
@@ -279,7 +279,7 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
         raise InputError(f"{recipe.algorithm} takes goals in metres, not goal_in={task.options.goal_in!r}")
     tries: dict[str, Any] = {
         "tries": recipe.settings["tries"],
-        "draw": partial(task.training_starts, margin=recipe.margin),
+        "draw": partial(task.training_starts, beyond=recipe.beyond),
         "steps": recipe.walk,
         "reward": reward,
         "blur": recipe.blur,

@@ -34,7 +34,7 @@ ERRORS = Prior(base=(3e-3, 6e-3), links=(1e-3, 2e-3), tool=(3e-3, 0.0))
 #: Largest number of moves to a ball, and numbers of looks before.
 MOVES, LOOKS = 3, BUDGETS[:-1]
 #: How far beyond the table area balls may lie on all sides [m].
-MARGIN = 0.01
+BEYOND = 0.01
 SIGMA = NOISE / MEDIAN_LENGTH
 #: Numbers of an observation: where the ball was seen [m]; distance of the tip from the data sheet's beside this ball,
 #: mean of the moves, and from the ball in the last one [m]; moves, looks; the result of `summary`.
@@ -148,7 +148,7 @@ class RandomArmEpisodes:
         errors = errors * ERRORS.deviations(self.chain.joints).ravel()
         nominal = np.tile(self.chain.placements, (len(ids), 1, 1))
         self.placements[ids] = moved_frames(nominal, errors.reshape(-1, 6)).reshape(len(ids), -1, 4, 4)
-        low, high = _table() + np.outer((-MARGIN, MARGIN), np.ones(3))
+        low, high = _table() + np.outer((-BEYOND, BEYOND), np.ones(3))
         self.balls[ids] = low + (high - low) * ball
         rows = np.zeros((len(ids), SIZE))
         rows[:, BALL] = self.balls[ids] + SIGMA * ball_noise

@@ -146,10 +146,10 @@ class BoxRegion:
         for name in "xyz":
             _check_range(name, getattr(self, name))
 
-    def wider(self, margin: float, *, above: float = 0.0) -> BoxRegion:
-        """Return the box with a margin on every side, and more above [m]."""
+    def wider(self, beyond: float, *, above: float = 0.0) -> BoxRegion:
+        """Return the box with `beyond` [m] more on each of its four sides, and `above` [m] more on top."""
         (x0, x1), (y0, y1), (z0, z1) = self.x, self.y, self.z
-        return BoxRegion((x0 - margin, x1 + margin), (y0 - margin, y1 + margin), (z0, z1 + above))
+        return BoxRegion((x0 - beyond, x1 + beyond), (y0 - beyond, y1 + beyond), (z0, z1 + above))
 
     def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
         """Draw `count` goal positions in the world frame [m], shape (count, 3)."""

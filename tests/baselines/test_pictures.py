@@ -79,7 +79,7 @@ def test_eyes_find_where_something_is():
 
 def test_looks_are_what_the_environment_shows(needs_gl):
     task = ReachTask(ReachOptions(backend="kinematic", **SIZE), SINGLE_STEP)
-    goals = task.training_starts(np.random.default_rng(0), 5, margin=0.0)["goal"]
+    goals = task.training_starts(np.random.default_rng(0), 5, beyond=0.0)["goal"]
     looks = Looks(task, len(goals))
     looks.take(goals, np.random.default_rng(0))
     env = gym.make(SINGLE, **PIXELS)

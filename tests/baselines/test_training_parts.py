@@ -105,9 +105,9 @@ def test_training_rewards():
     np.testing.assert_allclose(REWARDS["dense"](rewards, info), expected)
 
 
-def around(margin, arm="ur5"):
+def around(beyond, arm="ur5"):
     """Goals on the table area and around it."""
-    region = get_arm(arm).workcell.goals.wider(margin)
+    region = get_arm(arm).workcell.goals.wider(beyond)
     return lambda rng, count: {"goal": region.sample(rng, count)}
 
 
@@ -140,14 +140,14 @@ def test_groups_share_goals_and_are_rewarded_for_where_they_end(name, steps):
 @pytest.mark.parametrize(("name", "walk"), [("single", 1), ("multi", 16)])
 def test_goals_of_training_are_from_around_the_table_area_as_the_recipe_says(name, walk):
     area, rng, drawn = get_arm("ur5").workcell.goals, np.random.default_rng(0), 0
-    assert (get_recipe(name).margin, get_recipe(name).walk) == (0.02, walk)
-    for margin, steps in ((0.02, walk), (0.0, 1), (0.1, 3)):
-        env = build(replace(get_recipe(name), num_envs=8, margin=margin, walk=steps), 0, steps=8).env
+    assert (get_recipe(name).beyond, get_recipe(name).walk) == (0.02, walk)
+    for beyond, steps in ((0.02, walk), (0.0, 1), (0.1, 3)):
+        env = build(replace(get_recipe(name), num_envs=8, beyond=beyond, walk=steps), 0, steps=8).env
         assert env._steps == steps
         goals = env._draw(rng, 4000)["goal"]
         for axis, (low, high) in enumerate((area.x, area.y)):
-            np.testing.assert_allclose(goals[:, axis].min(), low - margin, atol=1e-3)
-            np.testing.assert_allclose(goals[:, axis].max(), high + margin, atol=1e-3)
+            np.testing.assert_allclose(goals[:, axis].min(), low - beyond, atol=1e-3)
+            np.testing.assert_allclose(goals[:, axis].max(), high + beyond, atol=1e-3)
         drawn += len(goals)
         env.close()
     assert drawn == 12_000

@@ -24,7 +24,7 @@ def test_postures_reach_and_change_smoothly():
     """By Pinocchio's forward kinematics; over all of what is drawn from in training, which is more than the table."""
     arm, ur5 = get_arm("ur5"), UR5Kinematics(tip="tcp", base="world")
     rng = np.random.default_rng(0)
-    goals = arm.workcell.goals.wider(ik_net.margin).sample(rng, CASES)
+    goals = arm.workcell.goals.wider(ik_net.beyond).sample(rng, CASES)
     q = tool_down_postures(ur5, goals)
     kinematics = ArmKinematics(arm, tip="tcp", base="world")
     off = [np.linalg.norm(kinematics.fk(one)[:3, 3] - goal) for one, goal in zip(q[:300], goals[:300], strict=True)]

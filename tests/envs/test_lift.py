@@ -299,7 +299,7 @@ def test_what_is_drawn_is_in_its_range_and_reaches_both_ends():
     np.testing.assert_allclose(rows.min(axis=0), low, atol=5e-3)
     np.testing.assert_allclose(rows.max(axis=0), high, atol=5e-3)
     assert np.linalg.norm(rows[:, :2] - rows[:, 7:], axis=1).min() >= 0.13
-    starts = task.training_starts(np.random.default_rng(0), 4000, margin=0.02)
+    starts = task.training_starts(np.random.default_rng(0), 4000, beyond=0.02)
     assert region.x[0] - 0.02 <= starts["place"][:, 0].min() < region.x[0] - 0.015
     assert set(starts["shape"]) == set(RANGE["shapes"])
     np.testing.assert_array_equal(np.sort(starts["size"]), np.sort(rows[:, 4]))

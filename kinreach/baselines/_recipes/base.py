@@ -46,7 +46,7 @@ class Recipe:
         reward: Of the learner: `"own"`, the environment's, or a function of yours as `module:function`, from rewards
             (n,) and the step's `info` as arrays (n,) to rewards (n,). Evaluation uses the environment's own.
         blur: Standard deviation of the noise on observed goals in training [m]; of ranked PPO only.
-        margin: How far beyond the table area goals are drawn in training, on every side [m]; of ranked PPO only.
+        beyond: How far beyond the table area goals are drawn in training, on every side [m]; of ranked PPO only.
         walk: Steps of the environment in which a posture is approached in training; of ranked PPO only.
         networks: Actor and critic.
         settings: Keyword arguments of the algorithm, as JSON values.
@@ -66,7 +66,7 @@ class Recipe:
     num_envs: int
     reward: str = "own"
     blur: float = 0.0
-    margin: float = 0.0
+    beyond: float = 0.0
     walk: int = 1
     networks: Networks = field(default_factory=Networks)
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class Recipe:
     def __post_init__(self) -> None:
         for name in ("steps", "num_envs", "walk", "segments", "window"):
             check_count(f"{name} of a recipe", getattr(self, name))
-        for name in ("blur", "margin"):
+        for name in ("blur", "beyond"):
             check_number(f"{name} of a recipe [m]", getattr(self, name), least=0.0, most=MAX_DISTANCE)
         if self.trace_after is not None:
             check_count("trace_after of a recipe", self.trace_after, least=0)

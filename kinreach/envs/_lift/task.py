@@ -368,10 +368,10 @@ class LiftTask:
             others[close] = self.region.sample(rng, int(close.sum()))[:, :2]
         return np.column_stack([places, yaws, shapes, *numbers, others])
 
-    def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Any]:
-        """Draw options of `reset` for learners, places also in a margin around the region [m]."""
+    def training_starts(self, rng: np.random.Generator, count: int, *, beyond: float) -> dict[str, Any]:
+        """Draw options of `reset` for learners, places also up to `beyond` [m] outside the region."""
         rows = self.sample(rng, count)
-        rows[:, :2] = self.region.wider(margin).sample(rng, count)[:, :2]
+        rows[:, :2] = self.region.wider(beyond).sample(rng, count)[:, :2]
         return {
             "place": rows[:, :2],
             "yaw": rows[:, 2],

@@ -139,7 +139,7 @@ class ReachEnv(ArmEnv):
         Raises:
             InputError: The arm's goals are not in a box.
         """
-        drawn = [self._task.training_starts(rng, 1, margin=0.0) for _ in range(count)]
+        drawn = [self._task.training_starts(rng, 1, beyond=0.0) for _ in range(count)]
         return {name: np.concatenate([one[name] for one in drawn]) for name in (drawn[0] if drawn else ())}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:

@@ -89,9 +89,9 @@ class SpaceStarts:
         self._spread = options.start_spread
         self._checker = checker
 
-    def sample(self, rng: np.random.Generator, count: int, *, margin: float = 0.0) -> Floats:
-        """Draw `count` rows, shape (count, 6 + n), with goals up to `margin` [m] around the volume."""
-        goals: BoxRegion = self._table.wider(margin, above=self._height)
+    def sample(self, rng: np.random.Generator, count: int, *, beyond: float = 0.0) -> Floats:
+        """Draw `count` rows, shape (count, 6 + n), with goals up to `beyond` [m] around the volume."""
+        goals: BoxRegion = self._table.wider(beyond, above=self._height)
         z = rng.uniform(self._least_z, 1.0, count)
         angle, across = rng.uniform(0.0, 2 * math.pi, count), np.sqrt(1.0 - z * z)
         directions = np.column_stack([across * np.cos(angle), across * np.sin(angle), -z])
@@ -133,9 +133,9 @@ class SpaceTask(ReachTask):
         """Return a reward of distance and direction, without a preferred branch."""
         return DirectedReward(REACHED_DISTANCE)
 
-    def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Floats]:
-        """Draw options of `reset` for learners, goals also around the volume."""
-        rows = self._starts.sample(rng, count, margin=margin)
+    def training_starts(self, rng: np.random.Generator, count: int, *, beyond: float) -> dict[str, Floats]:
+        """Draw options of `reset` for learners, goals also up to `beyond` [m] around the volume."""
+        rows = self._starts.sample(rng, count, beyond=beyond)
         return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
 
     def streams(self, count: int) -> RowStreams:

@@ -458,8 +458,8 @@ class ReachTask:
         """Return the streams that episodes start from."""
         return goal_streams(self.arm.workcell, count)
 
-    def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Floats]:
-        """Draw options of `reset` for learners, in the arm's region and a margin [m] around it.
+    def training_starts(self, rng: np.random.Generator, count: int, *, beyond: float) -> dict[str, Floats]:
+        """Draw options of `reset` for learners, in the arm's region and up to `beyond` [m] around it.
 
         Raises:
             InputError: The arm's goals are not in a box.
@@ -467,7 +467,7 @@ class ReachTask:
         goals = self.arm.workcell.goals
         if not isinstance(goals, BoxRegion):
             raise InputError(f"goals are drawn around a BoxRegion, arm {self.arm.name!r} has {shown(goals)}")
-        return {"goal": goals.wider(margin).sample(rng, count)}
+        return {"goal": goals.wider(beyond).sample(rng, count)}
 
     def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
         """Return goals and a start, with missing values drawn from the streams of the given environments."""
