@@ -16,9 +16,12 @@ from kinreach.compare._methods import waypoints as ways
 from kinreach.compare._reach import METHODS
 from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, policy_version
 from kinreach.envs._obstacles import MAX_CLUTTER, ObstaclesOptions
+from kinreach.kinematics._collision import PATH_MARGIN
 
 #: Title of the second table.
 WAY_TABLE = "Ways of the goals that were reached"
+#: The default margin in words.
+MARGIN = f"{1e3 * PATH_MARGIN:g} mm unless --margin is given"
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
@@ -95,10 +98,10 @@ OBSTACLES_TASK = Task(
     "touched anything on the way",
     terms={
         "goal": "a ball on the table among boxes of 4 to 10 cm across and 10 to 40 cm high, drawn until the start "
-        "posture and one posture at the ball keep 5 mm from everything; a scene may have no free way",
+        f"posture and one posture at the ball keep the margin ({MARGIN}) from everything; a scene may have no free way",
         "execution": "from waypoint to waypoint, each a straight line in joint space, from rest to rest, in MuJoCo",
         "collision": "the motion that the arm made, sampled every 0.002 rad and judged by the exact checker, no margin",
-        "accept": "postures, lines and paths keep 5 mm from everything",
+        "accept": f"postures, lines and paths keep the margin ({MARGIN}) from everything",
         "timing": "methods take turns in random order on every goal, each after one untimed decision; one process, one "
         "thread; the checker knows the obstacles beforehand; the clock runs while a method decides, summed over its "
         "decisions",

@@ -14,13 +14,14 @@ from kinreach._files import replacing, write_text
 from kinreach.cli import Parser
 from kinreach.deploy._client import RobotState, URClient
 from kinreach.deploy._controller import FINISHED, Controller, Recording, check_is_ur, tcp_of
-from kinreach.deploy._planning import MARGIN, SPEED, Leg, plan
+from kinreach.deploy._planning import SPEED, Leg, plan
 from kinreach.deploy._program import Program
 from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.deploy._server import PRIMARY_PORT
 from kinreach.errors import InputError, PathError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pose, pose_vector
 from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._collision import PATH_MARGIN
 from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._remarks import tool_note
 from kinreach.kinematics._surroundings import add_surroundings, surrounded
@@ -94,7 +95,7 @@ class _Job:
             raise InputError(f"{arm.title} has not the geometry of a UR")
         self.arm, self.kinematics, self.goals = arm, kin, goals
         self.linear, self.speed, self.blend = linear, speed, blend
-        self.checker = CollisionChecker(kin, margin=MARGIN)
+        self.checker = CollisionChecker(kin, margin=PATH_MARGIN)
 
     def tried(self, start: Floats, script: Path | None, picture: Path | None) -> Program:
         """Plan from a posture, run the program in MuJoCo, print the outcome, and write program and picture.

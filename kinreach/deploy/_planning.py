@@ -20,8 +20,8 @@ from kinreach.kinematics._remarks import why_none
 SPEED = 0.25
 #: Accelerations of the joints [rad/s^2] and of the tool [m/s^2]: the defaults of URScript.
 JOINT_ACCELERATION, TOOL_ACCELERATION = 1.4, 1.2
-#: Distance that a way keeps from everything [m], and longest search for it [s].
-MARGIN, TIMEOUT = 0.005, 5.0
+#: Longest search for a way [s].
+TIMEOUT = 5.0
 #: Part of the shorter way beside a waypoint that its blend may take.
 LESS_THAN_HALF = 0.45
 #: Decimals of the joint angles in a program [rad], and of poses [m, rad].

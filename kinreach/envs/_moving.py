@@ -19,13 +19,14 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, as_floats, check_count, check_flag, check_known, check_number, shown
+from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_count, check_flag, check_known, check_number, shown
 from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch
 from kinreach.envs._options import about, check_not_over, given_options, options_from, with_options
 from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.envs._single import SingleEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
+from kinreach.kinematics._collision import MARGIN
 from kinreach.robots import ArmDescription, get_arm
 
 #: Frames of the cameras a second, and parts of a frame in which the motion is computed.
@@ -111,6 +112,7 @@ class MovingOptions:
     collisions: bool = field(
         default=True, metadata=about("a collision ends the episode; without, the arm moves through the table")
     )
+    margin: float = field(default=MARGIN, metadata=about("parts that are nearer count as colliding [m]"))
     strength: float = field(
         default=1.0, metadata=about("the arm's limits of speed and acceleration, as a share of those that methods know")
     )
@@ -129,6 +131,7 @@ class MovingOptions:
         check_number("noise [m]", self.noise, least=0.0, most=0.1)
         check_count("sights", self.sights, most=round(SECONDS * FRAMES))
         check_flag("collisions", self.collisions)
+        check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
         check_number("strength", self.strength, least=0.1, most=1.0)
 
 
@@ -160,9 +163,9 @@ ANYTHING = MovingStart()
 
 
 @cache
-def ur5_checker() -> CollisionChecker:
-    """Return the collision checker of the UR5 in its work cell, without the ball."""
-    return CollisionChecker("ur5")
+def ur5_checker(margin: float) -> CollisionChecker:
+    """Return the collision checker of the UR5 in its work cell, without the ball, with a margin [m]."""
+    return CollisionChecker("ur5", margin=margin)
 
 
 class MovingEpisodes:
@@ -173,7 +176,7 @@ class MovingEpisodes:
         count: Number of environments.
 
     Attributes:
-        checker: The verdict on collisions; a training may begin with another.
+        checker: The verdict on collisions, with the option `margin`.
         frames: Frames so far, shape (count,).
         q, v: Joint angles [rad] and speeds [rad/s], shape (count, 6).
         rolls: Where the balls are at each part of a frame [m], shape (count, PARTS * FRAMES * SECONDS + 1, 3).
@@ -183,7 +186,7 @@ class MovingEpisodes:
         self.options = options
         self.arm: ArmDescription = (arm := get_arm("ur5"))
         self.chain = ArmKinematics(arm, tip="tcp", base="world").chain
-        self.checker = ur5_checker()
+        self.checker = ur5_checker(options.margin)
         self.home, self.speed_limit, self.acceleration_limit = (
             np.array(arm.home),
             arm.speed_limit,

@@ -39,6 +39,7 @@ from kinreach.envs._reach.task import (
 from kinreach.envs._reach.worlds import STATUS_OF_CAUSE, STATUSES, Status
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, CollisionChecker, URKinematics
+from kinreach.kinematics._collision import PATH_MARGIN
 from kinreach.kinematics._motion_check import MIN_MARGIN
 from kinreach.robots import ArmDescription, Box, get_arm
 from kinreach.sim._picture import Scene
@@ -73,7 +74,7 @@ class ObstaclesOptions:
     clutter: tuple[int, ...] = field(default=CLUTTER, metadata=about("numbers of obstacles, one of them an episode"))
     heights: tuple[float, float] = field(default=(0.1, 0.4), metadata=about("least and largest height of one [m]"))
     margin: float = field(
-        default=0.005,
+        default=PATH_MARGIN,
         metadata=about("distance that `accept`, `clearance` and `goal_postures` keep from everything [m]"),
     )
     max_steps: int = field(default=100, metadata=about("moves after which an episode is truncated"))

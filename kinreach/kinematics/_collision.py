@@ -42,6 +42,8 @@ WORLD = 0
 #: At coal's own 1e-6 the search for a separating plane misses one overlap, up to 10 mm deep, in some 50 000 postures.
 #: With this, overlaps that are missed are less than 1 µm deep, in the same time.
 GJK_TOLERANCE = 1e-10
+#: Defaults of `margin` [m]: of checkers and environments; of paths, whose margin must be above 0.
+MARGIN, PATH_MARGIN = 0.0, 0.005
 #: Number of random postures in which links that always touch are found.
 SAMPLES = 300
 
@@ -140,7 +142,7 @@ class CollisionChecker:
         arm: str | ArmDescription | ArmKinematics,
         *,
         obstacles: Sequence[Box | Obstacle] | None = None,
-        margin: float = 0.0,
+        margin: float = MARGIN,
         meshes: str | None = None,
     ) -> None:
         margin = check_number("margin", margin, least=0.0, most=MAX_DISTANCE)

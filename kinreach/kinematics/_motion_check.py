@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.errors import InputError, PathError
-from kinreach.kinematics._collision import CollisionChecker
+from kinreach.kinematics._collision import PATH_MARGIN, CollisionChecker
 from kinreach.kinematics._solutions import SLACK
 
 #: Margins below this make paths slow to check [m].
@@ -40,7 +40,7 @@ class MotionCheck:
         if checker.margin < MIN_MARGIN:
             raise InputError(
                 f"paths need a CollisionChecker with a margin of at least {MIN_MARGIN:g} m, got {checker.margin:g}; "
-                "with CollisionChecker(..., margin=0.005) nothing between two samples is missed"
+                f"with CollisionChecker(..., margin={PATH_MARGIN:g}) nothing between two samples is missed"
             )
         self.checker = checker
         self.reach = _reach(checker)

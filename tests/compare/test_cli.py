@@ -67,7 +67,7 @@ def test_no_number_of_a_table_is_cut(tmp_path, monkeypatch, capsys):
     (["--observation", "camera", "--resolution", "wide"], "WIDTHxHEIGHT"),
     (["--observation", "camera", "--depth-noise", "-1"], "depth_noise"),
     (["--max-steps", "5"], "unrecognized arguments: --max-steps 5"),
-    (["--collision-margin", "thick"], "--collision-margin must be a number, got 'thick'"),
+    (["--margin", "thick"], "--margin must be a number, got 'thick'"),
     (["--end-on-reached", "maybe"], "--end-on-reached must be true or false, got 'maybe'"),
     (["--task", "button", "--max-steps", "1.5"], "--max-steps must be a whole number, got '1.5'"),
     (["--task", "button", "--max-steps", "0"], "max_steps"),
@@ -317,7 +317,7 @@ def test_options_of_a_foreign_task_come_from_its_dataclass(foreign, tmp_path, ca
 
 
 @pytest.mark.parametrize(("task", "flags"), [
-    ("ur5", ["--pipeline", "--resolution WxH", "--rgb-noise", "--depth-noise", "--collision-margin", "[px]"]),
+    ("ur5", ["--pipeline", "--resolution WxH", "--rgb-noise", "--depth-noise", "--margin", "[px]"]),
     ("space", ["--tilt", "[degrees]", "(default: 30)", "--start-spread", "[rad]", "--resolution"]),
     ("button", ["--max-steps", "(default: 100)", "--actuation"]),
     ("real-arm", ["--looks", "--again", "--calibrations", "--noise", "[m]"]),

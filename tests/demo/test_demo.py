@@ -271,7 +271,7 @@ def test_bad_input_is_one_line(arguments, message, capsys):
 
 
 @pytest.mark.parametrize(("env", "flags"), [
-    ("single", ["--observation", "--backend", "--resolution", "--collision-margin"]),
+    ("single", ["--observation", "--backend", "--resolution", "--margin"]),
     ("moving", ["--speeds", "--paths", "[m/s]"]),
     ("button", ["--actuation", "--max-steps"]),
 ])  # fmt: skip

@@ -2,6 +2,7 @@
 
 import copy
 from functools import partial
+from itertools import product
 
 import gymnasium as gym
 import numpy as np
@@ -10,11 +11,14 @@ from gymnasium.utils.env_checker import check_env
 
 import kinreach  # noqa: F401
 from kinreach._registration import LIFT
+from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._grasp_policy import GraspPolicy
 from kinreach.envs._lift.episodes import CAUSES
 from kinreach.envs._lift.geometry import closes
 from kinreach.envs._lift.task import HEIGHT, HOLD
 from kinreach.errors import InputError, UnknownNameError
+from kinreach.kinematics import CollisionChecker
+from kinreach.kinematics._collision import MARGIN
 from kinreach.kinematics._solvers import new_solver
 from kinreach.robots import get_arm
 from kinreach.robots._rotations import turn
@@ -545,3 +549,27 @@ def test_the_object_is_drawn(needs_gl):
     env.reset(seed=0)
     red = env.render()[..., 0].astype(int) - env.render()[..., 1]
     assert (red > 80).sum() > 40
+
+
+def test_the_margin_counts_what_is_nearer_as_a_collision():
+    """For solvers and for the geometric verdict, single and in a batch."""
+    margin, moved = 0.02, 0
+    envs = [make(backend="kinematic", margin=each).unwrapped for each in (MARGIN, margin)]
+    batch = gym.make_vec(LIFT, 2, "vector_entry_point", backend="kinematic", margin=margin)
+    exact = CollisionChecker("ur5")
+    for seed, height in product(range(4), (0.0, 0.02, 0.04)):
+        place = [*envs[0].reset(seed=seed)[1]["goal"][:2], -0.175 + height]
+        q = tool_down_postures(envs[0]._task.kinematics, np.array([place]))[0]
+        action = envs[0].grasp_action(q, 0.0)
+        batch.reset(seed=0)
+        nearest = exact.distance(q).distance
+        expected = [nearest <= MARGIN, nearest <= margin]
+        found = []
+        for env in envs:
+            env.reset(seed=seed)
+            found.append(env.step(action)[4]["impossible"])
+            assert env.accept(q) != found[-1]
+        assert found == expected
+        assert (batch.step(np.array([action, action]))[4]["impossible"] == expected[1]).all()
+        moved += found == [False, True]
+    assert moved >= 4

@@ -180,10 +180,8 @@ def test_malformed_postures(ur5, q):
 def test_the_margin_of_environments_is_the_checkers():
     margin, moved = 0.02, 0
     wide = CollisionChecker("ur5", margin=margin)
-    envs = [gym.make(SINGLE, backend="kinematic", collision_margin=each).unwrapped for each in (0.0, margin)]
-    batch = gym.make_vec(
-        MULTI, num_envs=4, vectorization_mode="vector_entry_point", backend="kinematic", collision_margin=margin
-    )
+    envs = [gym.make(SINGLE, backend="kinematic", margin=each).unwrapped for each in (0.0, margin)]
+    batch = gym.make_vec(MULTI, num_envs=4, vectorization_mode="vector_entry_point", backend="kinematic", margin=margin)
     for q in edges(wide, np.random.default_rng(11), 40)[1]:
         said = []
         for env in envs:
@@ -199,8 +197,8 @@ def test_the_margin_of_environments_is_the_checkers():
 
 @pytest.mark.parametrize("margin", [-0.01, np.nan, "wide"])
 def test_a_margin_that_cannot_be(margin):
-    with pytest.raises(InputError, match="collision_margin"):
-        gym.make(SINGLE, backend="kinematic", collision_margin=margin)
+    with pytest.raises(InputError, match="margin"):
+        gym.make(SINGLE, backend="kinematic", margin=margin)
 
 
 def test_without_obstacles_nothing_collides_with_one(ur5):

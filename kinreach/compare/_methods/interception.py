@@ -21,7 +21,7 @@ PART = 1.0 / (ball.FRAMES * ball.PARTS)
 #: How far ahead meetings are looked for [frames].
 HORIZON = 40
 #: Shares of the limit of acceleration with which a meeting must be possible: first with something left for corrections.
-MARGINS = (0.94, 1.0)
+ACCELERATIONS = (0.94, 1.0)
 #: The tip aims this far above the ball's centre, and the gripper is to be this far above the table [m].
 ABOVE, CLEAR = 0.005, 0.003
 #: Iterations of the search for postures; error that they may have [m].
@@ -92,6 +92,7 @@ class Interception(_ClosedForm):
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         super().__init__(env)
+        self._checker = ur5_checker(self._env.options.margin)
         self._known = {"speed": self._env.speed_limit, "acceleration": self._env.acceleration_limit}
         area = self._env.arm.workcell.goals
         self._low, self._high = np.array([area.x, area.y]).T
@@ -167,8 +168,8 @@ class Interception(_ClosedForm):
         down = tool_down_postures(self._kinematics, places)
         start, tried = np.where(np.isfinite(down), down, q), 0
         longest: tuple[Floats | None, int] = (None, 0)
-        for margin in MARGINS:
-            postures, misses = self._postures(*self._bounds(q, v, parts, margin), places, start)
+        for share in ACCELERATIONS:
+            postures, misses = self._postures(*self._bounds(q, v, parts, share), places, start)
             possible = np.flatnonzero(misses < CLOSE)
             if not len(possible):
                 continue
@@ -176,7 +177,7 @@ class Interception(_ClosedForm):
             for index in sorted(possible, key=lambda frame: (frame < wanted - 0.5, frame))[: WAYS - tried]:
                 way = self._steady(q, v, postures[index], int(parts[index]))
                 checked = np.append(np.arange(STRIDE - 1, len(way) - 1, STRIDE), len(way) - 1)
-                hits = np.flatnonzero(ur5_checker().causes(way[checked]))
+                hits = np.flatnonzero(self._checker.causes(way[checked]))
                 if not len(hits):
                     self._meeting = self._time + index / ball.FRAMES
                     return way, len(way)
@@ -201,7 +202,7 @@ class Interception(_ClosedForm):
         for _ in range(parts):
             q, v = moved(q, v, target, PART, **self._limits)
             way.append(q)
-        return not ur5_checker().causes(np.array(way[STRIDE - 1 :: STRIDE])).any()
+        return not self._checker.causes(np.array(way[STRIDE - 1 :: STRIDE])).any()
 
     def _follow(self, q: Floats, v: Floats, way: Floats) -> Floats:
         """Return the action that leads each joint to where the way is some frames later, the most that are free."""
@@ -242,9 +243,9 @@ class Interception(_ClosedForm):
         after = (v + acceleration * ramp) * np.maximum(tau - ramp, 0.0)
         return np.asarray(q + v * during + acceleration * during**2 / 2.0 + after)
 
-    def _bounds(self, q: Floats, v: Floats, parts: Any, margin: float) -> tuple[Floats, Floats]:
+    def _bounds(self, q: Floats, v: Floats, parts: Any, share: float) -> tuple[Floats, Floats]:
         """Return the least and greatest angles that the joints can have after parts of a frame, each shape (n, 6)."""
-        gain = margin * self._limits["acceleration"] * PART * np.arange(1, parts[-1] + 1)[:, None]
+        gain = share * self._limits["acceleration"] * PART * np.arange(1, parts[-1] + 1)[:, None]
         limit = self._limits["speed"]
         least, most = (
             q + PART * np.cumsum(np.clip(v + side * gain, -limit, limit), axis=0)[parts - 1] for side in (-1, 1)

@@ -13,6 +13,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import (
+    MAX_DISTANCE,
     Floats,
     as_floats,
     as_vector,
@@ -34,6 +35,7 @@ from kinreach.envs._reach.task import (
 )
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
+from kinreach.kinematics._collision import MARGIN
 from kinreach.robots import ArmDescription, BoxRegion, get_arm
 from kinreach.robots._tools import FLANGE
 from kinreach.sim._controller import BEYOND_LIMIT
@@ -109,6 +111,13 @@ class LiftOptions:
     )
     attempts: int = field(default=1, metadata=about("grasps that may be tried in an episode of single steps"))
     max_steps: int = field(default=150, metadata=about("steps after which an episode of small steps is truncated"))
+    margin: float = field(
+        default=MARGIN,
+        metadata=about(
+            "parts that are nearer count as colliding where `accept` and the kinematic backend judge a posture [m]; "
+            "under dynamics contacts decide"
+        ),
+    )
     pipeline: str = field(
         default="hybrid", metadata=about('how the ball is found: `"hybrid"` or `"thesis"`', observation=CAMERA)
     )
@@ -142,6 +151,7 @@ class LiftOptions:
         check_flag("clutter", self.clutter)
         check_count("attempts", self.attempts, most=MAX_ATTEMPTS)
         check_count("max_steps", self.max_steps, most=MAX_STEPS)
+        check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, 1.0)
         if self.observation != "geometric":
             lacks = {
@@ -278,8 +288,8 @@ class LiftTask:
 
     @cached_property
     def checker(self) -> CollisionChecker:
-        """The collision checker of the arm with its fingers open, without objects."""
-        return CollisionChecker(self.kinematics)
+        """The collision checker of the arm with its fingers open, without objects, with the option `margin`."""
+        return CollisionChecker(self.kinematics, margin=self.options.margin)
 
     @property
     def action_space(self) -> spaces.Box:

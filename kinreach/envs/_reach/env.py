@@ -79,7 +79,7 @@ class ReachEnv(ArmEnv):
     def accept(self, q: ArrayLike) -> bool:
         """Return whether a posture [rad], shape (n,), is free of collisions, and natural where that is rewarded.
 
-        Collisions are judged with the option `collision_margin`; natural is a posture error below the thesis's 0.15.
+        Collisions are judged with the option `margin`; natural is a posture error below the thesis's 0.15.
         In `kinreach/Reach-v0` with dynamics, the way there from where the arm stands must be free, too.
 
         Raises:

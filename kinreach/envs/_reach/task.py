@@ -32,6 +32,7 @@ from kinreach.envs._reach.goals import goal_streams
 from kinreach.envs._reach.rewards import RewardFunction, Score, Scorer, check_reward, default_reward, scorer_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
+from kinreach.kinematics._collision import MARGIN
 from kinreach.robots import ArmDescription, BoxRegion, get_arm
 from kinreach.sim._controller import BEYOND_LIMIT
 from kinreach.sim._imperfections import IDEAL, Imperfections, as_imperfections
@@ -114,8 +115,8 @@ class ReachOptions:
             "joints otherwise end exactly there"
         ),
     )
-    collision_margin: float = field(
-        default=0.0,
+    margin: float = field(
+        default=MARGIN,
         metadata=about(
             "parts that are nearer count as colliding where `accept` judges a posture and the kinematic backend a "
             "target [m]; under dynamics contacts decide what is blocked"
@@ -145,7 +146,7 @@ class ReachOptions:
         check_number("tolerance", self.tolerance, least=0.0, most=math.pi)
         if self.tolerance and self.backend != "kinematic":
             raise InputError(f'a tolerance is for backend="kinematic", got {self.backend!r}, where the dynamics decide')
-        check_number("collision_margin [m]", self.collision_margin, least=0.0, most=MAX_DISTANCE)
+        check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
         check_flag("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
@@ -523,5 +524,5 @@ class ReachTask:
 
     @cached_property
     def checker(self) -> CollisionChecker:
-        """The collision checker, with the option `collision_margin`."""
-        return CollisionChecker(self.kinematics, margin=self.options.collision_margin)
+        """The collision checker, with the option `margin`."""
+        return CollisionChecker(self.kinematics, margin=self.options.margin)
