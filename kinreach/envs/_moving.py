@@ -388,10 +388,21 @@ class MovingBallEnv(SingleEnv):
     not count. With `collisions=False` the arm moves through everything, and every touch counts.
 
     ## Info
-    `goal`, where the ball is [m], `q`, the joint angles [rad], after a collision the first that collide, `distance`,
-    the least so far [m], `time` [s], `speed` [m/s] and `path` of the ball, `impossible`, whether the arm collided, and
-    `impossible_reason`, with what, such as "finger_left - table"; after a step `is_success`, whether the ball was
-    touched and that counts, and `reward_terms`.
+    From `reset` on:
+
+    | Key | Value |
+    |-----|-------|
+    | `goal`, `speed`, `path` | where the ball is [m], its speed [m/s] and its path |
+    | `q`, `time` | joint angles [rad], after a collision the first that collide; time in the episode [s] |
+    | `distance` | least distance of tip and ball so far [m] |
+    | `impossible`, `impossible_reason` | whether the arm collided, and with what, such as `finger_left - table` |
+
+    From `step` on also:
+
+    | Key | Value |
+    |-----|-------|
+    | `is_success` | the ball was touched, and that counts |
+    | `reward_terms` | terms of the reward |
 
     ## Arguments
 

@@ -174,11 +174,25 @@ class ObstaclesEnv(gym.Env[Any, Any]):
     `max_steps` moves.
 
     ## Info
-    `goal` [m], `seen` (the same), `q` [rad], after a collision the first posture that collides, `tip` [m], `distance`
-    [m], `posture_error` (the angle between tool and vertical [rad]), `clutter`, `obstacles` (centre and edges of each
-    [m], shape (clutter, 6)), `length` (of the way so far, the Euclidean norm over joints [rad]), `move_s` (simulated
-    time so far [s]). After a step also `reached` and `is_success`, `impossible`, whether the arm collided or was held
-    off, `impossible_reason`, `status`, `target` (the posture that the action meant) and `reward_terms`.
+    From `reset` on:
+
+    | Key | Value |
+    |-----|-------|
+    | `goal`, `seen` | where the ball is [m] |
+    | `q`, `tip` | joint angles [rad], after a collision the first that collide; tip [m] |
+    | `distance`, `posture_error` | from the tip to the ball [m]; angle between the tool and straight down [rad] |
+    | `clutter`, `obstacles` | number of obstacles; centre and edges of each [m], shape (clutter, 6) |
+    | `length`, `move_s` | of the way so far, the Euclidean norm over joints [rad]; simulated time [s] |
+
+    From `step` on also:
+
+    | Key | Value |
+    |-----|-------|
+    | `reached`, `is_success` | the goal is reached |
+    | `impossible` | whether the arm touched something or was held off |
+    | `impossible_reason` | what it touched, such as `wrist_1_link - box 3`; else empty |
+    | `status`, `target` | how the move ended; the posture that the action meant [rad] |
+    | `reward_terms` | terms of the reward |
 
     ## Arguments
 

@@ -289,9 +289,22 @@ class RealArmEnv(gym.Env[Any, Any]):
     episode terminates after the last move of the last budget.
 
     ## Info
-    `calibration`, `errors`, `goal`, where the first ball is [m], `impossible`, always False; after a step `distance`,
-    the median distance of this move [m], `error_BUDGET_AGAIN`, the same of each move so far, `is_success`, whether the
-    median is below 0.5 mm, `q`, the posture of the last move to the first ball [rad], and `reward_terms`.
+    From `reset` on:
+
+    | Key | Value |
+    |-----|-------|
+    | `calibration`, `errors` | which arm it truly is, and what is wrong with it |
+    | `goal`, `impossible` | where the first ball is [m]; always `False` |
+
+    From `step` on also:
+
+    | Key | Value |
+    |-----|-------|
+    | `distance` | median distance of this move [m] |
+    | `error_BUDGET_AGAIN` | the same of each move so far, such as `error_5_0` |
+    | `is_success` | the median is below 0.5 mm |
+    | `q` | posture of the last move to the first ball [rad] |
+    | `reward_terms` | terms of the reward |
 
     ## Arguments
 

@@ -1,5 +1,9 @@
-"""The pages of the environments list the arguments, spaces and limits that the environments have."""
+"""The pages of the environments list the arguments, spaces, limits and entries of `info` that the environments have.
 
+`KINREACH_KEEP=1 pytest tests/envs/test_pages.py` writes the tables of arguments and of `info`.
+"""
+
+import inspect
 import re
 
 import gymnasium as gym
@@ -7,6 +11,7 @@ import numpy as np
 import pytest
 
 import kinreach  # noqa: F401  (registers the environments)
+from tests.kept import KEEP
 
 PAGES = {
     "button": ["kinreach/ButtonPress-v0"],
@@ -18,16 +23,78 @@ PAGES = {
 }
 
 
+TABLE = re.compile(r"(?:^ *\|.*\n)+", re.MULTILINE)
+
+
+def section(text, heading):
+    """Where a section of a page or a docstring is: the text before it, its own, and the text after it."""
+    before, found, rest = re.split(rf"(?<=\n)( *## {heading}\n)", text, maxsplit=1)
+    end = re.search(r"^ *## ", rest, re.MULTILINE).start()
+    return before + found, rest[:end], rest[end:]
+
+
+def is_kept(root, page, text):
+    """Whether a page has this text; with `KINREACH_KEEP=1` it is written."""
+    path = root / f"docs/environments/{page}.md"
+    if KEEP:
+        path.write_text(text, encoding="utf-8")
+    return path.read_text(encoding="utf-8") == text
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_arguments_have_their_defaults(root, page):
-    text = (root / f"docs/environments/{page}.md").read_text(encoding="utf-8").partition("\n## Arguments\n")[2]
-    shown = dict(re.findall(r"^\| `(\w+)` \| `(.*?)` \|", text, re.MULTILINE))
-    env = gym.make(PAGES[page][-1])
-    fields = type(env.unwrapped).Options.__dataclass_fields__
-    assert shown.keys() == fields.keys()
+    """A new option is described in the dataclass of options; the page may describe it in other words."""
+    text = (root / f"docs/environments/{page}.md").read_text(encoding="utf-8")
+    before, arguments, after = section(text, "Arguments")
+    lines = arguments.splitlines(keepends=True)
+    rows = {found[1]: line for line in lines if (found := re.match(r"\| `(\w+)` \| ", line))}
+    fields = type(gym.make(PAGES[page][-1]).unwrapped).Options.__dataclass_fields__
+    at = lines.index("|---|---|---|\n") + 1
     for name, field in fields.items():
-        assert shown[name].replace('"', "'") == repr(field.default), name
-    assert len(shown) >= 4
+        row = rows.pop(name, None)
+        at = at if row is None else lines.index(row)
+        said = field.metadata["description"] if row is None else row.split(" | ", 2)[2].removesuffix(" |\n")
+        lines[at : at + (row is not None)] = [f"| `{name}` | `{quoted(field.default)}` | {said} |\n"]
+        at += 1
+    text = before + "".join(line for line in lines if line not in rows.values()) + after
+    assert is_kept(root, page, text), f"KINREACH_KEEP=1 pytest {__file__} writes the options of docs/environments"
+    assert len(fields) >= 4
+
+
+def quoted(value):
+    return repr(value).replace("'", '"')
+
+
+def keys_of(tables):
+    """Patterns of the keys in the first column; in `reward_TERM` any word may stand for TERM."""
+    keys = [key for table in tables for row in table[2:] for key in re.findall(r"`(\w+)`", row.split(" | ")[0])]
+    return [re.compile(re.sub("[A-Z]+", r"\\w+", key)) for key in keys]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_info_is_as_documented(root, page):
+    """In the tables of the class's docstring: the first is from `reset` on, the second from `step` on."""
+    classes = {name: type(gym.make(name).unwrapped) for name in PAGES[page]}
+    tables = {
+        name: [table.split("\n")[:-1] for table in TABLE.findall(section(inspect.getdoc(kind), "Info")[1])]
+        for name, kind in classes.items()
+    }
+    shared, later = tables[PAGES[page][0]]
+    for name, kind in classes.items():
+        where = f"the table ## Info of {kind.__name__} in {inspect.getsourcefile(kind)}"
+        env, own = gym.make(name), tables[name] if name != PAGES[page][0] else []
+        infos = [env.reset(seed=0)[1], env.step(env.action_space.sample())[4]]
+        for info, documented in zip(infos, (keys_of([shared, *own]), keys_of([shared, *own, later])), strict=True):
+            unknown = [key for key in info if not any(known.fullmatch(key) for known in documented)]
+            assert unknown == [], f"write a row for each into {where}"
+            gone = [known.pattern for known in documented if not any(map(known.fullmatch, info))]
+            assert gone == [], f"info has none of these; take them out of {where}"
+    text = (root / f"docs/environments/{page}.md").read_text(encoding="utf-8")
+    before, info, after = section(text, "Info")
+    wanted = iter("\n".join([table[0], "|---|---|", *table[2:], ""]) for rows in tables.values() for table in rows)
+    text = before + TABLE.sub(lambda found: next(wanted), info) + after
+    assert list(wanted) == []
+    assert is_kept(root, page, text), f"KINREACH_KEEP=1 pytest {__file__} copies the tables into docs/environments"
 
 
 @pytest.mark.parametrize("name", [name for names in PAGES.values() for name in names])

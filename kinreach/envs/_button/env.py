@@ -113,12 +113,23 @@ class ButtonPressEnv(CopyableEnv):
     diverges (a joint faster than 10000 rad/s: `info["impossible"]`, False otherwise; the last good state is observed).
 
     ## Info
-    After a reset: `goal` (target in the world [m]), `distance` [m], `q` (joint angles [rad]), `tip` (end effector in
-    the world [m]). After a step also `reached`, `is_success` and `pressed` (all three: pressed at the target),
-    `wrong_press`, `wrong_presses` and `steps` (numbers in this episode), `impossible`, `impossible_reason` (why, else
-    empty) and `impossible_code` (1 where impossible, else 0), `energy` (sum over joints and time of torque^2 dt in this
-    episode [N^2 m^2 s]), `move_s` (simulated time in this episode [s]), `reward_terms`, and each of them as
-    `reward_distance`, `reward_near`, `reward_wrong_press` and `reward_press`.
+    From `reset` on:
+
+    | Key | Value |
+    |-----|-------|
+    | `goal`, `tip` | target and end effector in the world [m] |
+    | `distance`, `q` | between them [m]; joint angles [rad] |
+
+    From `step` on also:
+
+    | Key | Value |
+    |-----|-------|
+    | `reached`, `is_success`, `pressed` | pressed at the target |
+    | `wrong_press`, `wrong_presses`, `steps` | whether this press was wrong; numbers in this episode |
+    | `impossible`, `impossible_reason`, `impossible_code` | whether the simulation diverged; why, else empty; 1 or 0 |
+    | `energy` | sum over joints and time of torque² dt in this episode [N² m² s] |
+    | `move_s` | simulated time in this episode [s] |
+    | `reward_terms`, `reward_TERM` | terms of the reward, as a dictionary and one by one |
 
     ## Arguments
 

@@ -97,12 +97,28 @@ class LiftEnv(ArmEnv):
     `info["impossible_reason"]` says so.
 
     ## Info
-    `goal`, the object's middle when it was last measured [m], `seen`, where the cameras saw it, `yaw` [rad], `shape`,
-    `size` [m], `mass` [kg], `friction`, `q` [rad], `tip` [m], `distance` [m]; after a step `is_success` and `reached`,
-    `status`, `cause` (empty, or what failed: `seen`, `reached`, `closed`, `slipped` or `dropped`), `held`, `clearance`
-    (of the lowest point above the table [m]), `opening` [m], `posture_error` (tilt of the tool, and angle between
-    fingers and faces of a cube [rad]), `impossible`, `impossible_reason`, `attempts`, `move_s` (simulated time [s]),
-    `reward_terms` and each of them as `reward_distance` and so on.
+    From `reset` on:
+
+    | Key | Value |
+    |-----|-------|
+    | `goal`, `seen` | the object's middle when it was last looked at, and where the cameras saw it [m] |
+    | `view` | the same for `reset(options=...)`: zeros where no camera saw it |
+    | `yaw`, `shape`, `size`, `mass`, `friction` | of the object [rad, m, kg] |
+    | `q`, `tip` | joint angles [rad], place of the tip [m] |
+    | `distance` | of tip and object [m] |
+
+    From `step` on also:
+
+    | Key | Value |
+    |-----|-------|
+    | `is_success`, `reached` | whether the object was lifted |
+    | `cause` | what failed: `seen`, `reached`, `closed`, `slipped`, `dropped`; empty after success |
+    | `held`, `clearance` | whether it touches both fingers; height of its lowest point above the table [m] |
+    | `opening` | of the fingers [m] |
+    | `posture_error` | tilt of the tool plus angle between fingers and faces of a cube [rad] |
+    | `status`, `impossible`, `impossible_reason` | how the action ended, and why it was impossible |
+    | `attempts`, `move_s` | actions so far; simulated time [s] |
+    | `reward_terms`, `reward_TERM` | terms of the reward, as a dictionary and one by one |
 
     ## Other Arms
     `arm=` takes any UR; one without a gripper gets the same on its flange. An action has one number for each joint.

@@ -256,13 +256,25 @@ class UR5SingleStepEnv(ReachEnv):
     Every episode terminates after its only action.
 
     ## Info
-    After a reset: `goal` (where the ball is in the world [m]), `seen` (where the cameras put it; NaN where none found
-    it), `view` (the goal block of the observation), `ball_found` (by each camera), `q` [rad], `tip`
-    (the tcp in the world [m]), `distance` [m], `posture_error` (r_e). After a step all of these, and
-    `reached` and `is_success`, `impossible`, `impossible_reason` (empty where possible), `status` and
-    `impossible_code` (how it ended in a word and as a number, `kinreach.envs._reach.worlds`), `target` and `target_tip`
-    (the posture that the action meant, and the tcp there), `move_s` (simulated time of all moves of the episode [s]),
-    `reward_terms`, and each of the terms as `reward_natural_arm` and so on.
+    From `reset` on:
+
+    | Key | Value |
+    |-----|-------|
+    | `goal`, `seen` | where the ball is, and where the cameras put it (NaN if not found), in the world [m] |
+    | `view`, `ball_found` | goal block of the observation; whether each camera found the ball |
+    | `q`, `tip` | joint angles [rad], tip in the world [m] |
+    | `distance`, `posture_error` | d [m] and r_e [rad] |
+
+    From `step` on also:
+
+    | Key | Value |
+    |-----|-------|
+    | `reached`, `is_success` | the goal is reached |
+    | `impossible`, `impossible_reason` | the action could not be executed, and why; empty where it could |
+    | `status`, `impossible_code` | how the move ended, as a word and as a number |
+    | `target`, `target_tip` | commanded posture [rad], and where the tip would be there [m] |
+    | `move_s` | simulated time of the episode's moves [s] |
+    | `reward_terms`, `reward_TERM` | terms of the reward, as a dictionary and one by one |
 
     ## Other Arms
     `arm=` takes any registered arm or an `ArmDescription`. An action has one number for each joint, mapped linearly
@@ -398,7 +410,11 @@ class SpaceReachEnv(ReachEnv):
     As in the thesis's two tasks.
 
     ## Info
-    As in `kinreach/UR5SingleStep-v0`; `posture_error` is the angle a, and `direction` the wanted direction.
+    As in `kinreach/UR5SingleStep-v0`, where `posture_error` is the angle a, and from `reset` on:
+
+    | Key | Value |
+    |-----|-------|
+    | `direction` | the wanted direction of the tool, a unit vector in the world |
 
     ## Arguments
 
