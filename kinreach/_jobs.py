@@ -32,7 +32,7 @@ MAX_JOBS = 10_000
 
 
 class Engine(Protocol):
-    """Runs jobs."""
+    """Where jobs run: in this process, in several, or on a cluster."""
 
     def split(self, parts: Sequence[Part], least: int) -> list[Sequence[Part]]:
         """Divide work into jobs.
@@ -67,7 +67,7 @@ class Serial:
     def map(
         self, function: Callable[[Job], Iterator[Value]], jobs: Sequence[Job], *, threads: int = 1, together: int = 1
     ) -> Iterator[tuple[int, Value]]:
-        """As `Engine.map`."""
+        """Run one job after the other; see `Engine.map`."""
         for number, job in enumerate(jobs):
             for value in function(job):
                 yield number, value

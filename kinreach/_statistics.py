@@ -39,17 +39,17 @@ _BLOCK = 2_000_000
 
 
 def median(values: Floats, *, axis: int = -1) -> Any:
-    """Return the value in the middle."""
+    """Return the median along an axis."""
     return np.median(values, axis=axis)
 
 
 def p95(values: Floats, *, axis: int = -1) -> Any:
-    """Return the 95th percentile, interpolated linearly."""
+    """Return the 95th percentile along an axis, interpolated linearly."""
     return np.percentile(values, 95, axis=axis)
 
 
 def mean(values: Floats, *, axis: int = -1) -> Any:
-    """Return the arithmetic mean."""
+    """Return the arithmetic mean along an axis."""
     return np.mean(values, axis=axis)
 
 

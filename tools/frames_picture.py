@@ -25,7 +25,7 @@ POSTURE = np.radians([-60.0, -75.0, 95.0, -110.0, -90.0, 0.0])
 
 
 def main() -> None:
-    """Draw the figure."""
+    """Draw the frames of a UR5e with a tool."""
     arm = get_arm("ur5e").with_tool(Tool.tube([0.0, 0.0, 0.15, 0.0, 0.0, 0.0], 0.03))
     figure = Figure(figsize=(6.4, 5.2))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")

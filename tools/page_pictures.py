@@ -80,7 +80,7 @@ class Camera:
         return Image.open(BytesIO(self.tab.screenshot())).convert("RGB")
 
     def wait_for(self, condition: Callable[[], object]) -> None:
-        """Until something holds."""
+        """Wait until a condition holds."""
         while not condition():
             self.tab.wait_for_timeout(50)
 
@@ -153,7 +153,7 @@ def save_gif(frames: list[Image.Image], path: Path) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Take them all."""
+    """Take the pictures and the film of the page."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", metavar="DIR", help="a comparison of the UR5")
     parser.add_argument("--only", metavar="NAME", help="target, self-motion, real-arm, episodes, results or film")

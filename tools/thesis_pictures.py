@@ -71,7 +71,7 @@ def save(figure: Figure, file: Path) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Draw all of them."""
+    """Save the figures of the thesis that notebooks draw."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=IMAGES, help="folder of the pictures")
     folder = parser.parse_args(argv).out.resolve()

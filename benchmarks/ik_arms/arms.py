@@ -39,7 +39,7 @@ def arm_names() -> list[str]:
 
 
 def ssik() -> Any:
-    """The package ssik."""
+    """Import ssik, or say which extra brings it."""
     return load_extra("ssik", "bench")
 
 
@@ -90,7 +90,7 @@ def parameters(kin: ArmKinematics) -> DenavitHartenberg:
 
 
 def class_of(kin: ArmKinematics) -> str:
-    """One of `CLASSES`."""
+    """Return the name of an arm's class, one of `CLASSES`."""
     if kin.n == 7:
         return SEVEN
     if kin.arm.name.endswith("_calibrated"):

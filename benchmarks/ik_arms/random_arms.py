@@ -32,7 +32,7 @@ OTHERS: dict[str, tuple[int, ...]] = {"two pairs that meet": (0, 4), "two pairs 
 
 
 def motion(turn: float, along: float, out: float, tilt: float) -> Floats:
-    """Rz(turn) Tz(along) Tx(out) Rx(tilt)."""
+    """Return the pose Rz(turn) Tz(along) Tx(out) Rx(tilt), shape (4, 4)."""
     c, s, ct, st = np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt)
     return np.array(
         [

@@ -38,7 +38,7 @@ class Solver(Protocol):
 
 
 class Kinreach:
-    """This package."""
+    """kinreach's own closed form, or its curves for seven axes."""
 
     name = "kinreach"
 
@@ -90,7 +90,7 @@ class EAIK:
 
 
 class RoboticsToolbox:
-    """roboticstoolbox's symbolic derivation (1.5)."""
+    """roboticstoolbox's symbolic derivation (version 1.5)."""
 
     name = "roboticstoolbox"
 

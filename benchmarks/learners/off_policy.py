@@ -76,11 +76,11 @@ class WithGain(BasePolicy):
 
 
 class GainTD3Policy(WithGain, TD3Policy):
-    """That of TD3 and DDPG."""
+    """TD3 and DDPG with a gain of the actor."""
 
 
 class GainSACPolicy(WithGain, SACPolicy):
-    """That of SAC."""
+    """SAC with a gain of the actor."""
 
 
 class Scheduled(OffPolicyAlgorithm):

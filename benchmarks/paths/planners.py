@@ -19,7 +19,7 @@ Planner = Callable[[Any, np.ndarray, Any, float], np.ndarray | None]
 
 
 def kinreach(checker: Any, start: np.ndarray, goals: Any, seconds: float, *, seed: int = 0) -> np.ndarray | None:
-    """`plan_path` to all solutions."""
+    """Plan with `plan_path` to all solutions of the goal."""
     try:
         return plan_path(checker, start, goals, timeout=seconds, seed=seed)
     except PathError:

@@ -135,7 +135,7 @@ def _section(section: Section, picture: str) -> Iterator[str]:
 
 
 def target_cells(target: Target) -> tuple[str, str, str, str]:
-    """A row under `TARGET_COLUMNS`."""
+    """Return the cells of a row under `TARGET_COLUMNS`."""
     bound = f"{target.kind} {show(target.bound)} {target.unit}"
     return target.what, bound, f"{show(target.measured)} {target.unit}", "yes" if target.met else "no"
 

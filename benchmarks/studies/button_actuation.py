@@ -103,7 +103,7 @@ def column(actuation: Actuation, targets: int, seed: int) -> dict[str, str]:
 
 
 def speeds(values: np.ndarray) -> str:
-    """Three speeds as text."""
+    """Write three speeds, "A / B / C rad/s"."""
     return " / ".join(f"{value:.0f}" for value in values) + " rad/s"
 
 

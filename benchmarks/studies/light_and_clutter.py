@@ -114,7 +114,7 @@ class Studio:
         self.intrinsics = {mount.name: Intrinsics.from_fovy(mount.fovy, WIDTH, HEIGHT) for mount in ARM.cameras}
 
     def close(self) -> None:
-        """Free the graphics memory."""
+        """Free the renderers' graphics memory."""
         self._renderer.close()
 
     def take(self, situation: Situation, camera: str, goal: np.ndarray, rng: np.random.Generator) -> RGBDImage:

@@ -194,7 +194,7 @@ class Timed:
         self.decisions: list[float] = []
 
     def act(self, observation: Any) -> Any:
-        """Return the policy's action."""
+        """Return the policy's action, and note how long it took."""
         start = time.process_time()
         action = self._policy.act(observation)
         self.decisions.append(1e3 * (time.process_time() - start))

@@ -72,7 +72,7 @@ class Cell:
 
     @property
     def name(self) -> str:
-        """Of its folder."""
+        """Name of the cell's folder: a word for each setting."""
         words = (
             "terminal" if self.terminal else "bootstrapped",
             "raw" if self.raw else "scaled",
@@ -524,7 +524,7 @@ def draw(runs: Path, name: str, file: Path) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Train, measure, print."""
+    """Train the cells that are asked for, measure them and print a table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="folder of the results")
     parser.add_argument("--plan", nargs="+", choices=PLANS, required=True, help="which trainings")

@@ -31,7 +31,7 @@ def thesis_with(info: Mapping[str, Any], *, natural_arm: bool, gripper_angle: bo
 
 
 def distance(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """The distance alone."""
+    """Return the thesis's reward with the distance alone."""
     return thesis_with(info, natural_arm=False, gripper_angle=False)
 
 
@@ -46,7 +46,7 @@ def gripper_angle(rewards: Array, info: Mapping[str, Any]) -> Array:
 
 
 def everything(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """The whole reward."""
+    """Return the thesis's whole reward."""
     return thesis_with(info, natural_arm=True, gripper_angle=True)
 
 

@@ -153,7 +153,7 @@ class Networks:
         return self._gain * self._head("mean", self._hidden("pi", x))
 
     def values(self, x: Tensor) -> Tensor:
-        """Values, shape (trainings, n)."""
+        """Return the critics' values, shape (trainings, n)."""
         return self._head("value", self._hidden("pi" if self._shared else "vf", x)).squeeze(-1)
 
     def evaluated(self, x: Tensor, actions: Tensor) -> tuple[Tensor, Tensor]:

@@ -32,7 +32,7 @@ def head(*names: str) -> str:
 
 
 def line(*cells: object) -> str:
-    """A line of cells."""
+    """Write cells as a row of a Markdown table."""
     return f"| {' | '.join(map(str, cells))} |"
 
 

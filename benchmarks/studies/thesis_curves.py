@@ -113,7 +113,7 @@ def reached(log: Mapping[str, Any], rows: Any) -> float:
 
 
 def single_rows(logs: Mapping[int, Log]) -> Iterator[Row]:
-    """Of single-step (5.1)."""
+    """Yield the rows of the single-step task (thesis, section 5.1)."""
 
     def each(measure: Callable[[Log, Any], float]) -> list[float]:
         return [measure(log, log["episodes"]) for log in logs.values()]
@@ -140,7 +140,7 @@ def single_rows(logs: Mapping[int, Log]) -> Iterator[Row]:
 
 
 def multi_rows(logs: Mapping[int, Log], episodes: Mapping[int, Log]) -> Iterator[Row]:
-    """Of multi-step (5.2)."""
+    """Yield the rows of the multi-step task (thesis, section 5.2)."""
     first = {seed: log["steps"] <= FIRST for seed, log in logs.items()}
     last = {seed: log["steps"] > log["steps"][-1] - LAST for seed, log in logs.items()}
     for when, says, rows in ((f"first {FIRST} steps", "less", first), (f"last {LAST} steps", "near 126.79", last)):
@@ -172,7 +172,7 @@ def multi_rows(logs: Mapping[int, Log], episodes: Mapping[int, Log]) -> Iterator
 
 
 def policy_rows(policies: Mapping[int, LearnedPolicy]) -> Iterator[Row]:
-    """Of policies without exploration."""
+    """Yield the rows of the trained policies, without exploration."""
     found = [evaluate(policy, goals=GOALS, options={"backend": "kinematic"}) for policy in policies.values()]
     distance = [one.measures["distance"] for one in found]
     yield Row("the policy: distance, mm, median", "-", 0, distance, statistic=median, unit=1e3)

@@ -15,7 +15,7 @@ Array = NDArray[Any]
 #: Colours are shifted and scaled to -1 … 1 by this [levels of 255].
 MIDDLE = 127.5
 #: Pictures whose windows are unfolded at a time: some 10 MB each.
-_TOGETHER = 16
+_PICTURES_AT_ONCE = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class Eye:
 
     @property
     def places(self) -> int:
-        """Number of outputs."""
+        """Outputs: a column and a row for each channel of the last layer."""
         return 2 * len(self.layers[-1][1])
 
     def __call__(self, pictures: Array) -> Array:
@@ -48,7 +48,7 @@ class Eye:
             pictures: uint8, shape (..., height, width, 3).
         """
         flat = pictures.reshape(-1, *pictures.shape[-3:])
-        found = [self._places(flat[row : row + _TOGETHER]) for row in range(0, len(flat), _TOGETHER)]
+        found = [self._places(flat[row : row + _PICTURES_AT_ONCE]) for row in range(0, len(flat), _PICTURES_AT_ONCE)]
         return np.concatenate(found).reshape(*pictures.shape[:-3], -1)
 
     def _places(self, pictures: Array) -> Array:

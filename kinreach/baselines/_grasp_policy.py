@@ -18,7 +18,7 @@ from kinreach.robots._rotations import turn
 #: How much narrower than the object the fingers are set [m], so that each presses with its whole force, 120 N.
 SQUEEZE = 0.024
 #: Least height of the tip above the table [m]; the fingers end 10 mm beyond it.
-LOWEST = 0.012
+MIN_HEIGHT = 0.012
 #: Turns of the fingers that are tried around a ball or a cylinder; a cube has one for each pair of faces.
 TURNS = 6
 UP = np.array([0.0, 0.0, 1.0])
@@ -48,7 +48,7 @@ class GraspPolicy:
         self.reason = ""
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Do nothing."""
+        """Do nothing: a grasp depends on the observation only."""
 
     def act(self, observation: Any) -> Any:
         """Return the action of a grasp; None if no camera saw the object or no posture is accepted."""
@@ -67,7 +67,7 @@ class GraspPolicy:
 
     def _poses(self, observation: Floats) -> Iterator[Floats]:
         place, size = observation[SEEN].copy(), float(observation[SIZE])
-        place[2] += max(0.0, LOWEST - size)
+        place[2] += max(0.0, MIN_HEIGHT - size)
         outwards = math.atan2(place[1], place[0])
         step, first = math.pi / TURNS, 0.0
         if observation[IS_CUBE]:

@@ -57,10 +57,10 @@ class FunctionPolicy:
         self._function = function
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Do nothing."""
+        """Do nothing: a function has no memory."""
 
     def act(self, observation: Any) -> Any:
-        """Return the function's action."""
+        """Return the function's value for an observation."""
         return self._function(observation)
 
 
@@ -87,7 +87,7 @@ class RandomPolicy:
         self._space.seed(int(entropy.generate_state(1)[0]))
 
     def act(self, observation: Any) -> Any:
-        """Draw an action."""
+        """Draw an action, whatever the observation."""
         return self._space.sample()
 
 

@@ -43,7 +43,7 @@ class Trainee:
 
     @property
     def network(self) -> Network:
-        """Its deterministic actor."""
+        """The actor without noise, in the package's form."""
         return self.algorithm.exporter(self.model)
 
 

@@ -66,7 +66,7 @@ class LearnedPolicy:
         self.stepwise = card.meaning == "posture" and _walks(card)
 
     def reset(self, observation: Any = None, info: Any = None) -> None:
-        """Do nothing."""
+        """Do nothing: a network has no memory."""
 
     def act(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Any:
         """Return the deterministic action for an observation, shape (n,), or for a batch of them, shape (count, n).
@@ -114,7 +114,7 @@ class LearnedPolicy:
 
     @property
     def name(self) -> str:
-        """Name of its recipe."""
+        """Name of the recipe that trained it."""
         return str(self.card.recipe.get("name") or "the policy")
 
     def check_spaces(self, observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:

@@ -103,7 +103,7 @@ class RandomArmStart(NamedTuple):
     """An episode has no options."""
 
 
-ANYTHING = RandomArmStart()
+ALL_DRAWN = RandomArmStart()
 
 
 class RandomArmEpisodes:
@@ -140,7 +140,7 @@ class RandomArmEpisodes:
         others = {name: value for name, value in vars(other).items() if name not in ("chain", "_streams")}
         self.__dict__.update(deepcopy(others))
 
-    def begin(self, ids: Ids, start: RandomArmStart = ANYTHING) -> None:
+    def begin(self, ids: Ids, start: RandomArmStart = ALL_DRAWN) -> None:
         """Draw other arms, balls and looks."""
         errors, ball, budget, moves, look_noise, ball_noise, noise = np.split(
             self._streams.draw(ids), np.cumsum(_PARTS)[:-1], axis=1
@@ -198,7 +198,7 @@ class RandomArmEpisodes:
         return {"goal": self.balls.copy()}
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing: no camera is open."""
 
 
 def after_move(observed: Floats, q: Floats, seen: Floats) -> Floats:

@@ -101,7 +101,7 @@ class SB3VecEnv(VecEnv):
         return seen
 
     def close(self) -> None:
-        """Close the environments."""
+        """Close the batch of environments beneath."""
         self._env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
@@ -170,7 +170,7 @@ class TriesVecEnv(SB3VecEnv):
         self._over = np.ones(env.num_envs, dtype=np.bool_)
 
     def reset(self) -> VecEnvObs:
-        """Start all episodes."""
+        """Start all episodes; return their observations, shape (num_envs, size)."""
         if self._seeds[0] is not None:
             self._rng = np.random.default_rng(self._seeds[0])
             self._env.reset(seed=self._seeds[0])

@@ -1,4 +1,4 @@
-"""The button task."""
+"""The task `button`: its methods, columns and figures."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class Flag:
 
     @property
     def spelled(self) -> str:
-        """As it is typed."""
+        """The flag as it is typed, with dashes."""
         return f"--{self.name.replace('_', '-')}"
 
     def options(self, text: str) -> Mapping[str, Any]:

@@ -52,7 +52,7 @@ WARM_UP_SEED, WARM_UP_GOALS = 2**63, 2
 #: Observations of tasks that have the option; the second needs OpenGL.
 GEOMETRIC, CAMERA = "geometric", "camera"
 #: Least trials of a job, which spends half a second on its environments; trials that it sends at once.
-BLOCK, TOGETHER = 500, 32
+BLOCK, TRIALS_AT_ONCE = 500, 32
 #: The trials of an unfinished comparison, and the results of a finished one.
 RECORDS, RESULTS = "records.jsonl", "results.json"
 #: Sizes of what is read [bytes]: results, or a line of the trials, and all trials; one has some 700.
@@ -251,7 +251,7 @@ def run_trials(
         if pending := [names[turn] for turn in turns if (index, names[turn]) not in finished]:
             goals.append((index, reset, pending))
     blocks = engine.split(goals, math.ceil(BLOCK / len(names)))
-    for _, trial in engine.map(partial(play, comparison), blocks, together=TOGETHER):
+    for _, trial in engine.map(partial(play, comparison), blocks, together=TRIALS_AT_ONCE):
         yield trial
         count += 1
         progress(count, total)
@@ -548,7 +548,7 @@ class Records:
         self.trials.append(trial)
 
     def remove(self) -> None:
-        """Delete the file."""
+        """Delete the file of trials."""
         self.path.unlink(missing_ok=True)
 
 

@@ -21,10 +21,10 @@ from kinreach.kinematics._tensors import as_device, on_device, on_host
 from kinreach.sim._picture import FPS, Scene, ScenePicture
 
 #: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
-AHEAD = 256
+ROWS_AHEAD = 256
 #: Environments for which they are drawn before they are put in place: as many as fit into the cache. Freeing an array
 #: of that size also makes glibc keep the memory that every step allocates.
-TOGETHER = 256
+STREAMS_AT_ONCE = 256
 #: More environments than this are not drawn.
 MAX_DRAWN = 64
 
@@ -75,13 +75,13 @@ class RowStreams:
     def __init__(self, sampler: Sampler, count: int, *, size: int = 3) -> None:
         self._sampler = sampler
         self._rngs = [np.random.default_rng() for _ in range(count)]
-        self._ahead = np.empty((AHEAD, count, size))  # environments in step read what lies side by side
-        self._next = np.full(count, AHEAD)
+        self._ahead = np.empty((ROWS_AHEAD, count, size))  # environments in step read what lies side by side
+        self._next = np.full(count, ROWS_AHEAD)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Restart an environment's sequence with a generator, which it then owns."""
         self._rngs[index] = rng
-        self._next[index] = AHEAD
+        self._next[index] = ROWS_AHEAD
 
     def copy_from(self, other: RowStreams) -> None:
         """Copy the state of another object with as many sequences."""
@@ -94,19 +94,19 @@ class RowStreams:
     def _taken(self, ids: np.ndarray) -> Floats:
         """Return the same as `draw`, valid until the next call."""
         turns = self._next[ids]
-        empty = ids[turns == AHEAD]
-        for start in range(0, len(empty), TOGETHER):
-            some = empty[start : start + TOGETHER]
+        empty = ids[turns == ROWS_AHEAD]
+        for start in range(0, len(empty), STREAMS_AT_ONCE):
+            some = empty[start : start + STREAMS_AT_ONCE]
             run = some[-1] - some[0] == len(some) - 1
             self._ahead[:, slice(some[0], some[-1] + 1) if run else some] = self._drawn(some).swapaxes(0, 1)
-        turns[turns == AHEAD] = 0
+        turns[turns == ROWS_AHEAD] = 0
         self._next[ids] = turns + 1
         in_step = len(ids) == len(self._next) and (turns == turns[0]).all()
         rows: Floats = self._ahead[turns[0]] if in_step else self._ahead[turns, ids]
         return rows
 
     def _drawn(self, ids: np.ndarray) -> Floats:
-        return np.array([self._sampler.sample(self._rngs[index], AHEAD) for index in ids])
+        return np.array([self._sampler.sample(self._rngs[index], ROWS_AHEAD) for index in ids])
 
 
 class BatchPicture:
@@ -127,7 +127,7 @@ class BatchPicture:
         return self._picture.frame()
 
     def close(self) -> None:
-        """Free the renderer."""
+        """Free the renderer's graphics memory."""
         self._picture.close()
 
 
@@ -345,7 +345,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         return tuple(self._picture.frame(index) for index in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free the renderers."""
+        """Free the graphics memory of cameras and pictures."""
         self._episodes.close()
         if self._picture is not None:
             self._picture.close()

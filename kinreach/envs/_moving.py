@@ -42,7 +42,7 @@ INSIDE = 0.02
 #: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds, and sights before.
 BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
 #: The first joint turns a tip at the far end of the table no faster [m/s].
-FASTEST = 2.0
+MAX_SPEED = 2.0
 
 
 def entering(rng: np.random.Generator, low: Floats, high: Floats) -> tuple[Floats, float]:
@@ -142,8 +142,10 @@ def check_speed(speed: object) -> float:
         InputError: The arm cannot follow it.
     """
     value = check_number("the ball's speed [m/s]", speed, above=0.0)
-    if value > FASTEST:
-        raise InputError(f"the ball's speed must be at most {FASTEST:g} m/s: the arm's tip is no faster, got {value:g}")
+    if value > MAX_SPEED:
+        raise InputError(
+            f"the ball's speed must be at most {MAX_SPEED:g} m/s: the arm's tip is no faster, got {value:g}"
+        )
     return value
 
 
@@ -159,7 +161,7 @@ class MovingStart(NamedTuple):
     paths: NDArray[np.str_] | None = None
 
 
-ANYTHING = MovingStart()
+ALL_DRAWN = MovingStart()
 
 
 @cache
@@ -217,7 +219,7 @@ class MovingEpisodes:
             deepcopy({name: value for name, value in vars(other).items() if name not in ("arm", "chain", "checker")})
         )
 
-    def begin(self, ids: Ids, start: MovingStart = ANYTHING) -> None:
+    def begin(self, ids: Ids, start: MovingStart = ALL_DRAWN) -> None:
         """Draw other balls; the arms rest in their start posture."""
         for row, index in enumerate(ids):
             rng = self._rngs[index]
@@ -309,7 +311,7 @@ class MovingEpisodes:
         return {"goal": self.rolls[np.arange(len(now)), now], "q": self.q.copy(), "time": self.frames / FRAMES}
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing: no camera is open."""
 
 
 def check_actions(actions: ArrayLike, count: int | None) -> Floats:

@@ -45,7 +45,7 @@ class Usage:
 
     @classmethod
     def now(cls) -> Usage:
-        """At this moment."""
+        """Return this process's memory, open files and threads now."""
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
         return cls(
             pages * os.sysconf("SC_PAGE_SIZE"), len(os.listdir("/proc/self/fd")), len(os.listdir("/proc/self/task"))

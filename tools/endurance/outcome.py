@@ -1,4 +1,4 @@
-"""What a check says."""
+"""`Outcome`: what a check of endurance found."""
 
 from __future__ import annotations
 

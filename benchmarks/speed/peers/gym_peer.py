@@ -118,7 +118,7 @@ class GymPeer:
         return self._ask({"ppo": {"steps": steps, "envs": envs, "settings": settings}})
 
     def close(self) -> None:
-        """End the process."""
+        """End the process of the peer."""
         for pipe in (self._process.stdin, self._process.stdout):
             with contextlib.suppress(OSError):  # it may have gone already
                 pipe.close()

@@ -143,7 +143,7 @@ def serial(simulation: ArmSimulation, targets: Floats) -> Floats:
 
 
 def batched(simulation: BatchSimulation, targets: Floats) -> Floats:
-    """All episodes at once."""
+    """Move all arms at once; return the tips [m], shape (n, 3)."""
     ids = np.arange(len(targets))
     simulation.reset(ids)
     simulation.move(ids, targets)

@@ -32,8 +32,8 @@ QUICK: dict[tuple[int, ...], tuple[int, ...]] = {
     SIMULATIONS: (1, 32),
 }
 #: EAIK takes many seconds for more.
-MOST_EAIK = 100_000
-MOST_ROUNDS = 5
+MAX_EAIK = 100_000
+MAX_ROUNDS = 5
 THREADS = (1, 2)
 
 _POSES_CODE = """\
@@ -117,7 +117,7 @@ def _poses(options: Options, progress: Progress) -> Section:
         T = kinematics.fk(q)
         contenders.append(Contender(f"IK {n}", partial(kinematics.batch, T), n))
         contenders.append(Contender(f"FK {n}", partial(kinematics.fk, q), n))
-        if n <= MOST_EAIK and "EAIK" in peers and peers["EAIK"].batch is not None:
+        if n <= MAX_EAIK and "EAIK" in peers and peers["EAIK"].batch is not None:
             contenders.append(Contender(f"EAIK {n}", peers["EAIK"].batch(T), n, peer=True))
     timings = _timed("batches of poses", contenders, options, progress)
     rows: list[list[Cell]] = []
@@ -247,7 +247,7 @@ def _sizes(full: tuple[int, ...], options: Options) -> tuple[int, ...]:
 
 
 def _timed(what: str, contenders: list[Contender], options: Options, progress: Progress) -> Timings:
-    rounds = min(options.rounds, MOST_ROUNDS)
+    rounds = min(options.rounds, MAX_ROUNDS)
     return interleaved(contenders, rounds, lap=LAP, on_round=lambda done, all_rounds: progress(what, done, all_rounds))
 
 

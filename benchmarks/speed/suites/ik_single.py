@@ -150,7 +150,6 @@ The rest was checks of the input and the objects that are returned."""
 
 
 def _near_a_seed(options: Options, progress: Progress) -> Section:
-    """Measure."""
     T = random_poses(np.random.default_rng(options.seed), 20 if options.quick else 200)
     seed: Floats = np.array(FLANGE.arm.home)
     peers, missing = installed(_makers(seed))

@@ -25,7 +25,7 @@ ACTIONS, PEER_ACTIONS = 102_400, 2 * UPDATE
 QUICK_ACTIONS, QUICK_PEER_ACTIONS = 10_240, UPDATE
 SETTINGS: dict[str, Any] = {"batch_size": 512, "n_epochs": 2, "policy_kwargs": {"net_arch": [64, 64]}}
 #: More rounds say no more.
-MOST_ROUNDS = 5
+MAX_ROUNDS = 5
 PARTS = ("environment", "choosing", "updating")
 RECIPE, BATCH = "recipe `single`, UR5SingleStep-v0", f"PPO, UR5MultiStep-v0, native batch of {OURS}"
 PEER = f"PPO, {PANDA.name}, {PEERS} one after the other"
@@ -75,11 +75,11 @@ def _ours(options: Options) -> dict[str, Run]:
 def _rounds(
     ours: dict[str, Run], options: Options, progress: Progress, missing: dict[str, str]
 ) -> dict[str, list[dict[str, float]]]:
-    """Everybody's times, in turns."""
+    """Return the times of every contender, round by round; they take turns."""
     import torch
 
     times: dict[str, list[dict[str, float]]] = {name: [] for name in (*ours, PEER)}
-    rounds = 1 if options.quick else min(options.rounds, MOST_ROUNDS)
+    rounds = 1 if options.quick else min(options.rounds, MAX_ROUNDS)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

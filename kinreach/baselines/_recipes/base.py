@@ -1,4 +1,4 @@
-"""What a recipe is."""
+"""`Recipe`: everything that a training run depends on beside its seed."""
 
 from __future__ import annotations
 

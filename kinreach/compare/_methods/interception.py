@@ -23,22 +23,22 @@ HORIZON = 40
 #: Shares of the limit of acceleration with which a meeting must be possible: first with something left for corrections.
 ACCELERATIONS = (0.94, 1.0)
 #: The tip aims this far above the ball's centre, and the gripper is to be this far above the table [m].
-ABOVE, CLEAR = 0.005, 0.003
+ABOVE, CLEARANCE = 0.005, 0.003
 #: Iterations of the search for postures; error that they may have [m].
-ITERATIONS, CLOSE = 12, 1.5e-3
+ITERATIONS, MAX_MISS = 12, 1.5e-3
 #: Frames after the earliest meeting at which it meets the ball instead if it can: it needs them if sights differ.
 SPARE = 2
 #: Ways that are checked for collisions in a decision; parts of a frame between checked postures.
-WAYS, STRIDE = 40, 2
+MAX_WAYS, STRIDE = 40, 2
 #: Frames after which the arm shall be on its way. Joints that follow it frame by frame lag; with more frames they are
 #: ahead of it in between.
-AHEAD = (3, 2, 1)
+FRAMES_AHEAD = (3, 2, 1)
 #: Shares of its limits that the arm may turn out to keep, and frames by which it may turn out to be late.
-SHARES, LATE = np.linspace(1.0, 0.1, 91), np.arange(4)
+SHARES, FRAMES_LATE = np.linspace(1.0, 0.1, 91), np.arange(4)
 #: Where it waits: this share of the way from the ball to the middle of the area, this high above the ball [m].
 TOWARDS_MIDDLE, WAITING = 0.35, 0.06
 #: Without a way that is free, it keeps to the one that is free the longest if it is lower than this above the ball [m].
-LOW = 0.05
+LOW_HEIGHT = 0.05
 
 
 class _ClosedForm:
@@ -69,7 +69,7 @@ class FirstSight(_ClosedForm):
         self._action = self._go(observation[ball.BALL])
 
     def act(self, observation: Any) -> Floats:
-        """Repeat the first action."""
+        """Return the action for the first sight again."""
         return self._action
 
 
@@ -99,15 +99,15 @@ class Interception(_ClosedForm):
         self._table = self._env.height - self._env.arm.workcell.ball_radius
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Forget the last ball."""
+        """Forget the forecast of the last ball and the limits that its arm kept."""
         super().reset(observation, info)
         self._fit, self._time = TurnRateFit(self._env.noise), 0.0
         self._meeting: float | None = None
-        self._limits, self._late, self._missed = dict(self._known), 0, np.zeros((len(LATE), len(SHARES)))
-        self._last, self._sent = (np.array(info["q"]), np.zeros(6)), len(LATE) * [self._target]
+        self._limits, self._late, self._missed = dict(self._known), 0, np.zeros((len(FRAMES_LATE), len(SHARES)))
+        self._last, self._sent = (np.array(info["q"]), np.zeros(6)), len(FRAMES_LATE) * [self._target]
 
     def act(self, observation: Any) -> Floats:
-        """Go towards the meeting."""
+        """Return the action of this frame on the way to the meeting."""
         action = self._decide(observation)
         self._sent.append(self._target)
         return action
@@ -129,7 +129,7 @@ class Interception(_ClosedForm):
         outside = ((xy < self._low) | (xy > self._high)).any(axis=1)
         count = max(int(outside.argmax()) if outside.any() else HORIZON, 1)
         way, until = self._way(q, v, xy[:count], parts[:count])
-        low = self._kinematics.fk(q)[2, 3] < self._env.height + LOW
+        low = self._kinematics.fk(q)[2, 3] < self._env.height + LOW_HEIGHT
         if way is not None and (until >= len(way) or (low and until >= ball.PARTS)):
             return self._follow(q, v, way)
         return self._wait(q, v, xy[min(HORIZON // 3, count - 1)])
@@ -138,11 +138,11 @@ class Interception(_ClosedForm):
         """Fit the share of the limits, and the frames that the arm is late, to its motions in all frames so far."""
         if self._time:
             limits = {name: SHARES[:, None] * limit for name, limit in self._known.items()}
-            sent = np.array(self._sent)[-1 - LATE][:, None]
+            sent = np.array(self._sent)[-1 - FRAMES_LATE][:, None]
             end, _ = self._after_a_frame(*self._last, sent, limits)
             self._missed += ((end - q) ** 2).sum(axis=-1)
         late, share = np.unravel_index(self._missed.argmin(), self._missed.shape)
-        self._last, self._late = (q, v), int(LATE[late])
+        self._last, self._late = (q, v), int(FRAMES_LATE[late])
         self._limits = {name: SHARES[share] * limit for name, limit in self._known.items()}
 
     @staticmethod
@@ -170,11 +170,11 @@ class Interception(_ClosedForm):
         longest: tuple[Floats | None, int] = (None, 0)
         for share in ACCELERATIONS:
             postures, misses = self._postures(*self._bounds(q, v, parts, share), places, start)
-            possible = np.flatnonzero(misses < CLOSE)
+            possible = np.flatnonzero(misses < MAX_MISS)
             if not len(possible):
                 continue
             wanted = possible[0] + SPARE if self._meeting is None else (self._meeting - self._time) * ball.FRAMES
-            for index in sorted(possible, key=lambda frame: (frame < wanted - 0.5, frame))[: WAYS - tried]:
+            for index in sorted(possible, key=lambda frame: (frame < wanted - 0.5, frame))[: MAX_WAYS - tried]:
                 way = self._steady(q, v, postures[index], int(parts[index]))
                 checked = np.append(np.arange(STRIDE - 1, len(way) - 1, STRIDE), len(way) - 1)
                 hits = np.flatnonzero(self._checker.causes(way[checked]))
@@ -206,7 +206,7 @@ class Interception(_ClosedForm):
 
     def _follow(self, q: Floats, v: Floats, way: Floats) -> Floats:
         """Return the action that leads each joint to where the way is some frames later, the most that are free."""
-        for frames in AHEAD:
+        for frames in FRAMES_AHEAD:
             parts = min(frames * ball.PARTS, len(way))
             self._target = self._towards(q, v, way[parts - 1], parts)
             if self._is_free(q, v, self._target, parts):
@@ -264,19 +264,19 @@ class Interception(_ClosedForm):
             start: Where the search begins [rad], shape (n, 6).
 
         Returns:
-            Joint angles [rad], shape (n, 6); distance from the place plus depth below `CLEAR` [m], shape (n,).
+            Joint angles [rad], shape (n, 6); distance from the place plus depth below `CLEARANCE` [m], shape (n,).
         """
         q = np.clip(start, low, high)
         best, least, rows = q.copy(), np.full(len(q), np.inf), np.arange(len(q))
         for _ in range(ITERATIONS):
             T, J = self._kinematics.fk(q), self._kinematics.jacobian(q)
             arms = np.einsum("nij,kj->nki", T[:, :3, :3], GRIPPER)
-            depth = np.maximum(self._table + CLEAR - arms[:, :, 2] - T[:, 2:3, 3], 0.0)
+            depth = np.maximum(self._table + CLEARANCE - arms[:, :, 2] - T[:, 2:3, 3], 0.0)
             error = np.concatenate([places - T[:, :3, 3], 1.3 * depth], axis=1)
             missed = np.linalg.norm(error[:, :3], axis=1) + depth.max(axis=1)
             better = missed < least[rows]
             best[rows[better]], least[rows[better]] = q[better], missed[better]
-            left = missed >= CLOSE / 3
+            left = missed >= MAX_MISS / 3
             if not left.any():
                 break
             rows, q, low, high, places, error, J, arms, depth = (

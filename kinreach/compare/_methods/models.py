@@ -40,18 +40,18 @@ class DataSheet:
     """Aim by the closed form of the data sheet."""
 
     def where(self, count: int) -> Floats:
-        """Return no postures."""
+        """Return no postures, shape (0, 6): the data sheet needs no looks."""
         return np.empty((0, 6))
 
     def learn(self, q: Floats, seen: Floats) -> None:
-        """Ignore the looks."""
+        """Ignore the looks: the data sheet does not change."""
 
     def aim(self, points: Floats) -> Floats:
         """Return the postures with the tool straight down."""
         return tool_down_postures(ur5(), points)
 
     def doubt(self, points: Floats) -> float:
-        """Return `UNKNOWN`."""
+        """Return the distance that it may be off anywhere [m]."""
         return UNKNOWN
 
 
@@ -92,7 +92,7 @@ class Identified(Modelled):
         self._arm: IdentifiedArm | None = None
 
     def learn(self, q: Floats, seen: Floats) -> None:
-        """Fit the frames."""
+        """Fit the chain's frames to the looks."""
         chain = ur5().chain
         self._arm = IdentifiedArm(chain, q, seen, prior=self._prior, noise=self._noise, terms=self._terms)
 

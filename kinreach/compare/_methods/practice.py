@@ -51,7 +51,7 @@ class LookingPolicy:
         self._env: Any = env.unwrapped
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Forget the last workplace."""
+        """Forget looks and aims at the last workplace, and make a new learner."""
         self._learner = self._new(self._env)
         self._q, self._seen = np.empty((0, 6)), np.empty((0, 3))
         self._points = np.empty((0, 3))

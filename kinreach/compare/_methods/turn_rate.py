@@ -12,7 +12,7 @@ from kinreach._checks import Floats
 #: Turn rates that are tried [rad/s]; prior standard deviation of the sideways acceleration [m/s^2].
 RATES, SIDEWAYS = np.linspace(-20.0, 20.0, 402), 2.0
 #: Least standard deviation of a coordinate that is found [m], and over how many last sights it is.
-LEAST, SHORT = 1e-4, 4
+MIN_NOISE, SIGHTS = 1e-4, 4
 #: The median of their squared misses, a degree of freedom, is 0.79 of the variance (chi-squared with 3). By less the
 #: noise is found larger than it is: long windows that are kept too long cost less than ones that are left too early.
 MEDIAN_SQUARE = 0.53
@@ -33,7 +33,7 @@ class TurnRateFit:
 
     def __init__(self, noise: float | None) -> None:
         self._known = noise is not None
-        self._noise = LEAST if noise is None else max(noise, 1e-6)
+        self._noise = MIN_NOISE if noise is None else max(noise, 1e-6)
         self._squares: list[float] = []
         self._times: list[float] = []
         self._places: list[complex] = []
@@ -61,9 +61,9 @@ class TurnRateFit:
             return last, 0j, 0.0
         t, z = np.array(self._times[::-1]) - self._times[-1], np.array(self._places[::-1]) - last
         *_, misses, costs = self._solve(RATES, t, z)
-        if not self._known and len(t) >= SHORT:
-            self._squares.append(self._noise**2 * float(misses[:, SHORT - 1].min()) / (2 * SHORT - 5))
-            before, self._noise = self._noise, max(LEAST, math.sqrt(np.median(self._squares) / MEDIAN_SQUARE))
+        if not self._known and len(t) >= SIGHTS:
+            self._squares.append(self._noise**2 * float(misses[:, SIGHTS - 1].min()) / (2 * SIGHTS - 5))
+            before, self._noise = self._noise, max(MIN_NOISE, math.sqrt(np.median(self._squares) / MEDIAN_SQUARE))
             costs += misses * ((before / self._noise) ** 2 - 1.0)
         best, least = (last, 0j, 0.0), int((t > -1e-3).sum()) + 1
         for count in sorted({min(max(window, least), len(t)) for window in (least, *WINDOWS, len(t))}):

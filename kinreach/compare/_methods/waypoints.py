@@ -66,7 +66,7 @@ class Steps:
         self._env, self._policy = env, policy
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Begin an episode."""
+        """Begin an episode of the policy."""
         self._policy.reset(observation, info)
 
     def act(self, observation: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The course report's environment."""
+"""`kinreach/ButtonPress-v0`: an arm under torque presses a button, as in the course report."""
 
 from __future__ import annotations
 
@@ -159,12 +159,12 @@ class ButtonPressEnv(CopyableEnv):
 
     @property
     def scene(self) -> Scene:
-        """What `render` draws."""
+        """The simulation that `render` draws."""
         return self._world
 
     @property
     def arm(self) -> ArmDescription:
-        """The arm."""
+        """The 3-DOF arm, `arm3`."""
         return self.options.arm
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:

@@ -74,17 +74,17 @@ class ButtonOptions:
 
     @property
     def arm(self) -> ArmDescription:
-        """The arm."""
+        """The 3-DOF arm, `arm3`."""
         return get_arm("arm3")
 
     @property
     def motors(self) -> Actuation:
-        """Motors, friction and time."""
+        """Motors, friction and control period that `actuation` names."""
         return ACTUATIONS[self.actuation]
 
     @property
     def observation_space(self) -> spaces.Box:
-        """Of one environment."""
+        """Observations of one environment, with `controls` and `frames`."""
         return observation_space(controls=self.controls, frames=self.frames)
 
     @property
@@ -300,7 +300,7 @@ class ButtonEpisodes:
         return {"goal": self.goals.copy()}
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing: no camera is open."""
 
     def _simulate(self, acting: Flags | None) -> Flags:
         """Step the world; return which arms have diverged. Their last good state is kept."""

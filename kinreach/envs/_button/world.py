@@ -271,7 +271,7 @@ class BatchTorqueWorld:
         self._mocap: Floats = self._batch.bind("mocap_pos")
 
     def reset(self, ids: Ids, targets: Floats, q: Floats, qd: Floats) -> None:
-        """Put whole states back."""
+        """Set postures (k, 3) [rad], joint speeds (k, 3) [rad/s] and targets (k, 3) [m] of k arms."""
         stages = mujoco.mjtStage
         self._batch.reset(ids=ids, keyframe=self._home, stage=stages.mjSTAGE_NONE)
         self.q[ids], self.qd[ids] = q, qd

@@ -39,7 +39,7 @@ CAUSES = np.array(["reached", "closed", "slipped", "dropped", ""], dtype=object)
 LIFTED_REWARD = 20.0
 #: Interval between two checks of a grasp while the object is to be held [s].
 LOOK = 0.1
-ANYTHING = LiftStart()
+ALL_DRAWN = LiftStart()
 
 
 class LiftEpisodes:
@@ -89,7 +89,7 @@ class LiftEpisodes:
         if self.world is not None and other.world is not None:
             self.world.copy_from(other.world)
 
-    def begin(self, ids: Ids, start: LiftStart = ANYTHING) -> None:
+    def begin(self, ids: Ids, start: LiftStart = ALL_DRAWN) -> None:
         """Start new episodes: the arm at home, the gripper open, other objects."""
         rows = self._streams.draw(ids)
         given = (start.places, start.yaws, start.shapes, start.sizes, start.masses, start.frictions)
@@ -131,7 +131,7 @@ class LiftEpisodes:
 
     @property
     def observation_space(self) -> spaces.Space[Any]:
-        """Of one environment."""
+        """Observations of one environment: numbers, or pictures with numbers."""
         return self.task.observation_space if self._pixels is None else self._pixels.space
 
     def observe(self) -> Any:
@@ -321,7 +321,7 @@ class LiftEpisodes:
         return np.asarray(tilt + np.where(self.kinds.shape == SHAPES.index(CUBE), off, 0.0))
 
     def close(self) -> None:
-        """Free the cameras' renderers."""
+        """Free the cameras' graphics memory."""
         for observer in (self._camera, self._pixels):
             if observer is not None:
                 observer.close()

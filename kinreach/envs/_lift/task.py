@@ -170,7 +170,7 @@ class LiftOptions:
 
     @property
     def noise(self) -> SensorNoise:
-        """The cameras' noise."""
+        """Noise of the cameras, from `rgb_noise` and `depth_noise`."""
         return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise)
 
 
@@ -298,7 +298,7 @@ class LiftTask:
 
     @property
     def observation_space(self) -> spaces.Box:
-        """Of one environment."""
+        """Observations of one environment, except pictures, shape (size,)."""
         lower, upper = joint_limits(self.arm)
         high = np.concatenate([
             3 * [GOAL_RANGE], [1.0], 4 * [1.0], upper + BEYOND_LIMIT, [CAMERA_RANGE], 3 * [2 * GOAL_RANGE],

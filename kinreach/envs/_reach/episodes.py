@@ -108,7 +108,7 @@ class ReachEpisodes:
 
     @property
     def observation_space(self) -> spaces.Space[Any]:
-        """Of one arm."""
+        """Observations of one environment: numbers, or pictures with numbers."""
         return self.task.observation_space if self._pixels is None else self._pixels.space
 
     def observe(self) -> Any:
@@ -237,7 +237,7 @@ class ReachEpisodes:
         return distance
 
     def close(self) -> None:
-        """Free the cameras' renderers."""
+        """Free the cameras' graphics memory."""
         self._observer.close()
         if self._pixels is not None:
             self._pixels.close()

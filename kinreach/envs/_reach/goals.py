@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.envs._batch import AHEAD, RowStreams
+from kinreach.envs._batch import ROWS_AHEAD, RowStreams
 from kinreach.robots._workcell import BoxRegion, Workcell
 
 
@@ -30,7 +30,7 @@ class GoalStreams(RowStreams):
 
     def _drawn(self, ids: np.ndarray) -> Floats:
         """Places in a box from 0 to 1; they are brought into the region when their turn comes."""
-        places = np.empty((len(ids), AHEAD, 3))
+        places = np.empty((len(ids), ROWS_AHEAD, 3))
         for index, place in zip(ids, places, strict=True):
             self._rngs[index].random(out=place)
         return places

@@ -52,7 +52,7 @@ class GoalObserver(Protocol):
         ...
 
     def close(self) -> None:
-        """Free the renderers."""
+        """Free the cameras' graphics memory."""
         ...
 
 
@@ -63,11 +63,11 @@ class GeometricObserver:
         self._task = task
 
     def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
-        """Return the true positions."""
+        """Return the true positions as goal blocks, all of them found."""
         return Measurements(goal_block(self._task.arm, goals), _all_found(self._task, len(goals)), goals)
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing: nothing is rendered."""
 
 
 class CameraObserver:
@@ -91,7 +91,7 @@ class CameraObserver:
         return Measurements(views, found, goals_in_world(self._simulation.arm, views, found))
 
     def close(self) -> None:
-        """Free the renderer."""
+        """Free the cameras' graphics memory."""
         self._view.close()
 
 
@@ -119,7 +119,7 @@ class RememberedObserver:
         return Measurements(views, found, goals_in_world(self._arm, views, found))
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing: its cameras are closed after the looks."""
 
 
 def goal_observer(task: ReachTask) -> GoalObserver:
@@ -205,6 +205,6 @@ class PixelObserver:
         return seen
 
     def close(self) -> None:
-        """Free the renderers."""
+        """Free the cameras' graphics memory."""
         for camera in self._cameras.values():
             camera.close()

@@ -16,7 +16,7 @@ from kinreach.robots import ArmDescription
 
 #: Goals are this far from the first joint's axis, as shares of the largest distance of the tip: away from the arm's own
 #: body, and from where it is stretched.
-NEAREST, FARTHEST = 0.35, 0.75
+MIN_SHARE, MAX_SHARE = 0.35, 0.75
 #: Random postures that the largest distance is taken of, and those drawn for one goal before the search is given up.
 POSTURES, MAX_TRIES = 2000, 500
 
@@ -47,7 +47,7 @@ class ReachableGoals:
         for _ in range(MAX_TRIES):
             point = kin.positions(rng.uniform(kin.lower, kin.upper))
             away = np.hypot(*(point - self._base)[:2])
-            if point[2] < self._base[2] or not NEAREST * self._reach < away < FARTHEST * self._reach:
+            if point[2] < self._base[2] or not MIN_SHARE * self._reach < away < MAX_SHARE * self._reach:
                 continue
             if self._solver.solve(tool_goal(self.arm, point), home, accept=self._checker.free).success:
                 return point

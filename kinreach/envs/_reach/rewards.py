@@ -122,7 +122,7 @@ class DistanceReward:
         return Score(reward, terms, self.posture_error(q), (distance < self.radius) & ~impossible)
 
     def posture_error(self, q: Floats) -> Floats:
-        """Zeros, shape (k,)."""
+        """Return zeros, shape (k,): every posture is natural."""
         return nothing(q)
 
 
@@ -253,7 +253,7 @@ def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
 
 
 def nothing(q: Floats) -> Floats:
-    """Return zeros, shape (k,)."""
+    """Return zeros, shape (k,), in the kind of array of postures (k, n)."""
     zeros: Floats = like(q, np.zeros(len(q)))
     return zeros
 

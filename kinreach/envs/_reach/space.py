@@ -29,7 +29,7 @@ from kinreach.thesis import REACHED_DISTANCE
 #: What an option `steps` means.
 VARIANTS: Mapping[str, ReachVariant] = {"single": SINGLE_STEP, "multi": MULTI_STEP}
 #: Bounds of the options: height of the volume [m], tilt of the tool [degrees], spread of the starts [rad].
-HIGHEST, STEEPEST, WIDEST = 2.0, 90.0, math.pi
+MAX_HEIGHT, MAX_TILT, MAX_SPREAD = 2.0, 90.0, math.pi
 #: How far apart the postures are in which a move is checked for collisions, in its longest joint [rad].
 WAY_STEP = 0.1
 
@@ -60,9 +60,9 @@ class SpaceOptions(ReachOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_known("steps", self.steps, VARIANTS)
-        check_number("goal_height [m]", self.goal_height, least=0.0, most=HIGHEST)
-        check_number("tilt [degrees]", self.tilt, least=0.0, most=STEEPEST)
-        check_number("start_spread [rad]", self.start_spread, least=0.0, most=WIDEST)
+        check_number("goal_height [m]", self.goal_height, least=0.0, most=MAX_HEIGHT)
+        check_number("tilt [degrees]", self.tilt, least=0.0, most=MAX_TILT)
+        check_number("start_spread [rad]", self.start_spread, least=0.0, most=MAX_SPREAD)
         arm = get_arm(self.arm)
         if len(arm.joints) < JOINTS:
             raise InputError(f"a tool with a direction takes six joints, arm {arm.name!r} has {len(arm.joints)}")
@@ -139,7 +139,7 @@ class SpaceTask(ReachTask):
         return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
 
     def streams(self, count: int) -> RowStreams:
-        """Return streams of `SpaceStarts`."""
+        """Return the streams of goals, directions and starts of `count` environments."""
         return RowStreams(self._starts, count, size=6 + len(self.arm.joints))
 
     def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:

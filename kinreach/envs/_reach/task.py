@@ -163,7 +163,7 @@ class ReachOptions:
 
     @property
     def noise(self) -> SensorNoise:
-        """The cameras' noise."""
+        """Noise of the cameras, from `rgb_noise`, `depth_noise` and `exposure`."""
         return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise, exposure=self.exposure)
 
 
@@ -237,7 +237,7 @@ class Layout(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Length of an observation."""
+        """Numbers of an observation."""
         return self.gripper + 1
 
 
@@ -443,7 +443,7 @@ class ReachTask:
             self._middle = middle if middle.any() else None
 
     def default_reward(self) -> Scorer:
-        """Return the default reward."""
+        """Return the reward without the option `reward`: the arm's own."""
         return default_reward(self.arm)
 
     @property
@@ -510,7 +510,7 @@ class ReachTask:
         return [np.where(np.isin(self.arm.joints, self.arm.moves_last), q, target), target]
 
     def ik_goal(self, position: ArrayLike, direction: Floats) -> AxisGoal | PositionGoal:
-        """`tool_goal` of this arm."""
+        """Return a solver's goal for this arm; see `tool_goal`."""
         return tool_goal(self.arm, position, direction)
 
     def natural(self, q: ArrayLike, direction: Floats) -> bool:

@@ -164,7 +164,7 @@ class KinematicWorld:
         return Executed(impossible, status, reasons)
 
     def snapshot(self) -> tuple[Floats, Floats]:
-        """Return postures and tips."""
+        """Return copies of postures [rad], shape (count, n), and tips [m], shape (count, 3)."""
         return self.q.copy(order="K"), self.tip.copy(order="K")
 
     def copy_from(self, other: KinematicWorld) -> None:
@@ -211,7 +211,7 @@ class SingleDynamicWorld:
         return _executed([self.simulation.move(targets[0], two_phase=two_phase)])
 
     def snapshot(self) -> tuple[Floats, Floats]:
-        """Return posture and tip."""
+        """Return copies of the posture [rad], shape (1, n), and the tip [m], shape (1, 3)."""
         return self.q, self.tip
 
     def copy_from(self, other: SingleDynamicWorld) -> None:
