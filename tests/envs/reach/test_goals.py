@@ -84,7 +84,7 @@ def test_an_arm_without_goals_is_given_some_of_its_size(file):
 
 def test_goals_that_nothing_reaches(monkeypatch):
     monkeypatch.setattr("kinreach.envs._reach.reachable_goals.MAX_TRIES", 3)
-    monkeypatch.setattr("kinreach.envs._reach.reachable_goals.FARTHEST", 0.0)
+    monkeypatch.setattr("kinreach.envs._reach.reachable_goals.MAX_SHARE", 0.0)
     arm = with_goals(ArmDescription.from_urdf(ROBOTS / "xarm_description/urdf/xarm7.urdf"))
     with pytest.raises(InputError, match="no goal that arm 'UF_ROBOT' reaches"):
         arm.workcell.draw_goals(np.random.default_rng(0), 1)
