@@ -60,7 +60,9 @@ TASK = register_task(
         methods={
             "closed-form": solver_method(ClosedFormSolver),
             "lm": solver_method(LevenbergMarquardtSolver),
-            "ranked-single": Method(lambda env: load_policy("single"), kind="policy"),
+            "ranked-single": Method(
+                lambda env: load_policy("ranked-single"), kind="policy"
+            ),
             "random": Method(lambda env: RandomPolicy(env.action_space), kind="chance"),
         },
         columns=common_columns(lambda trial: not trial["impossible"]),

@@ -85,9 +85,11 @@ class DrawingError(KinreachError, RuntimeError):
 
 
 def raise_unknown(kind: str, name: str, available: Iterable[str]) -> NoReturn:
-    """Raise `UnknownNameError` that names the value and the available ones."""
+    """Raise `UnknownNameError` with the value, the available names, and those that have it as a part or are close."""
     available = sorted(available)
-    near = get_close_matches(name.lower(), available, n=1) if len(name) <= LONGEST_NAME else []
-    guess = f"; did you mean {near[0]}?" if near else ""
+    near = [each for each in available if name in each.split("-")]
+    if not near and len(name) <= LONGEST_NAME:
+        near = get_close_matches(name.lower(), available, n=1)
+    guess = f"; did you mean {' or '.join(near)}?" if near else ""
     short = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
     raise UnknownNameError(f"unknown {kind} {short!r}; available: {', '.join(available)}{guess}")

@@ -19,6 +19,8 @@ DATA = Path(__file__).with_name("data")
 KEEP = bool(os.environ.get("KINREACH_KEEP"))
 #: Numbers whose last digit depends on the processor: those with decimals, and those that a unit says are rounded.
 MEASURED = re.compile(r"-?\d+\.\d+(?:e[-+]?\d+)?|-?\d+(?=°| mm| µm)")
+#: How far a number that is written to its last bit may be off on another processor.
+COMPUTED = 1e-9
 PNG = b"\x89PNG"
 #: Longer arrays are summarised.
 MAX_SHOWN = 8
@@ -64,7 +66,7 @@ def alike(kept: str, now: str) -> bool:
     if MEASURED.sub("#", kept) != MEASURED.sub("#", now):
         return False
     pairs = zip(MEASURED.findall(kept), MEASURED.findall(now), strict=True)
-    return all(abs(float(one) - float(other)) <= 1.01 * max(_unit(one), _unit(other)) for one, other in pairs)
+    return all(abs(float(one) - float(other)) <= 1.01 * max(_unit(one), _unit(other), COMPUTED) for one, other in pairs)
 
 
 def _unit(number: str) -> float:

@@ -383,7 +383,7 @@ def test_the_code_of_the_page_on_seeing_runs(capsys):
 def test_the_code_of_the_page_on_training_runs(capsys, tmp_path, monkeypatch):
     pytest.importorskip("onnx"), pytest.importorskip("onnxruntime")
     monkeypatch.chdir(tmp_path)
-    export_onnx(load_policy("single"), "single.onnx", observations=13)  # as the command on the page
+    export_onnx(load_policy("ranked-single"), "single.onnx", observations=13)  # as the command on the page
     exec(compile(blocks(DOCS / "guides/training.md"), "training", "exec"), {"__name__": "training"})
     assert "(1, 6) kinreach/UR5SingleStep-v0" in capsys.readouterr().out
 

@@ -33,7 +33,7 @@ def tables(heading: str) -> list[set[str]]:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("run")
-    train(replace(small("single"), trace_after=100), folder, export=True)
+    train(replace(small("ranked-single"), trace_after=100), folder, export=True)
     return folder
 
 
@@ -59,12 +59,14 @@ def test_the_card_and_the_tensors(run):
     assert {name for name in names if not re.match(r"layer[1-9]", name)} == tensors
 
 
-@pytest.mark.parametrize("name", ["single", "button"])
+@pytest.mark.parametrize("name", ["ranked-single", "button"])
 def test_an_evaluation(name):
     (said,) = tables("Files of an evaluation")
     found = {key for key in evaluate(load_policy(name), goals=3).summary() if not key.endswith("_ci")}
     assert found <= said
-    assert said - found <= ({"wrong_presses", "energy"} if name == "single" else {"posture_error", "success_at_mm"})
+    assert said - found <= (
+        {"wrong_presses", "energy"} if name == "ranked-single" else {"posture_error", "success_at_mm"}
+    )
 
 
 def test_a_benchmark():

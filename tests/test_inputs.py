@@ -53,6 +53,8 @@ def test_unknown_names_are_cut_and_guessed():
         return str(error.value)
 
     assert refused("Panada", ["ur5", "panda"]) == "unknown thing 'Panada'; available: panda, ur5; did you mean panda?"
+    ranked = refused("single", ["ppo-single", "singles", "ranked-single"])
+    assert ranked.endswith("available: ppo-single, ranked-single, singles; did you mean ppo-single or ranked-single?")
     assert refused("x", ["b", "a"]) == "unknown thing 'x'; available: a, b"
     long = "panda" * 20
     assert refused(long, [long[:-1] + "x"]).startswith(f"unknown thing {long!r};")

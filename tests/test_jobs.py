@@ -24,7 +24,7 @@ from tests.ray_cluster import running_cluster
 CLOCKS = {"solve_s", "accept_s"}
 #: How long what should come within seconds is waited for [s].
 LONGEST = 300
-TRAIN = ("-m", "kinreach.train", "thesis-single", "--seeds", "2", "--steps", "2600")
+TRAIN = ("-m", "kinreach.train", "thesis-ppo-single", "--seeds", "2", "--steps", "2600")
 METHODS, GOALS = ["closed-form", "placo"], 150
 #: A comparison with small blocks, so that there are more than nodes.
 COMPARE = (
@@ -193,7 +193,9 @@ class TestBadInput:
         with pytest.raises(InputError, match="an address is that of a Ray cluster"), open_engine("serial", "h:1"):
             pytest.fail("it is there")
 
-    @pytest.mark.parametrize("command", [("train", "single"), ("compare", "--goals", "1", "--methods", "closed-form")])
+    @pytest.mark.parametrize(
+        "command", [("train", "ranked-single"), ("compare", "--goals", "1", "--methods", "closed-form")]
+    )
     def test_without_ray_a_command_says_what_to_install(self, command, monkeypatch, tmp_path, capsys):
         monkeypatch.setitem(sys.modules, "ray", None)
         assert main([*command, "--engine", "ray", "--out", str(tmp_path / "out")]) == 2
@@ -252,7 +254,7 @@ def numbers(folder):
 @pytest.mark.slow
 def test_trainings_survive_their_driver_and_a_node(cluster, root, tmp_path):
     train = pytest.importorskip("kinreach.baselines._training").train
-    out = tmp_path / "ray" / "thesis-single"
+    out = tmp_path / "ray" / "thesis-ppo-single"
     driver = start(root, *TRAIN, "--engine", "ray", "--address", cluster.address, "--out", out.parent)
     wait_until(lambda: list(out.glob("*/checkpoint.pt")), driver)
     driver.send_signal(signal.SIGKILL)
@@ -267,7 +269,7 @@ def test_trainings_survive_their_driver_and_a_node(cluster, root, tmp_path):
     assert "will be retried" in finish(again)
     for seed in range(2):
         here, there = tmp_path / f"serial-{seed}", out / f"seed-{seed}"
-        train(get_recipe("thesis-single"), here, seed=seed, steps=2600)
+        train(get_recipe("thesis-ppo-single"), here, seed=seed, steps=2600)
         for name in ("policy.safetensors", "curve.csv"):
             assert (here / name).read_bytes() == (there / name).read_bytes(), name
         assert {path.name for path in here.iterdir()} == {path.name for path in there.iterdir()}

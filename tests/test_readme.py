@@ -44,8 +44,8 @@ CLAIMS = {
     "Both are the best of five trainings.": [
         (
             TRAINING,
-            "Of the five seeds these had the smallest median distance on the validation goals: `single` 4, "
-            "`multi` 0, `ppo-single` 3, `ppo-multi` 2, `thesis-single` 3",
+            "Of the five seeds these had the smallest median distance on the validation goals: `ranked-single` 4, "
+            "`ranked-multi` 0, `ppo-single` 3, `ppo-multi` 2, `thesis-ppo-single` 3",
         ),
     ],
     "less than 10 mm off, gripper straight down": [("kinreach/thesis/_reward.py", "REACHED_DISTANCE = 0.01")],
@@ -53,9 +53,12 @@ CLAIMS = {
         ("tests/test_readme.py", "def test_how_exact_the_closed_form_is"),
     ],
     "`ranked-single` learns one table in a minute, and decides three times faster because it skips collision checks": [
-        (f"{DATA}/trained.csv", '`single`,5,"100.00 [99.96, 100.00]",100.00,"0.192 [0.159, 0.225]",0.398,99.99,100.00'),
+        (
+            f"{DATA}/trained.csv",
+            '`ranked-single`,5,"100.00 [99.96, 100.00]",100.00,"0.192 [0.159, 0.225]",0.398,99.99,100.00',
+        ),
         (f"{DATA}/trained.csv", "100.00,0.215,1,43–45"),
-        (TRAINING, "| `single` | 100 % [99, 100] | 6 % [4, 8] | 0 % [0, 1] |"),
+        (TRAINING, "| `ranked-single` | 100 % [99, 100] | 6 % [4, 8] | 0 % [0, 1] |"),
         ("README.md", "| ranked-single | 100.0 [98.1, 100.0] | 0.17 / 0.35 | 0.047 / 0.083 |"),
         ("README.md", "| closed-form | 100.0 [98.1, 100.0] | **0.037** / 0.063 | 0.13 / 0.24 |"),
     ],
@@ -71,7 +74,10 @@ CLAIMS = {
     ],
     "each learned method is one of five trainings.": [
         (TRAINING, "The policy of `ppo-moving` is seed 1"),
-        (TRAINING, "`pixels-single`, `space-single`, `space-multi`, `random-arms`, `moving` and `thesis-multi` are"),
+        (
+            TRAINING,
+            "`pixels-single`, `space-single`, `space-multi`, `random-arms`, `gradient-moving` and `thesis-ppo-multi`",
+        ),
     ],
 }
 

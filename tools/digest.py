@@ -180,7 +180,7 @@ def moves() -> Iterator[Any]:
 def policies() -> Iterator[Any]:
     """What the policies of the package do about 200 observations."""
     rng = np.random.default_rng(SEED)
-    for name in ("single", "multi", "ppo-single"):
+    for name in ("ranked-single", "ranked-multi", "ppo-single"):
         policy = load_policy(name)
         for observation in rng.uniform(-1, 1, (200, 13)):
             yield policy.act(observation)

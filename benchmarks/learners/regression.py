@@ -1,4 +1,4 @@
-"""No reinforcement learning: the network of `single`, regressed on the closed form's postures."""
+"""No reinforcement learning: the network of `ranked-single`, regressed on the closed form's postures."""
 
 from __future__ import annotations
 
@@ -49,11 +49,15 @@ def regression_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[s
 register_algorithm(Algorithm("Regression", Regression, arguments=regression_arguments, vec_env=in_tries))
 ik_net = register_recipe(
     replace(
-        get_recipe("single"),
+        get_recipe("ranked-single"),
         name="ik-net",
-        summary="No reinforcement learning: the network of `single`, regressed on the closed form's postures.",
+        summary="No reinforcement learning: the network of `ranked-single`, regressed on the closed form's postures.",
         algorithm="Regression",
         reward="own",
-        settings={**get_recipe("moving").settings, "tries": 1, "minibatches": 4},  # samples and updates of ranked PPO
+        settings={
+            **get_recipe("gradient-moving").settings,
+            "tries": 1,
+            "minibatches": 4,
+        },  # samples and updates of ranked PPO
     )
 )

@@ -15,26 +15,26 @@ def _sb3(base: str, *, n_steps: int, **changed: Any) -> Recipe:
 
 
 sb3_single = _sb3(
-    "thesis-single",
+    "thesis-ppo-single",
     name="sb3-single",
-    summary="thesis-single with stable-baselines3's PPO as it comes, which begins to explore half the range.",
+    summary="thesis-ppo-single with stable-baselines3's PPO as it comes, which begins to explore half the range.",
     num_envs=1,
     n_steps=128,
     networks=Networks(),
     window=100,
 )
 sb3_multi = _sb3(
-    "thesis-multi",
+    "thesis-ppo-multi",
     name="sb3-multi",
-    summary="thesis-multi with stable-baselines3's PPO as it comes, which begins to explore half the range.",
+    summary="thesis-ppo-multi with stable-baselines3's PPO as it comes, which begins to explore half the range.",
     num_envs=1,
     n_steps=4096,
     networks=Networks(),
 )
 sb3_multi_long = _sb3(
-    "thesis-multi",
+    "thesis-ppo-multi",
     name="sb3-multi-long",
-    summary="thesis-multi with stable-baselines3's PPO, 128 arms, 33 times as many steps: was time lacking?",
+    summary="thesis-ppo-multi with stable-baselines3's PPO, 128 arms, 33 times as many steps: was time lacking?",
     steps=5_000_000,
     num_envs=128,
     n_steps=32,

@@ -18,16 +18,16 @@ def _changed(base: str, change: str, summary: str, **options: Any) -> Recipe:
 
 
 _AS_SEEN = "from goals as the thesis's pipeline sees them: with errors of 1000 rendered looks."
-thesis_single_camera = _changed("thesis-single", "camera", _AS_SEEN, **_SEEN)
-thesis_multi_camera = _changed("thesis-multi", "camera", _AS_SEEN, **_SEEN)
-thesis_single_image = _changed(
-    "thesis-single",
+thesis_ppo_single_camera = _changed("thesis-ppo-single", "camera", _AS_SEEN, **_SEEN)
+thesis_ppo_multi_camera = _changed("thesis-ppo-multi", "camera", _AS_SEEN, **_SEEN)
+thesis_ppo_single_image = _changed(
+    "thesis-ppo-single",
     "image",
     "from goals as places in both pictures and depths, in place of points in metres.",
     goal_in="image",
 )
-thesis_single_tolerance = _changed(
-    "thesis-single",
+thesis_ppo_single_tolerance = _changed(
+    "thesis-ppo-single",
     "tolerance",
     "with joints that end up to 0.01 rad from where they were sent, the thesis's tolerance.",
     tolerance=0.01,

@@ -28,12 +28,12 @@ space_ranked = register_recipe(
     replace(
         get_recipe("space-single"),
         name="space-ranked",
-        summary="As single, with goals in a volume, tool directions up to 30 degrees off the vertical "
+        summary="As ranked-single, with goals in a volume, tool directions up to 30 degrees off the vertical "
         "and other starts.",
         algorithm="RankedPPO",
         reward="dense",
         steps=8_000_000,
-        settings=get_recipe("single").settings,
+        settings=get_recipe("ranked-single").settings,
     )
 )
 ppo_moving_noise = register_recipe(
@@ -44,39 +44,39 @@ ppo_moving_noise = register_recipe(
         options={**get_recipe("ppo-moving").options, "speeds": (0.4,), "noise": 0.003},
     )
 )
-moving_clear = register_recipe(
+gradient_moving_clear = register_recipe(
     replace(
-        get_recipe("moving"),
-        name="moving-clear",
-        summary="As moving, with the gripper's corners kept above the table and the tool down.",
-        settings={**get_recipe("moving").settings, "feelers": GRIPPER.tolist(), "down": 0.1},
+        get_recipe("gradient-moving"),
+        name="gradient-moving-clear",
+        summary="As gradient-moving, with the gripper's corners kept above the table and the tool down.",
+        settings={**get_recipe("gradient-moving").settings, "feelers": GRIPPER.tolist(), "down": 0.1},
     )
 )
-lift_ppo_single = register_recipe(
+ppo_lift_single = register_recipe(
     replace(
         get_recipe("ppo-single"),
-        name="lift-ppo-single",
+        name="ppo-lift-single",
         summary="As ppo-single, for grasping: one try an object, a critic, and the environment's own reward.",
         environment=LIFT,
         reward="own",
     )
 )
-lift_multi_unguided = register_recipe(
+ppo_lift_multi_unguided = register_recipe(
     replace(
-        get_recipe("lift-multi"),
-        name="lift-multi-unguided",
-        summary="As lift-multi, with the environment's own reward.",
+        get_recipe("ppo-lift-multi"),
+        name="ppo-lift-multi-unguided",
+        summary="As ppo-lift-multi, with the environment's own reward.",
         reward="own",
     )
 )
-lift_multi_careful = register_recipe(
+ppo_lift_multi_careful = register_recipe(
     replace(
-        get_recipe("lift-multi"),
-        name="lift-multi-careful",
-        summary="As lift-multi, with γ 0.95, smaller updates, and less noise at the end.",
+        get_recipe("ppo-lift-multi"),
+        name="ppo-lift-multi-careful",
+        summary="As ppo-lift-multi, with γ 0.95, smaller updates, and less noise at the end.",
         steps=1_200_000,
         settings={
-            **get_recipe("lift-multi").settings,
+            **get_recipe("ppo-lift-multi").settings,
             "gamma": 0.95,
             "exploration": {"first": 0.3, "last": 0.05, "until": 0.7},
             "adaptive": {"first": 1e-3, "target_kl": 0.01, "decay": 0.5, "highest": 2e-3},

@@ -2,9 +2,9 @@
 
     python -m benchmarks.studies.imperfect_arms [--goals 200] [--step 1] [--engine ray]
 
-The closed form's postures are executed in two phases, as the thesis does; `single` and `multi` are the package's
-policies. A small step is one of 1 degree in every joint, or of `--step` degrees, from the postures in which the arm
-stands then.
+The closed form's postures are executed in two phases, as the thesis does; `ranked-single` and `ranked-multi` are the
+package's policies. A small step is one of 1 degree in every joint, or of `--step` degrees, from the postures in which
+the arm stands then.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ ARMS: Mapping[str, Mapping[str, float]] = {
         "friction": 0.05, "damping": 0.05, "payload": 0.5, "encoder_noise": 1e-4,
     },
 }  # fmt: skip
-POLICIES = ("single", "multi")
+POLICIES = ("ranked-single", "ranked-multi")
 HEADINGS = (
     "arm",
     "joint error, mrad: median / worst",

@@ -46,8 +46,6 @@ WORLDS: dict[str, dict[str, Any]] = {
     "clutter": {**RANGE, "clutter": True},
     "beyond": BEYOND,
 }
-#: Names of policies as methods of the comparison.
-METHODS = {"lift": "ranked", "lift-range": "ranked-range"}
 #: Environments in step; parts of the figure's axes.
 BATCH, PARTS = 100, 5
 
@@ -132,7 +130,7 @@ def draw(found: dict[str, dict[str, Any]], objects: int, file: Path) -> None:
         left, right = axes[2 * row], axes[2 * row + 1]
         _cells(left, rows["is_success"], friction, mass, (PARTS, PARTS))
         _cells(right, rows["is_success"], shapes, size, (len(RANGE["shapes"]), PARTS))
-        left.set_title(METHODS.get(name, name), loc="left", fontsize=10, color=INK, weight="bold")
+        left.set_title(name, loc="left", fontsize=10, color=INK, weight="bold")
         left.set_xticks(range(PARTS), _middles(light, heavy, 1e3))
         left.set_yticks(range(PARTS), _middles(slippery, rough, 1.0))
         left.set_xlabel("mass, middle of the cell [g]")

@@ -49,7 +49,7 @@ from kinreach.robots import get_arm
 PROG = "python -m benchmarks.studies.moving_ball"
 #: Methods of the table and of the map.
 METHODS, MAPPED = (
-    ("first-sight", "last-sight", "interception", "policy", "ppo", "ppo-clear"),
+    ("first-sight", "last-sight", "interception", "gradient-moving", "ppo", "ppo-moving-clear"),
     ("interception", "ppo"),
 )
 RULES: Mapping[str, Mapping[str, Any]] = {"count": {"collisions": True}, "ignored": {"collisions": False}}
@@ -242,7 +242,7 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     if arguments.times:
         print(head("method", "decisions", "median, ms", "p95, ms", "longest, ms"))
-        for name in arguments.methods or ("interception", "ppo", "ppo-clear"):
+        for name in arguments.methods or ("interception", "ppo", "ppo-moving-clear"):
             print(line(*times(name, balls, seed)), flush=True)
         return 0
     if arguments.trainings and not (arguments.map or arguments.beliefs):

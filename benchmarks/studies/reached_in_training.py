@@ -1,6 +1,6 @@
 """How many goals the thesis's trainings reach while they explore, recipe by recipe and seed by seed.
 
-    python -m benchmarks.studies.reached_in_training thesis-single [RECIPE ...] [--runs results/train]
+    python -m benchmarks.studies.reached_in_training thesis-ppo-single [RECIPE ...] [--runs results/train]
 
 Of the logs in `benchmarks/logs`, or of own trainings.
 """

@@ -6,8 +6,8 @@
     python -m benchmarks.studies.relearning | python -m benchmarks.studies.tables relearning
 
 The faults, the task and its criterion are those of `benchmarks.studies.damage`. An episode is a move to a ball, at the
-end of which the tip is seen, 0.14 mm off in the median. What learns is ranked PPO with the settings of `single`, all
-weights, from that policy as it comes or from nothing; the learner knows neither the fault nor any kinematics.
+end of which the tip is seen, 0.14 mm off in the median. What learns is ranked PPO with the settings of `ranked-single`,
+all weights, from that policy as it comes or from nothing; the learner knows neither the fault nor any kinematics.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from kinreach.envs._reach.task import goal_block
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 PROG = "python -m benchmarks.studies.relearning"
-POLICY, SHIPPED, NOTHING, KNOWN = "single", "the policy", "nothing", "IK, fault known"
+POLICY, SHIPPED, NOTHING, KNOWN = "ranked-single", "the policy", "nothing", "IK, fault known"
 #: Tries of a ball, how often and in how many parts an update goes over them, and how far a ratio counts from 1.
 TRIES, EPOCHS, PARTS, CLIP = 8, 2, 4, 0.2
 RATE = AdaptiveRate(first=1e-3, target_kl=0.05, decay=0.15)

@@ -41,7 +41,7 @@ FILTERS = (0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3)
 ARRIVED = 1e-7
 #: Samples of the way that a command is compared with are so near to each other [rad].
 FINE = 2e-4
-POLICIES = {"ppo-multi": "ppo-multi", "ranked-multi": "multi"}
+POLICIES = {"ppo-multi": "ppo-multi", "ranked-multi": "ranked-multi"}
 
 
 def _trajectory(limits: MotionLimits, q: Floats, qd: Floats | None = None) -> Trajectory:

@@ -3,8 +3,9 @@
     python -m benchmarks.studies.thesis_curves [--runs results/train]
 
 By default of the logs and policies in `benchmarks/logs`, in seconds; with `--runs` of own trainings of
-`thesis-single` and `thesis-multi`. What the policies do without exploration is of 1000 held-out goals of the table.
-The third table is of trainings of single-step that `benchmarks.studies.ppo2` and `thesis_world` made side by side.
+`thesis-ppo-single` and `thesis-ppo-multi`. What the policies do without exploration is of 1000 held-out goals of the
+table. The third table is of trainings of single-step that `benchmarks.studies.ppo2` and `thesis_world` made side by
+side.
 """
 
 from __future__ import annotations
@@ -182,7 +183,7 @@ def policy_rows(policies: Mapping[int, LearnedPolicy]) -> Iterator[Row]:
 
 def side_by_side_rows() -> Iterator[Row]:
     """Of five more trainings in the most faithful reading, and of what differs from it in one thing."""
-    readings, worlds = (read_curve(FOLDER / "thesis-single" / name) for name in ("readings.csv", "worlds.csv"))
+    readings, worlds = (read_curve(FOLDER / "thesis-ppo-single" / name) for name in ("readings.csv", "worlds.csv"))
 
     def of(columns: Mapping[str, Any], where: Mapping[str, int], column: str) -> np.ndarray[Any, Any]:
         rows = np.all([columns[name] == value for name, value in where.items()], axis=0)
@@ -205,8 +206,8 @@ def side_by_side_rows() -> Iterator[Row]:
 
 def tables(runs: Path | None = None) -> list[str]:
     """Those of single-step and of multi-step, and of `benchmarks/logs` that of five more trainings, as Markdown."""
-    single, multi = (load_logs(name, runs=runs) for name in ("thesis-single", "thesis-multi"))
-    curves = (single_rows(single), multi_rows(multi, load_logs("thesis-multi", EPISODE, runs=runs)))
+    single, multi = (load_logs(name, runs=runs) for name in ("thesis-ppo-single", "thesis-ppo-multi"))
+    curves = (single_rows(single), multi_rows(multi, load_logs("thesis-ppo-multi", EPISODE, runs=runs)))
     measured = {}
     for task, rows in zip(("single", "multi"), curves, strict=True):
         measured[f"{task}-step"] = [*rows, *policy_rows(logged_policies(f"thesis-{task}", runs=runs))]

@@ -2,9 +2,9 @@
 
 The tables of docs/studies/appendix/trainings.md.
 
-python -m kinreach.train single --seeds 5         (and the other recipes)
+python -m kinreach.train ranked-single --seeds 5         (and the other recipes)
 python -m benchmarks.studies.trained results/train --goals 10000
-python -m benchmarks.studies.trained results/train --recipes single,multi,ppo-single,ppo-multi --backend mujoco
+python -m benchmarks.studies.trained results/train --backend mujoco --recipes ranked-single,ppo-single
 and `--observation camera --goals 200` beside `--backend mujoco`: goals as the cameras see them.
 """
 

@@ -2,29 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import TypeVar
+from collections.abc import Iterable
 from zlib import crc32
 
-Value = TypeVar("Value")
-
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
-#: Recipe or other name of a method -> the name that a comparison has for it.
-NAMES = {
-    "closed form": "closed-form",
-    "single": "ranked-single",
-    "panda-single": "ranked-single",
-    "multi": "ranked-multi",
-    "thesis-single": "thesis-ppo-single",
-    "thesis-multi": "thesis-ppo-multi",
-    "button": "ppo",
-    "ppo-moving": "ppo",
-    "ppo-moving-clear": "ppo-clear",
-    "moving": "policy",
-    "lift": "ranked",
-    "lift-range": "ranked-range",
-    "lift-multi": "ppo-multi",
-}
 #: Method -> its colour. Only methods that no figure shows together share one.
 METHOD_COLOURS = {
     # models of the arm
@@ -41,12 +22,14 @@ METHOD_COLOURS = {
     # neither a model nor learning
     **dict.fromkeys(("random", "first-sight", "data-sheet"), "#7A7A7A"),
     # PPO
-    **dict.fromkeys(("ppo-single", "ppo", "policy-informed"), "#D55E00"),
-    **dict.fromkeys(("ppo-multi", "ppo-clear", "correction-joints"), "#F2A35E"),
+    **dict.fromkeys(("ppo-single", "ppo", "button", "ppo-moving", "policy-informed"), "#D55E00"),
+    **dict.fromkeys(("ppo-multi", "ppo-moving-clear", "ppo-lift-multi", "correction-joints"), "#F2A35E"),
     **dict.fromkeys(("ppo-multi-ending", "correction"), "#6A3D9A"),
-    # ranked PPO
-    **dict.fromkeys(("ranked-single", "space-single", "policy", "ranked"), "#00674C"),
-    **dict.fromkeys(("ranked-multi", "space-multi", "policy-tuned", "ranked-range"), "#2FBF94"),
+    # ranked PPO, and down a gradient
+    **dict.fromkeys(
+        ("ranked-single", "panda-single", "ranked-lift", "space-single", "gradient-moving", "policy"), "#00674C"
+    ),
+    **dict.fromkeys(("ranked-multi", "ranked-lift-range", "space-multi", "policy-tuned"), "#2FBF94"),
     "policy-again": "#E69F00",
     # what the documents and other packages do
     **dict.fromkeys(("thesis-ppo-single", "thesis-ppo-multi", "button-guided-controls"), "#000000"),
@@ -58,20 +41,6 @@ METHOD_COLOURS = {
 }
 #: Of methods that are not in the table: no method of the table has one of these.
 OTHERS = ("#8C6D31", "#B0123C", "#9A86E8", "#A59A00", "#00838F")
-
-
-def method_name(name: str) -> str:
-    """Return the name under which figures show a method, such as `ranked-single` for the recipe `single`.
-
-    What follows a comma, such as the seed, is kept.
-    """
-    method, comma, rest = name.partition(",")
-    return f"{NAMES.get(method, method)}{comma}{rest}"
-
-
-def named(values: Mapping[str, Value]) -> dict[str, Value]:
-    """Return a mapping with the names of `method_name`."""
-    return {method_name(name): value for name, value in values.items()}
 
 
 def method_colours(names: Iterable[str], *, taken: Iterable[str] = ()) -> dict[str, str]:
@@ -103,7 +72,6 @@ def method_colours(names: Iterable[str], *, taken: Iterable[str] = ()) -> dict[s
 def colours_of(names: Iterable[str]) -> dict[str, str]:
     """Choose a colour for each line of a figure: those of methods, if one is known, else the palette's in its order."""
     given = list(dict.fromkeys(names))
-    if any(method_name(name).partition(",")[0] in METHOD_COLOURS for name in given):
-        colours = method_colours(map(method_name, given))
-        return {name: colours[method_name(name)] for name in given}
+    if any(name.partition(",")[0] in METHOD_COLOURS for name in given):
+        return method_colours(given)
     return {name: PALETTE[index % len(PALETTE)] for index, name in enumerate(given)}

@@ -82,9 +82,9 @@ LIFT_TASK = Task(
     resets=_resets,
     methods={
         **{name: _scripted(name) for name in ("closed-form", "placo")},
-        "ranked": policy_method("lift", LIFT),
-        "ranked-range": policy_method("lift-range", LIFT),
-        "ppo-multi": policy_method("lift-multi", LIFT, steps=MULTI),
+        "ranked-lift": policy_method("ranked-lift", LIFT),
+        "ranked-lift-range": policy_method("ranked-lift-range", LIFT),
+        "ppo-lift-multi": policy_method("ppo-lift-multi", LIFT, steps=MULTI),
     },
     columns=(
         Column("reached", "reached", RATE, "lifted %\n[95 % CI]", "interval"),

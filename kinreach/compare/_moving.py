@@ -137,9 +137,9 @@ MOVING_TASK = Task(
         "first-sight": Method(FirstSight, CONTROLLER),
         "last-sight": Method(LastSight, CONTROLLER),
         "interception": Method(Interception, CONTROLLER),
-        "policy": policy_method("moving", MOVING),
+        "gradient-moving": policy_method("gradient-moving", MOVING),
         "ppo": policy_method("ppo-moving", MOVING),
-        "ppo-clear": policy_method("ppo-moving-clear", MOVING),
+        "ppo-moving-clear": policy_method("ppo-moving-clear", MOVING),
     },
     columns=(
         Column("reached", "reached", RATE, "all, %\n[95 % CI]", "interval"),

@@ -58,11 +58,11 @@ OBSTACLES_TASK = Task(
         "path": Method(ways.path_to_any, PLANNER),
         **{
             name: Method(ways.trained_posture(policy), POLICY, versions=policy_version(policy))
-            for name, policy in (("ppo-single", "ppo-single"), ("ranked-single", "single"))
+            for name, policy in (("ppo-single", "ppo-single"), ("ranked-single", "ranked-single"))
         },
         **{
             name: Method(ways.trained_steps(policy), POLICY, versions=policy_version(policy))
-            for name, policy in (("ppo-multi", "ppo-multi"), ("ranked-multi", "multi"))
+            for name, policy in (("ppo-multi", "ppo-multi"), ("ranked-multi", "ranked-multi"))
         },
     },
     columns=(

@@ -71,9 +71,9 @@ def _kinematics(env: gym.Env[Any, Any]) -> Any:
 
 def _hybrid() -> Method:
     def make(env: gym.Env[Any, Any]) -> SolverPolicy:
-        return SolverPolicy(new_solver("lm", _kinematics(env)), env, proposer=load_policy("single"))
+        return SolverPolicy(new_solver("lm", _kinematics(env)), env, proposer=load_policy("ranked-single"))
 
-    return Method(make, SEEDED, SINGLE, policy_version("single"))
+    return Method(make, SEEDED, SINGLE, policy_version("ranked-single"))
 
 
 METHODS: Mapping[str, Method] = {name: solver_method(partial(new_solver, name)) for name in SOLVERS}
@@ -179,12 +179,12 @@ UR5_TASK = Task(
         **METHODS,
         "ppo-single": policy_method("ppo-single", SINGLE),
         "ppo-multi": policy_method("ppo-multi", MULTI),
-        "ranked-single": policy_method("single", SINGLE),
-        "ranked-multi": policy_method("multi", MULTI),
-        "thesis-ppo-single": policy_method("thesis-single", SINGLE),
+        "ranked-single": policy_method("ranked-single", SINGLE),
+        "ranked-multi": policy_method("ranked-multi", MULTI),
+        "thesis-ppo-single": policy_method("thesis-ppo-single", SINGLE),
         "hybrid": _hybrid(),
     },
-    arm_methods={"panda": {"ranked-single": policy_method("panda-single", SINGLE)}},
+    arm_methods={"panda": {"panda-single": policy_method("panda-single", SINGLE)}},
     columns=COLUMNS,
     figures=FIGURES,
     reached="the tip ends within 10 mm of the ball and, with a UR arm, the posture error r_e is below 0.15 rad",

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from kinreach._checks import Floats
-from kinreach._plots._methods import METHOD_COLOURS, method_name
+from kinreach._plots._methods import METHOD_COLOURS
 from kinreach._plots._style import INK
 from kinreach._statistics import number
 from kinreach.sim._engine import mujoco
@@ -55,7 +55,7 @@ class Caption:
 
     def __init__(self, policy: str, *, done: str = "reached") -> None:
         self.done = done
-        self.name = method_name(policy)
+        self.name = policy
         self.colour = METHOD_COLOURS.get(self.name, INK)
         self.goal: Any = None
         self.verdict, self.reached = "", False

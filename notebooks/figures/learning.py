@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._plots._methods import PALETTE, colours_of, named
+from kinreach._plots._methods import PALETTE, colours_of
 from kinreach._plots._style import FAINT, INK, key, label_ends, new_figure, plain
 from kinreach.thesis import REACHED_DISTANCE
 
@@ -72,7 +72,6 @@ def draw_learning_curves(
         note: Small print.
     """
     figure, axes = new_figure(title, size=(9.0, 1.0 + 2.7 * len(panels)), rows=len(panels), note=note)
-    panels = {ylabel: named(recipes) for ylabel, recipes in panels.items()}
     colours = colours_of(name for recipes in panels.values() for name in recipes)
     bands = {ylabel: {name: seed_band(runs) for name, runs in recipes.items()} for ylabel, recipes in panels.items()}
     everywhere = np.concatenate([band.x for recipes in bands.values() for band in recipes.values()])
@@ -154,7 +153,6 @@ def draw_distances(
         note: Small print.
     """
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
-    episodes = named(episodes)
     colours = colours_of(episodes)
     ends = {}
     for name, distances in episodes.items():

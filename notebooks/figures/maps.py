@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._plots._maps import Area, outline, view_from_the_robot
-from kinreach._plots._methods import PALETTE, colours_of, named
+from kinreach._plots._methods import PALETTE, colours_of
 from kinreach._plots._style import INK, MAGNITUDE, key, name_label, new_figure
 
 Floats = NDArray[np.float64]
@@ -95,7 +95,6 @@ def draw_paths(
         title: Of the figure.
         note: Small print.
     """
-    paths = named(paths)
     figure, axes = new_figure(title, size=(9.0, 4.6), columns=2, note=note)
     colours = colours_of(paths)
     labels = (("x [m]", "y [m]"), ("distance from the base's axis [m]", "z [m]"))

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, PercentFormatter
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._plots._methods import colours_of, named
+from kinreach._plots._methods import colours_of
 from kinreach._plots._style import FAINT, INK, key, label_ends, name_label, new_figure, plain
 from kinreach.thesis import REACHED_POSTURE_ERROR
 
@@ -52,7 +52,6 @@ def draw_success(
     x = np.asarray(tolerances)
     order = np.argsort(x)
     x = x[order]
-    methods = named(methods)
     colours = colours_of(methods)
     figure, (ax,) = new_figure(title, size=(7.6, 4.6), note=note, grid="y")
     shares = np.array([np.asarray(success.share)[order] for success in methods.values()])
@@ -104,7 +103,6 @@ def draw_error_bands(
     order = np.argsort(x)
     x = x[order]
     figure, (ax,) = new_figure(title, size=(7.6, 4.6), note=note)
-    errors = named(errors)
     colours, ends = colours_of(errors), {}
     for name, values in errors.items():
         low, middle, high = np.percentile(np.asarray(values)[order], (5, 50, 95), axis=1)
@@ -200,7 +198,6 @@ def draw_posture_errors(errors: Mapping[str, ArrayLike], *, title: str, widest: 
     """
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
     edges = np.linspace(0, widest, 81)
-    errors = named(errors)
     colours = colours_of(errors)
     for name, sample in errors.items():
         ax.hist(

@@ -80,7 +80,7 @@ def test_an_evaluation_has_the_goals_of_the_training(tmp_path):
     assert not np.array_equal(tilted.measures["posture_error"], down.measures["posture_error"])
 
 
-@pytest.mark.parametrize("name", ["single", "button"])
+@pytest.mark.parametrize("name", ["ranked-single", "button"])
 def test_other_environments_are_refused(name):
     recipe = get_recipe(name)
     settings = {**SMALL.settings}
@@ -107,7 +107,7 @@ def test_a_folded_elbow_costs(trainee, observations, monkeypatch):
 
 def test_a_ball_is_to_be_met_where_it_will_be():
     """By stepping the environment until the arm has come to rest where it was sent: the ball is as far as was said."""
-    recipe = replace(get_recipe("moving"), num_envs=16, window=160)
+    recipe = replace(get_recipe("gradient-moving"), num_envs=16, window=160)
     trainee = build(recipe, 0, steps=1000)
     try:
         trainee.env.seed(1)
@@ -136,7 +136,7 @@ def test_a_ball_is_to_be_met_where_it_will_be():
 def test_a_gripper_in_the_table_costs():
     """By how deep its corners would be, at the target and on the way there, beside the objective without feelers."""
     low = [[0.0, 0.0, 0.05]]  # under the tip, in the table where the tip is at a ball
-    recipe = replace(get_recipe("moving"), num_envs=8, window=80)
+    recipe = replace(get_recipe("gradient-moving"), num_envs=8, window=80)
     values = []
     for feelers in ((), low):
         trainee = build(replace(recipe, settings={**recipe.settings, "feelers": feelers}), 0, steps=1000)
@@ -155,7 +155,7 @@ def test_a_gripper_in_the_table_costs():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["moving", "random-arms"])
+@pytest.mark.parametrize("name", ["gradient-moving", "random-arms"])
 def test_what_the_simulation_knows_is_learned(name, tmp_path):
     recipe = replace(get_recipe(name), num_envs=256, window=256)
     run = train(recipe, tmp_path, seed=0, steps=2560)

@@ -37,7 +37,7 @@ def test_a_policy_acts_without_torch(run_python):
     code = (
         "import sys, kinreach.baselines as b\n"
         "before = len([name for name in sys.modules if name.startswith('kinreach.baselines.')])\n"
-        "b.load_policy('single'), b.rollout, b.evaluate, b.get_recipe('single')\n"
+        "b.load_policy('ranked-single'), b.rollout, b.evaluate, b.get_recipe('ranked-single')\n"
         "print(before, sorted({'torch', 'stable_baselines3'} & set(sys.modules)))"
     )
     done = run_python("-c", code)

@@ -16,13 +16,13 @@ pytestmark = pytest.mark.slow
 
 #: Recipe -> steps after which the tip is a good part of its way to the goals.
 COME_NEAR = {
-    "single": 100_000,
-    "multi": 50_000,
+    "ranked-single": 100_000,
+    "ranked-multi": 50_000,
     "ppo-multi": 300_000,
 }
-AVOID_THE_IMPOSSIBLE = ("thesis-single",)
+AVOID_THE_IMPOSSIBLE = ("thesis-ppo-single",)
 #: Recipe -> changes with which it takes no longer: as many actions an update, of more arms.
-EARN_MORE = {"sac-single": {}, "thesis-multi": {"num_envs": 64, "n_steps": 64}}
+EARN_MORE = {"sac-single": {}, "thesis-ppo-multi": {"num_envs": 64, "n_steps": 64}}
 TURN = ("td3-multi",)
 #: Recipe -> steps after which what the reward counts is better than chance.
 PRESS_BETTER = {"button": 64_000, "button-dqn": 32_000}

@@ -26,22 +26,22 @@ SHIPPED = Path(str(resources.files("kinreach.baselines"))) / "pretrained"
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
     out = tmp_path_factory.mktemp("out")
-    assert main(["train", "single", "--steps", "4096", "--seeds", "2", "--out", str(out)]) == 0
+    assert main(["train", "ranked-single", "--steps", "4096", "--seeds", "2", "--out", str(out)]) == 0
     return out
 
 
 def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, tmp_path):
-    policies = [str(trained / f"single/seed-{seed}/policy.safetensors") for seed in (0, 1)]
+    policies = [str(trained / f"ranked-single/seed-{seed}/policy.safetensors") for seed in (0, 1)]
     written = tmp_path / "new" / "evaluation.json"
     arguments = ["evaluate", *policies, "--goals", "20", "--backend", "kinematic", "--out", str(written), "--record"]
     assert main(arguments) == 0
     printed = capsys.readouterr().out
-    assert "single/seed-1" in printed
+    assert "ranked-single/seed-1" in printed
     found = json.loads(written.read_text())
     assert found["command"] == f"kinreach evaluate {' '.join(policies)} --goals 20 --backend kinematic"
     assert {summary["goals"] for summary in found["policies"].values()} == {20}
     assert written.read_text() == json.dumps(found, indent=2) + "\n"
-    for name, policy in zip(("single/seed-0", "single/seed-1"), policies, strict=True):
+    for name, policy in zip(("ranked-single/seed-0", "ranked-single/seed-1"), policies, strict=True):
         assert read_policy(policy)[0].results == {found["command"]: found["policies"][name]}
     assert main(["evaluate", policies[0], "--goals", "3", "--backend", "kinematic"]) == 0
 
@@ -50,32 +50,35 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
     ("arguments", "message"),
     [
         (["train", "nothing"], "unknown recipe 'nothing'; available: "),
-        (["train", "single", "--steps", "0"], "--steps must be at least 1, got 0"),
-        (["train", "single", "--seed", "-1"], "--seed must not be negative, got -1"),
-        (["train", "single", "--steps", "many"], "invalid int value: 'many'"),
-        (["train", "single", "--out", "/proc/nowhere"], "cannot write /proc/nowhere"),
+        (["train", "ranked-single", "--steps", "0"], "--steps must be at least 1, got 0"),
+        (["train", "ranked-single", "--seed", "-1"], "--seed must not be negative, got -1"),
+        (["train", "ranked-single", "--steps", "many"], "invalid int value: 'many'"),
+        (["train", "ranked-single", "--out", "/proc/nowhere"], "cannot write /proc/nowhere"),
         (["evaluate", "nothing"], "there is no policy 'nothing'"),
         (["evaluate", "nothing.safetensors"], "cannot read the policy nothing.safetensors: No such file"),
-        (["evaluate", "single", "--goals", "0"], "--goals must be at least 1"),
-        (["evaluate", "single", "--backend", "magic"], "unknown backend 'magic'; available: kinematic, mujoco"),
-        (["evaluate", "single", "--max-steps", "3"], "--max-steps is for policies of the button task"),
-        (["evaluate", "single", "--max-steps", "0"], "--max-steps is for policies of the button task"),
-        (["evaluate", "single", "--collisions", "true"], "--collisions is for policies of the moving ball"),
-        (["evaluate", "moving", "--collisions", "no"], "unknown --collisions 'no'; available: false, true"),
-        (["evaluate", "single", "--split", "training"], "unknown split 'training'; available: held-out, validation"),
-        (["evaluate", "single", "--out", ""], "--out must be a file, got ''"),
-        (["evaluate", "single", "--out", "/proc/nowhere/x.json"], "cannot write /proc/nowhere"),
-        (["evaluate", "x.safetensors", "single", "--record"], "--record needs the path of a policy file"),
+        (["evaluate", "ranked-single", "--goals", "0"], "--goals must be at least 1"),
+        (["evaluate", "ranked-single", "--backend", "magic"], "unknown backend 'magic'; available: kinematic, mujoco"),
+        (["evaluate", "ranked-single", "--max-steps", "3"], "--max-steps is for policies of the button task"),
+        (["evaluate", "ranked-single", "--max-steps", "0"], "--max-steps is for policies of the button task"),
+        (["evaluate", "ranked-single", "--collisions", "true"], "--collisions is for policies of the moving ball"),
+        (["evaluate", "gradient-moving", "--collisions", "no"], "unknown --collisions 'no'; available: false, true"),
+        (
+            ["evaluate", "ranked-single", "--split", "training"],
+            "unknown split 'training'; available: held-out, validation",
+        ),
+        (["evaluate", "ranked-single", "--out", ""], "--out must be a file, got ''"),
+        (["evaluate", "ranked-single", "--out", "/proc/nowhere/x.json"], "cannot write /proc/nowhere"),
+        (["evaluate", "x.safetensors", "ranked-single", "--record"], "--record needs the path of a policy file"),
         (
             ["evaluate", "x.safetensors", "--record", "--split", "validation"],
             "--record is for what was measured on held-out",
         ),
-        (["evaluate", "single", "--env", "chess"], "unknown environment 'chess'; available: "),
-        (["train", "single", "--split", "test"], "unknown split 'test'; available: held-out, validation"),
-        (["train", "single", "--resume", "--fresh"], "--resume goes on with a run, --fresh replaces it"),
-        (["train", "single", "--out", ""], "--out must name a folder, got ''"),
+        (["evaluate", "ranked-single", "--env", "chess"], "unknown environment 'chess'; available: "),
+        (["train", "ranked-single", "--split", "test"], "unknown split 'test'; available: held-out, validation"),
+        (["train", "ranked-single", "--resume", "--fresh"], "--resume goes on with a run, --fresh replaces it"),
+        (["train", "ranked-single", "--out", ""], "--out must name a folder, got ''"),
         (
-            ["train", "single", "--seed", "2147483647", "--seeds", "2"],
+            ["train", "ranked-single", "--seed", "2147483647", "--seeds", "2"],
             "--seed plus --seeds must be at most 2147483648, got 2147483649",
         ),
         *(
@@ -97,7 +100,7 @@ def test_bad_input_is_one_line_before_any_episode(arguments, message, capsys, mo
         monkeypatch.setattr(evaluate_cli, "evaluate", lambda *a, **k: pytest.fail("it plays episodes"))
     if "x.safetensors" in arguments:
         monkeypatch.chdir(tmp_path)
-        shutil.copy(SHIPPED / "multi.safetensors", "x.safetensors")
+        shutil.copy(SHIPPED / "ranked-multi.safetensors", "x.safetensors")
     try:
         code = main(arguments)
     except SystemExit as leaving:
@@ -142,12 +145,12 @@ def test_training_is_judged_by_validation_goals_and_evaluation_by_held_out_ones(
 
     monkeypatch.setattr(train_cli, "evaluate", note)
     monkeypatch.setattr(evaluate_cli, "evaluate", note)
-    train = ["train", "single", "--steps", "4096", "--out", str(trained), "--resume"]
+    train = ["train", "ranked-single", "--steps", "4096", "--out", str(trained), "--resume"]
     assert main(train) == 0
-    assert "single, 1000 validation goals" in capsys.readouterr().out
+    assert "ranked-single, 1000 validation goals" in capsys.readouterr().out
     assert main([*train, "--split", "held-out"]) == 0
-    assert "single, 1000 held-out goals" in capsys.readouterr().out
-    policy, out = str(trained / "single/seed-0/policy.safetensors"), tmp_path / "found.json"
+    assert "ranked-single, 1000 held-out goals" in capsys.readouterr().out
+    policy, out = str(trained / "ranked-single/seed-0/policy.safetensors"), tmp_path / "found.json"
     play = ["evaluate", policy, "--goals", "2", "--backend", "kinematic", "--out", str(out)]
     assert main(play) == 0
     assert "2 held-out goals" in capsys.readouterr().out
@@ -206,11 +209,11 @@ def test_a_card_with_options_that_nothing_takes_is_one_line(options, tmp_path, c
 
 def test_going_on_with_other_code_is_one_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(provenance, "source_digest", lambda: "0123456789ab")
-    recipe = small("single")
-    interrupted(recipe, tmp_path / "single/seed-4", 1)
+    recipe = small("ranked-single")
+    interrupted(recipe, tmp_path / "ranked-single/seed-4", 1)
     monkeypatch.undo()
     monkeypatch.setattr(train_cli, "get_recipe", lambda name: recipe)
-    assert main(["train", "single", "--seed", "4", "--out", str(tmp_path), "--resume"]) == 0
+    assert main(["train", "ranked-single", "--seed", "4", "--out", str(tmp_path), "--resume"]) == 0
     notice, *progress = capsys.readouterr().err.splitlines()
     assert "was made by other code of kinreach (0123456789ab, now " in notice
     assert all(re.match(r"\S+, seed 4: \d+ % reward ", line) for line in progress)
@@ -223,18 +226,18 @@ def test_without_a_terminal_a_training_prints_a_line_for_every_tenth(tmp_path, m
         raise InputError("enough")
 
     monkeypatch.setattr("kinreach.baselines._training.train", train)
-    assert main(["train", "single", "--seed", "3", "--out", str(tmp_path)]) == 2
+    assert main(["train", "ranked-single", "--seed", "3", "--out", str(tmp_path)]) == 2
     *lines, _ = capsys.readouterr().err.splitlines()
     assert lines[:2] == [
-        "single, seed 3: 10 % reward 6.00 a step, 8.3 mm",
-        "single, seed 3: 20 % reward 10.00 a step, 5.0 mm",
+        "ranked-single, seed 3: 10 % reward 6.00 a step, 8.3 mm",
+        "ranked-single, seed 3: 20 % reward 10.00 a step, 5.0 mm",
     ]
     assert len(lines) == 10
 
 
 def test_without_the_extra_training_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setitem(__import__("sys").modules, "kinreach.baselines._training", None)
-    assert main(["train", "single"]) == 2
+    assert main(["train", "ranked-single"]) == 2
     assert "pip install 'kinreach[train]'" in capsys.readouterr().err
 
 
@@ -242,7 +245,7 @@ def test_help_lists_the_recipes(capsys):
     with pytest.raises(SystemExit) as leaving:
         main(["train", "--help"])
     assert leaving.value.code == 0
-    assert "thesis-single" in capsys.readouterr().out
+    assert "thesis-ppo-single" in capsys.readouterr().out
 
 
 def test_a_bar_shows_each_seed_and_how_far_it_is(tmp_path, monkeypatch, capsys):
@@ -269,13 +272,15 @@ def test_a_bar_shows_each_seed_and_how_far_it_is(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr(train_cli, "Progress", Bar)
     monkeypatch.setattr(train_cli, "GOALS", 10)
-    assert main(["train", "single", "--steps", "2048", "--seeds", "2", "--seed", "3", "--out", str(tmp_path)]) == 0
+    assert (
+        main(["train", "ranked-single", "--steps", "2048", "--seeds", "2", "--seed", "3", "--out", str(tmp_path)]) == 0
+    )
     assert (calls[0], calls[-1]) == ((6, True, True), "closed")
-    assert [each for each in calls if each[1:] in (("single, seed 3",), ("single, seed 4",))] == [
-        (7, "single, seed 3"), (7, "single, seed 4"),
+    assert [each for each in calls if each[1:] in (("ranked-single, seed 3",), ("ranked-single, seed 4",))] == [
+        (7, "ranked-single, seed 3"), (7, "ranked-single, seed 4"),
     ]  # fmt: skip
     said = capsys.readouterr().out
-    assert f"{tmp_path / 'single' / 'seed-4'}: " in said
+    assert f"{tmp_path / 'ranked-single' / 'seed-4'}: " in said
     assert "seed 3" in said
     assert "evaluate " in said
 
@@ -296,6 +301,6 @@ def test_an_engine_and_its_address_are_passed_on(monkeypatch, tmp_path):
         raise InputError("no engine")
 
     monkeypatch.setattr(train_cli, "open_engine", engine)
-    command = ["train", "single", "--out", str(tmp_path)]
+    command = ["train", "ranked-single", "--out", str(tmp_path)]
     assert main(command) == main([*command, "--engine", "ray", "--address", "h:1"]) == 2
     assert asked == [("serial", None), ("ray", "h:1")]

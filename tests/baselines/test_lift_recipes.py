@@ -16,13 +16,15 @@ from kinreach.baselines._rewards import training_reward
 from kinreach.kinematics import UR5Kinematics
 
 
-@pytest.mark.parametrize(("name", "numbers"), [("lift", 8), ("lift-range", 8), ("single", 6), ("multi", 6)])
+@pytest.mark.parametrize(
+    ("name", "numbers"), [("ranked-lift", 8), ("ranked-lift-range", 8), ("ranked-single", 6), ("ranked-multi", 6)]
+)
 def test_an_episode_begins_with_what_stays_the_same(name, numbers):
     """Where the object is and what it is; where two cameras see the ball."""
     assert _fixed(get_recipe(name)) == slice(0, numbers)
 
 
-@pytest.mark.parametrize("name", ["lift", "lift-range"])
+@pytest.mark.parametrize("name", ["ranked-lift", "ranked-lift-range"])
 def test_a_policy_begins_at_the_start_pose_with_fingers_nearly_closed(name):
     recipe = replace(get_recipe(name), num_envs=64, steps=64, window=64)
     trainee = build(recipe, 0, steps=64)

@@ -23,7 +23,7 @@ def minari(tmp_path, monkeypatch):
     return pytest.importorskip("minari", reason="needs minari and h5py")
 
 
-@pytest.mark.parametrize("policy", ["single", "multi", "button"])
+@pytest.mark.parametrize("policy", ["ranked-single", "ranked-multi", "button"])
 def test_the_dataset_is_the_evaluation(policy, minari, tmp_path):
     arguments = ["evaluate", policy, "--goals", str(GOALS), *(["--backend", "kinematic"] if policy != "button" else [])]
     assert main([*arguments, "--out", str(tmp_path / "plain.json")]) == 0
@@ -55,7 +55,7 @@ def test_the_dataset_is_the_evaluation(policy, minari, tmp_path):
 
 
 def test_names_that_cannot_be_are_one_line(minari, capsys):
-    play = ["evaluate", "single", "--goals", "1", "--backend", "kinematic", "--minari"]
+    play = ["evaluate", "ranked-single", "--goals", "1", "--backend", "kinematic", "--minari"]
     assert main([*play, "one-v0"]) == 0
     assert "\nDataset: one-v0\n" in capsys.readouterr().out
     for name, message in (("one-v0", "already"), ("no version", "Malformed"), ("../one-v0", "Malformed")):
@@ -68,7 +68,7 @@ def test_names_that_cannot_be_are_one_line(minari, capsys):
 @pytest.mark.parametrize("missing", ["minari", "h5py"])
 def test_without_the_package_one_line_says_what_to_install(missing, minari, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, missing, None)
-    assert main(["evaluate", "single", "--goals", "1", "--minari", "one-v0"]) == 2
+    assert main(["evaluate", "ranked-single", "--goals", "1", "--minari", "one-v0"]) == 2
     errors = capsys.readouterr().err
     assert "pip install 'kinreach[minari]'" in errors
     assert errors.count("\n") == 1
@@ -78,8 +78,8 @@ def test_progress_is_reported_and_the_environment_closed(minari, closings):
     done, closed = [], closings(gym, "make")
     arguments = {"goals": 2, "seed": 3, "environment": SINGLE}
     record_episodes(
-        "two-v0", load_policy("single"), **arguments, options={"backend": "kinematic"}, progress=done.append
+        "two-v0", load_policy("ranked-single"), **arguments, options={"backend": "kinematic"}, progress=done.append
     )
     assert (done, sum(close.call_count for close in closed)) == ([1, 2], 1)
     with pytest.raises(InputError, match="cannot make the environment"):
-        record_episodes("two-v1", load_policy("single"), **arguments, options={"speed": 3})
+        record_episodes("two-v1", load_policy("ranked-single"), **arguments, options={"speed": 3})

@@ -31,7 +31,9 @@ def spoilt_after(calls, value):
     return reward
 
 
-@pytest.mark.parametrize(("name", "value"), [*slow(("ppo-multi", np.nan), ("sac-single", np.nan)), ("single", np.inf)])
+@pytest.mark.parametrize(
+    ("name", "value"), [*slow(("ppo-multi", np.nan), ("sac-single", np.nan)), ("ranked-single", np.inf)]
+)
 def test_a_reward_that_is_no_number_is_named_and_the_last_checkpoint_kept(name, value, tmp_path, monkeypatch):
     recipe = replace(small(name), reward="spoilt")
     steps = recipe.steps // recipe.num_envs
@@ -54,7 +56,7 @@ def lacking(given, info):
     return info["nothing"]
 
 
-@pytest.mark.parametrize("name", ["ppo-multi", "single"])
+@pytest.mark.parametrize("name", ["ppo-multi", "ranked-single"])
 @pytest.mark.parametrize(
     ("reward", "said"),
     [
@@ -86,17 +88,17 @@ def test_a_loss_or_a_weight_that_is_no_number_is_named(name, tmp_path, monkeypat
 @pytest.mark.parametrize("kind", ["file", "FIFO", "link to nothing"])
 def test_a_foreign_tensorboard_is_refused_and_stays(kind, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    folder = tmp_path / "out" / "single" / "seed-0"
+    folder = tmp_path / "out" / "ranked-single" / "seed-0"
     folder.mkdir(parents=True)
     path = folder / "tensorboard"
     {"file": lambda: path.write_text("mine"), "FIFO": lambda: os.mkfifo(path),
      "link to nothing": lambda: path.symlink_to("/proc/nowhere/at/all")}[kind]()  # fmt: skip
     before = os.lstat(path)[:7]  # without times: a link that is followed has been read
-    assert main(["train", "single", "--steps", "64", "--out", "out"]) == 2
+    assert main(["train", "ranked-single", "--steps", "64", "--out", "out"]) == 2
     said = capsys.readouterr().err
     assert len(said.splitlines()) == 1
     assert "tensorboard" in said
     assert os.lstat(path)[:7] == before
     assert [entry.name for entry in folder.iterdir()] == ["tensorboard"]
     with pytest.raises(OutputError, match="tensorboard"):
-        train(small("single"), folder)
+        train(small("ranked-single"), folder)

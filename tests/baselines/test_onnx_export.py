@@ -95,7 +95,7 @@ def test_every_activation_with_bounds_and_more_observations_than_are_used(activa
         low=np.array([-2.0, -0.25]),
         high=np.array([1.0, 0.25]),
     )
-    card = replace(load_policy("single").card, environment="own/Task-v0", meaning="action")
+    card = replace(load_policy("ranked-single").card, environment="own/Task-v0", meaning="action")
     policy = LearnedPolicy(card, network)
     export_onnx(policy, tmp_path / "policy.onnx", observations=6)
     assert_equal(policy, tmp_path / "policy.onnx", rng.normal(size=(OBSERVATIONS, 6)))
@@ -105,16 +105,16 @@ def test_every_activation_with_bounds_and_more_observations_than_are_used(activa
 
 def test_the_command_writes_a_model_with_its_card(tmp_path, capsys):
     path = tmp_path / "new" / "policy.onnx"
-    command = ["evaluate", "single", "--goals", "3", "--backend", "kinematic", "--export", str(path)]
+    command = ["evaluate", "ranked-single", "--goals", "3", "--backend", "kinematic", "--export", str(path)]
     assert main(command) == 0
     assert f"\nONNX model: {path}\n" in capsys.readouterr().out
     model = onnx.load(path)
     (entry,) = [entry for entry in model.metadata_props if entry.key == "kinreach"]
     card = json.loads(entry.value)
     assert (card["environment"], card["meaning"]) == ("kinreach/UR5SingleStep-v0", "posture")
-    assert card["results"]["kinreach evaluate single --goals 3 --backend kinematic"]["goals"] == 3
+    assert card["results"]["kinreach evaluate ranked-single --goals 3 --backend kinematic"]["goals"] == 3
     assert model.graph.input[0].type.tensor_type.shape.dim[1].dim_value == 13
-    assert main(["evaluate", "single", "multi", "--goals", "1", "--export", str(path)]) == 2
+    assert main(["evaluate", "ranked-single", "ranked-multi", "--goals", "1", "--export", str(path)]) == 2
     assert "--export is for one policy, got 2" in capsys.readouterr().err
 
 
@@ -125,7 +125,7 @@ def inputs(name, path):
 
 
 def test_the_command_knows_what_a_policy_observes(tmp_path):
-    assert inputs("moving", tmp_path / "policy.onnx") == 1
+    assert inputs("gradient-moving", tmp_path / "policy.onnx") == 1
 
 
 @pytest.mark.slow
@@ -135,7 +135,7 @@ def test_the_command_knows_what_a_policy_sees(tmp_path, needs_gl):
 
 def test_without_the_package_one_line_says_what_to_install(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "onnx", None)
-    assert main(["evaluate", "single", "--goals", "1", "--export", str(tmp_path / "policy.onnx")]) == 2
+    assert main(["evaluate", "ranked-single", "--goals", "1", "--export", str(tmp_path / "policy.onnx")]) == 2
     errors = capsys.readouterr().err
     assert "pip install 'kinreach[onnx]'" in errors
     assert errors.count("\n") == 1

@@ -18,7 +18,9 @@ from kinreach.baselines._policy_file import ACTIVATIONS, OUTPUTS, Network, Polic
 from kinreach.envs._reach.env import ReachEnv
 from kinreach.errors import InputError, OutputError, UnknownNameError
 
-CARD = PolicyCard(SINGLE, "posture", "silu", "linear", "RankedPPO", {"name": "single"}, 3, 1000, {"reached": 1.0})
+CARD = PolicyCard(
+    SINGLE, "posture", "silu", "linear", "RankedPPO", {"name": "ranked-single"}, 3, 1000, {"reached": 1.0}
+)
 
 
 def network(seed=0, inputs=6, hidden=(8, 8), outputs=6, waves=(0.5, 2.0)):
@@ -167,7 +169,7 @@ def test_options_of_a_card_may_be_anything(tmp_path):
 
 
 @pytest.mark.parametrize("steps", ["single", "multi"])
-@pytest.mark.parametrize(("arm", "name"), [("panda", "panda-single"), ("ur5", "single")])
+@pytest.mark.parametrize(("arm", "name"), [("panda", "panda-single"), ("ur5", "ranked-single")])
 def test_a_posture_is_what_the_environment_makes_of_it(arm, name, steps):
     trained = load_policy(name)
     environment = {"single": SINGLE, "multi": MULTI}[steps]
@@ -237,7 +239,7 @@ def test_headers_that_are_no_card_are_refused(tmp_path, text):
 def test_a_policy_for_another_environment_is_refused(file):
     with pytest.raises(InputError, match="is for kinreach/UR5SingleStep-v0, not for kinreach/UR5MultiStep-v0"):
         load_policy(file, environment="kinreach/UR5MultiStep-v0")
-    with pytest.raises(UnknownNameError, match="single"):
+    with pytest.raises(UnknownNameError, match="ranked-single"):
         load_policy("no-such-policy")
 
 
@@ -280,7 +282,7 @@ def test_a_policy_is_written_whole_or_not_at_all(file, monkeypatch):
 
 def test_policies_of_the_package_are_small_and_fit(tmp_path):
     names = pretrained_names()
-    assert {"single", "multi", "ppo-single", "ppo-multi", "thesis-single"} <= set(names)
+    assert {"ranked-single", "ranked-multi", "ppo-single", "ppo-multi", "thesis-ppo-single"} <= set(names)
     for name in names:
         policy = load_policy(name)
         save_policy(tmp_path / name, policy.card, policy.network)

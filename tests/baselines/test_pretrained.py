@@ -24,9 +24,18 @@ from kinreach.errors import InputError
 
 CARDS = {name: load_policy(name).card for name in pretrained_names()}
 #: Those that the documentation's tables are about.
-PUBLISHED = ("single", "multi", "ppo-single", "ppo-multi", "thesis-single", "thesis-multi", "button", "button-report")
+PUBLISHED = (
+    "ranked-single",
+    "ranked-multi",
+    "ppo-single",
+    "ppo-multi",
+    "thesis-ppo-single",
+    "thesis-ppo-multi",
+    "button",
+    "button-report",
+)
 #: What single-step policies do without dynamics takes a second; episodes, dynamics and cameras take longer.
-QUICK = ("single", "ppo-single", "random-arms")
+QUICK = ("ranked-single", "ppo-single", "random-arms")
 #: Of what takes longer so many goals are measured again.
 SAMPLE = 50
 #: Shares of goals: on another processor one or two goals may fall on the other side of a limit.
@@ -100,13 +109,15 @@ def test_every_policy_says_what_it_does():
     for name in PUBLISHED:
         commands, button = said[name], name.startswith("button")
         wanted = ["goals 1000"] if button else ["goals 2000 --backend kinematic", "goals 500 --backend mujoco"]
-        cameras = ["goals 200 --backend mujoco --observation camera"] if name in ("single", "multi") else []
+        cameras = (
+            ["goals 200 --backend mujoco --observation camera"] if name in ("ranked-single", "ranked-multi") else []
+        )
         assert sorted(commands) == sorted(wanted + cameras)
 
 
 def test_the_ranked_policies_reach_in_dynamics_too():
     """A sample: the whole is measured again in the slow tests."""
-    for name in ("single", "multi"):
+    for name in ("ranked-single", "ranked-multi"):
         found = evaluate(load_policy(name), goals=100, options={"backend": "mujoco"})
         assert found.reached.mean() >= 0.99
         assert 1e3 * np.median(found.measures["distance"]) <= 0.3
@@ -139,7 +150,7 @@ def test_cards_are_those_of_the_recipes_as_they_are():
 def test_policies_run_without_the_libraries_that_trained_them():
     code = (
         "import sys; from kinreach.baselines._evaluate_cli import main; "
-        "main(['single', '--goals', '5', '--backend', 'kinematic'], prog='evaluate'); "
+        "main(['ranked-single', '--goals', '5', '--backend', 'kinematic'], prog='evaluate'); "
         "found = {'torch', 'stable_baselines3', 'tensorboard'} & set(sys.modules); "
         "print(found); sys.exit(len(found))"
     )

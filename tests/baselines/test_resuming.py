@@ -31,11 +31,13 @@ def uninterrupted(tmp_path_factory):
 
 @pytest.mark.slow
 def test_another_seed_gives_another_policy(uninterrupted, tmp_path):
-    other = train(small("single"), tmp_path, seed=5)
-    assert not np.array_equal(*(weights(run.folder / "policy.safetensors") for run in (uninterrupted["single"], other)))
+    other = train(small("ranked-single"), tmp_path, seed=5)
+    assert not np.array_equal(
+        *(weights(run.folder / "policy.safetensors") for run in (uninterrupted["ranked-single"], other))
+    )
 
 
-@pytest.mark.parametrize("name", ["single", *slow(*(name for name in SMALL if name != "single"))])
+@pytest.mark.parametrize("name", ["ranked-single", *slow(*(name for name in SMALL if name != "ranked-single"))])
 def test_the_same_seed_gives_the_same_policy(name, uninterrupted, tmp_path):
     whole = uninterrupted[name].folder
     train(small(name), tmp_path / "again", seed=4)
@@ -43,7 +45,7 @@ def test_the_same_seed_gives_the_same_policy(name, uninterrupted, tmp_path):
     assert (tmp_path / "again/curve.csv").read_text() == (whole / "curve.csv").read_text()
 
 
-@pytest.mark.parametrize(("name", "kept"), [*((name, 1) for name in SMALL), ("single", 2)])
+@pytest.mark.parametrize(("name", "kept"), [*((name, 1) for name in SMALL), ("ranked-single", 2)])
 def test_going_on_gives_what_no_interruption_gives(name, kept, uninterrupted, tmp_path):
     whole = uninterrupted[name].folder
     interrupted(small(name), tmp_path, kept)
@@ -63,11 +65,11 @@ def test_a_run_that_died_after_its_last_segment_is_finished_without_another(unin
     with monkeypatch.context() as patch:
         patch.setattr(training, "save_policy", die)
         with pytest.raises(KeyboardInterrupt):
-            train(small("single"), tmp_path, seed=4)
+            train(small("ranked-single"), tmp_path, seed=4)
     (tmp_path / "curve.csv").unlink()
-    train(small("single"), tmp_path, seed=4, resume=True, progress=lambda *row: pytest.fail("it trains again"))
+    train(small("ranked-single"), tmp_path, seed=4, resume=True, progress=lambda *row: pytest.fail("it trains again"))
     for name in ("policy.safetensors", "curve.csv"):
-        assert (tmp_path / name).read_bytes() == (uninterrupted["single"].folder / name).read_bytes()
+        assert (tmp_path / name).read_bytes() == (uninterrupted["ranked-single"].folder / name).read_bytes()
 
 
 def contents(folder):
@@ -75,17 +77,17 @@ def contents(folder):
 
 
 def test_a_finished_run_is_kept(uninterrupted, tmp_path, monkeypatch):
-    finished = uninterrupted["single"]
+    finished = uninterrupted["ranked-single"]
     before = contents(finished.folder)
     with monkeypatch.context() as patch:
         patch.setattr(training, "build", lambda *a, **k: pytest.fail("it trains again"))
-        again = train(small("single"), finished.folder, seed=4, resume=True)
+        again = train(small("ranked-single"), finished.folder, seed=4, resume=True)
     assert contents(finished.folder) == before
     assert (again.card.seed, again.cpu_seconds) == (4, finished.cpu_seconds)
     np.testing.assert_allclose(again.policy.act(np.ones((3, 13))), finished.policy.act(np.ones((3, 13))), atol=1e-6)
     shutil.copytree(finished.folder, tmp_path / "run")
     (tmp_path / "run/policy.safetensors").unlink()  # one without a policy is not finished
-    train(small("single"), tmp_path / "run", seed=4, resume=True)
+    train(small("ranked-single"), tmp_path / "run", seed=4, resume=True)
     np.testing.assert_array_equal(
         weights(tmp_path / "run/policy.safetensors"), weights(finished.folder / "policy.safetensors")
     )
@@ -127,50 +129,50 @@ def with_damage(folder):
 )
 def test_another_finished_run_is_not_touched(change, options, message, uninterrupted, tmp_path, monkeypatch):
     folder = tmp_path / "run"
-    shutil.copytree(uninterrupted["single"].folder, folder)
+    shutil.copytree(uninterrupted["ranked-single"].folder, folder)
     if change:
         change(folder)
     before = contents(folder)
     monkeypatch.setattr(training, "build", lambda *a, **k: pytest.fail("it trains again"))
     for resume in (True,) if "export" in options else (True, False):
         with pytest.raises(InputError, match=re.escape(message)) as refused:
-            train(small("single"), folder, resume=resume, **{"seed": 4, **options})
+            train(small("ranked-single"), folder, resume=resume, **{"seed": 4, **options})
         assert ("without --resume" if "export" in options else "--fresh (fresh=True)") in str(refused.value)
         assert contents(folder) == before
 
 
 def test_another_finished_run_is_replaced_if_asked(uninterrupted, tmp_path):
     folder = tmp_path / "run"
-    shutil.copytree(uninterrupted["single"].folder, folder)
-    assert train(small("single"), folder, seed=5, steps=64, fresh=True).card.seed == 5
+    shutil.copytree(uninterrupted["ranked-single"].folder, folder)
+    assert train(small("ranked-single"), folder, seed=5, steps=64, fresh=True).card.seed == 5
     with pytest.raises(InputError, match="one of them"):
-        train(small("single"), folder, seed=5, resume=True, fresh=True)
+        train(small("ranked-single"), folder, seed=5, resume=True, fresh=True)
 
 
 def test_without_resume_a_finished_run_is_replaced_by_one_with_more(uninterrupted, tmp_path):
     folder = tmp_path / "run"
-    shutil.copytree(uninterrupted["single"].folder, folder)
-    train(small("single"), folder, seed=4, export=True)
+    shutil.copytree(uninterrupted["ranked-single"].folder, folder)
+    train(small("ranked-single"), folder, seed=4, export=True)
     before = contents(folder)
     assert "model.zip" in before
     for export in (True, False):
-        train(small("single"), folder, seed=4, export=export, resume=True)
+        train(small("ranked-single"), folder, seed=4, export=export, resume=True)
         assert contents(folder) == before
 
 
 def test_a_run_that_died_before_it_removed_its_checkpoint_is_finished(uninterrupted, tmp_path, monkeypatch):
     folder = tmp_path / "run"
-    interrupted(small("single"), folder, 2)
-    for path in uninterrupted["single"].folder.iterdir():
+    interrupted(small("ranked-single"), folder, 2)
+    for path in uninterrupted["ranked-single"].folder.iterdir():
         if path.is_file():
             shutil.copy(path, folder)
     monkeypatch.setattr(training, "build", lambda *a, **k: pytest.fail("it trains again"))
-    train(small("single"), folder, seed=4, resume=True)
+    train(small("ranked-single"), folder, seed=4, resume=True)
     assert not (folder / "checkpoint.pt").exists()
 
 
 def test_a_second_training_in_a_folder_is_refused_and_the_first_is_safe(uninterrupted, tmp_path):
-    recipe, refused = small("single"), []
+    recipe, refused = small("ranked-single"), []
 
     def begin_another(done, planned, row):
         for resume in (False, True):
@@ -181,32 +183,32 @@ def test_a_second_training_in_a_folder_is_refused_and_the_first_is_safe(uninterr
     train(recipe, tmp_path, seed=4, progress=begin_another)
     assert len(refused) >= 6
     for name in ("policy.safetensors", "curve.csv"):
-        assert (tmp_path / name).read_bytes() == (uninterrupted["single"].folder / name).read_bytes()
+        assert (tmp_path / name).read_bytes() == (uninterrupted["ranked-single"].folder / name).read_bytes()
     train(recipe, tmp_path, seed=4, resume=True)  # the folder is free again
 
 
 def test_threads_are_part_of_what_a_run_is(tmp_path):
-    interrupted(small("single"), tmp_path, 1)
+    interrupted(small("ranked-single"), tmp_path, 1)
     with pytest.raises(InputError, match="threads 1, not 2"):
-        train(small("single"), tmp_path, seed=4, threads=2, resume=True)
-    train(small("single"), tmp_path, seed=4, resume=True)
+        train(small("ranked-single"), tmp_path, seed=4, threads=2, resume=True)
+    train(small("ranked-single"), tmp_path, seed=4, resume=True)
     assert json.loads((tmp_path / "run.json").read_text())["threads"] == 1
 
 
 def test_a_new_run_in_an_old_folder_begins_without_the_old_results(tmp_path):
     """Else what reads finished runs would take the policy of one for that of another."""
-    recipe = replace(small("single"), trace_after=64)
+    recipe = replace(small("ranked-single"), trace_after=64)
     train(recipe, tmp_path, seed=4, export=True)
     assert {"run.json", "policy.safetensors", "model.zip", "curve.csv", "episode.csv"} < set(os.listdir(tmp_path))
-    interrupted(small("single"), tmp_path, 1, fresh=True)
+    interrupted(small("ranked-single"), tmp_path, 1, fresh=True)
     assert set(os.listdir(tmp_path)) == {"checkpoint.pt", "curve.csv", "tensorboard"}
     (tmp_path / "run.json").mkdir()
     with pytest.raises(OutputError, match=r"run\.json"):
-        train(small("single"), tmp_path, seed=5)
+        train(small("ranked-single"), tmp_path, seed=5)
 
 
 def test_going_on_with_other_code_is_said_and_written_down(tmp_path, monkeypatch):
-    recipe, said = small("single"), []
+    recipe, said = small("ranked-single"), []
     now = source_digest()
     monkeypatch.setattr(provenance, "source_digest", lambda: "0123456789ab")
     interrupted(recipe, tmp_path / "run", 1)
@@ -236,16 +238,16 @@ def test_torch_has_as_many_threads_after_training_as_before(tmp_path, monkeypatc
         return build(*arguments, **options)
 
     monkeypatch.setattr(training, "build", look)
-    train(small("single"), tmp_path / "one", seed=4, steps=64, threads=before + 1)
+    train(small("ranked-single"), tmp_path / "one", seed=4, steps=64, threads=before + 1)
     assert torch.get_num_threads() == before
     with pytest.raises(KeyboardInterrupt):
-        train(small("single"), tmp_path / "other", seed=4, threads=before + 2)
+        train(small("ranked-single"), tmp_path / "other", seed=4, threads=before + 2)
     assert torch.get_num_threads() == before
     assert inside == [before + 1, before + 2]
 
 
 def test_a_checkpoint_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
-    recipe = small("single")
+    recipe = small("ranked-single")
     interrupted(recipe, tmp_path, 1)
     before = (tmp_path / "checkpoint.pt").read_bytes()
     monkeypatch.setattr(Path, "write_bytes", lambda *a: (_ for _ in ()).throw(OSError(28, "No space left on device")))
@@ -256,7 +258,7 @@ def test_a_checkpoint_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 
 
 def test_checkpoints_of_other_runs_are_refused(tmp_path):
-    recipe = small("single")
+    recipe = small("ranked-single")
     interrupted(recipe, tmp_path, 1)
     before = contents(tmp_path)
     for other, seed in ((recipe, 5), (replace(recipe, steps=recipe.steps + 64), 4)):
@@ -280,7 +282,7 @@ def test_with_a_checkpoint_that_cannot_be_read_the_training_starts_over(uninterr
     def stop(done, planned, row):
         raise KeyboardInterrupt
 
-    recipe, checked = small("single"), 0
+    recipe, checked = small("ranked-single"), 0
     interrupted(recipe, tmp_path, 1)
     for content in list(damaged(tmp_path / "checkpoint.pt")):
         (tmp_path / "checkpoint.pt").write_bytes(content)
@@ -295,7 +297,7 @@ def test_with_a_checkpoint_that_cannot_be_read_the_training_starts_over(uninterr
     (tmp_path / "checkpoint.pt").write_bytes(b"")
     train(recipe, tmp_path, seed=4, resume=True, notice=said.append)
     for name in ("policy.safetensors", "curve.csv"):
-        assert (tmp_path / name).read_bytes() == (uninterrupted["single"].folder / name).read_bytes()
+        assert (tmp_path / name).read_bytes() == (uninterrupted["ranked-single"].folder / name).read_bytes()
 
 
 class Bomb:

@@ -138,7 +138,7 @@ def test_what_acts_is_a_policy_and_nothing_else():
     assert as_policy(acting).act(2) == -2
     assert as_policy(abs).act(-3) == 3
     assert as_policy(whole) is whole
-    for given in (3, None, "single", SimpleNamespace(act=3)):
+    for given in (3, None, "ranked-single", SimpleNamespace(act=3)):
         with pytest.raises(InputError, match="a policy has act"):
             as_policy(given)
 

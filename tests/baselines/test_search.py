@@ -98,7 +98,7 @@ def test_a_trial_is_judged_after_every_segment():
 
 
 def test_one_of_the_two(capsys):
-    for arguments in ([], ["single", "--search", "x.yaml"]):
+    for arguments in ([], ["ranked-single", "--search", "x.yaml"]):
         assert main(["train", *arguments]) == 2
         assert "give a RECIPE, or a --search" in capsys.readouterr().err
 

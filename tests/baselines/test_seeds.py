@@ -14,14 +14,14 @@ from kinreach.baselines._training import train
 from kinreach.errors import InputError
 from tests.baselines.small_runs import SMALL, interrupted, small, weights
 
-STEPS = SMALL["single"]["steps"]
+STEPS = SMALL["ranked-single"]["steps"]
 #: The files of a finished run.
 FINISHED = {"curve.csv", "policy.safetensors", "run.json", "tensorboard"}
 
 
 @pytest.fixture
 def recipe(monkeypatch):
-    made = replace(small("single"), name="small-single", segments=3)
+    made = replace(small("ranked-single"), name="small-single", segments=3)
     monkeypatch.setattr("kinreach.baselines._recipes.RECIPES", {})
     return register_recipe(made)
 

@@ -36,7 +36,7 @@ def test_the_exported_network_is_the_trained_one(name, tmp_path):
     assert len(observations) >= 8
 
 
-@pytest.mark.parametrize(("name", "std"), [("thesis-single", 1.0), ("thesis-multi", np.radians(1.0))])
+@pytest.mark.parametrize(("name", "std"), [("thesis-ppo-single", 1.0), ("thesis-ppo-multi", np.radians(1.0))])
 def test_the_thesis_explores_by_one_unit_of_its_actions(name, std):
     """Actions are radians in single-step, degrees in multi-step (section 3.4.3)."""
     trainee = build(get_recipe(name), 0, steps=1000)
@@ -45,7 +45,7 @@ def test_the_thesis_explores_by_one_unit_of_its_actions(name, std):
 
 
 def test_schedules_are_followed_and_are_over_at_the_end():
-    recipe = small("single")
+    recipe = small("ranked-single")
     model = build(recipe, 0, steps=768).model
     assert not model.policy.log_std.requires_grad  # the schedule alone changes it
     for done in (384, 384):
@@ -71,7 +71,7 @@ def test_schedules_are_followed_and_are_over_at_the_end():
 
 
 def test_samples_of_the_ranked_recipes_come_in_opposite_pairs():
-    trainee = build(small("single"), 0, steps=768)
+    trainee = build(small("ranked-single"), 0, steps=768)
     observations = torch.as_tensor(trainee.env.reset(), dtype=torch.float32)
     policy = trainee.model.policy
     with torch.no_grad():
@@ -99,26 +99,26 @@ def test_no_segment_trains_on_the_goals_of_another(tmp_path, monkeypatch):
         return rewards
 
     monkeypatch.setitem(REWARDS, "watched", watched)
-    train(replace(small("single"), reward="watched"), tmp_path, seed=4)
+    train(replace(small("ranked-single"), reward="watched"), tmp_path, seed=4)
     groups = np.concatenate(seen).reshape(-1, 8, 3)
     assert len(groups) == 768 // 8
     assert len(np.unique(groups[:, 0], axis=0)) == len(groups)
 
 
-@pytest.mark.parametrize("name", ["single", "ppo-single", "thesis-single"])
+@pytest.mark.parametrize("name", ["ranked-single", "ppo-single", "thesis-ppo-single"])
 def test_only_ranked_ppo_draws_in_pairs(name):
     policy = build(replace(get_recipe(name), num_envs=8), 0, steps=100).model.policy
-    assert isinstance(policy.action_dist, PairedGaussian) == (name == "single")
+    assert isinstance(policy.action_dist, PairedGaussian) == (name == "ranked-single")
 
 
-@pytest.mark.parametrize(("name", "steps"), [("thesis-single", 128), ("thesis-multi", 4096)])
+@pytest.mark.parametrize(("name", "steps"), [("thesis-ppo-single", 128), ("thesis-ppo-multi", 4096)])
 def test_the_thesis_has_four_minibatches_and_four_epochs_of_its_steps(name, steps):
     model = build(get_recipe(name), 0, steps=1000).model
     assert model.n_envs * model.n_steps == 4 * model.batch_size == steps
     assert model.n_epochs == 4
 
 
-@pytest.mark.parametrize(("name", "unit"), [("thesis-single", np.pi), ("thesis-multi", 5.0)])
+@pytest.mark.parametrize(("name", "unit"), [("thesis-ppo-single", np.pi), ("thesis-ppo-multi", 5.0)])
 def test_ppo2_speaks_the_thesis_s_units_throughout(name, unit):
     """Its head, its standard deviation and so its learning rate: in radians and degrees."""
     model = build(get_recipe(name), 0, steps=1000).model
@@ -133,7 +133,7 @@ def test_ppo2_speaks_the_thesis_s_units_throughout(name, unit):
 
 
 def test_runs_leave_what_they_promise(tmp_path):
-    run = train(small("single"), tmp_path, seed=4, export=True)
+    run = train(small("ranked-single"), tmp_path, seed=4, export=True)
     assert {"policy.safetensors", "curve.csv", "run.json", "tensorboard", "model.zip"} == set(os.listdir(tmp_path))
     logs = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
     columns = [name for name in COLUMNS[2:] if name != "return"]
@@ -141,7 +141,7 @@ def test_runs_leave_what_they_promise(tmp_path):
         f"curve/{name}" for name in columns
     }
     card = run.policy.card
-    assert (card.seed, card.recipe["name"], card.algorithm, card.steps) == (4, "single", "RankedPPO", 768)
+    assert (card.seed, card.recipe["name"], card.algorithm, card.steps) == (4, "ranked-single", "RankedPPO", 768)
     assert card.versions["torch"] == torch.__version__
     curve = read_curve(tmp_path / "curve.csv")
     assert curve["steps"][-1] == 768
@@ -152,14 +152,14 @@ def test_runs_leave_what_they_promise(tmp_path):
     text = (tmp_path / "run.json").read_text()
     assert text == json.dumps(json.loads(text), indent=2) + "\n"
     assert json.loads(text)["resumed"] is False
-    with pytest.raises(UnknownNameError, match="thesis-single"):
+    with pytest.raises(UnknownNameError, match="thesis-ppo-single"):
         get_recipe("nothing")
 
 
 def test_evaluation_is_that_of_single_environments_and_of_no_training_goal(monkeypatch):
     import gymnasium as gym
 
-    policy = load_policy("multi")
+    policy = load_policy("ranked-multi")
     found = evaluate(policy, goals=6, options={"backend": "kinematic"})
     env = gym.make(MULTI, backend="kinematic")
     for index in range(6):
@@ -200,7 +200,7 @@ def test_an_impossible_end_is_no_success_however_near_it_is():
 
 
 def test_an_evaluation_on_another_arm_is_on_that_arm():
-    plain = load_policy("single")
+    plain = load_policy("ranked-single")
     recipe = {**plain.card.recipe, "options": {**plain.card.recipe["options"], "arm": "ur5"}}
     trained = LearnedPolicy(replace(plain.card, recipe=recipe), plain.network)
     options = {"backend": "kinematic"}
@@ -213,7 +213,7 @@ def test_an_evaluation_on_another_arm_is_on_that_arm():
 
 
 def test_every_generator_follows_from_the_seed_and_the_segment(monkeypatch):
-    trainee, seeded = build(small("single"), 0, steps=768), []
+    trainee, seeded = build(small("ranked-single"), 0, steps=768), []
     monkeypatch.setattr(trainee.env, "seed", seeded.append)
 
     def draws(seed, segment):
@@ -230,7 +230,7 @@ def test_every_generator_follows_from_the_seed_and_the_segment(monkeypatch):
     assert trainee.model._last_obs is None
 
 
-@pytest.mark.parametrize("name", ["moving", "ppo-moving-clear", "random-arms"])
+@pytest.mark.parametrize("name", ["gradient-moving", "ppo-moving-clear", "random-arms"])
 def test_a_model_is_saved_without_its_simulation(name):
     recipe = get_recipe(name)
     steps = {"n_steps": 1, "minibatches": 1}

@@ -137,7 +137,7 @@ def test_groups_share_goals_and_are_rewarded_for_where_they_end(name, steps):
     np.testing.assert_array_equal(after[:, 6:12], first[:, 6:12])
 
 
-@pytest.mark.parametrize(("name", "walk"), [("single", 1), ("multi", 16)])
+@pytest.mark.parametrize(("name", "walk"), [("ranked-single", 1), ("ranked-multi", 16)])
 def test_goals_of_training_are_from_around_the_table_area_as_the_recipe_says(name, walk):
     area, rng, drawn = get_arm("ur5").workcell.goals, np.random.default_rng(0), 0
     assert (get_recipe(name).beyond, get_recipe(name).walk) == (0.02, walk)

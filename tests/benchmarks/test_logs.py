@@ -32,14 +32,14 @@ def test_policies_are_among_the_logs_where_a_notebook_looks_into_them():
 
 
 def test_traced_episodes_are_at_most_a_hundred_steps():
-    for name in ("thesis-multi", "sb3-multi"):
+    for name in ("thesis-ppo-multi", "sb3-multi"):
         for episode in load_logs(name, EPISODE).values():
             assert 1 <= len(episode["distance"]) <= 100
             assert (episode["steps"] > 25_000).all()
 
 
 def test_what_followed_a_step_is_sampled_over_the_whole_training():
-    for name in ("thesis-single", "sb3-single", "thesis-multi", "sb3-multi"):
+    for name in ("thesis-ppo-single", "sb3-single", "thesis-ppo-multi", "sb3-multi"):
         (log,) = load_logs(name, REWARDS).values()
         assert 5000 < len(log["steps"]) == len(log["discounted"]) <= 7600
         assert log["steps"][-1] > 0.99 * get_recipe(name).steps
@@ -47,14 +47,14 @@ def test_what_followed_a_step_is_sampled_over_the_whole_training():
 
 
 def test_what_is_not_there_is_named(tmp_path):
-    with pytest.raises(UnknownNameError, match="thesis-single"):
+    with pytest.raises(UnknownNameError, match="thesis-ppo-single"):
         load_logs("nothing")
     with pytest.raises(UnknownNameError, match="curve"):
-        load_logs("single", "song")
+        load_logs("ranked-single", "song")
     with pytest.raises(InputError):
-        load_logs("single", EPISODE)
+        load_logs("ranked-single", EPISODE)
     with pytest.raises(InputError):
-        load_logs("single", runs=tmp_path)
+        load_logs("ranked-single", runs=tmp_path)
 
 
 def test_discounted_returns_are_the_sums():

@@ -126,7 +126,7 @@ def test_what_policies_collide_with(capsys):
 @pytest.fixture
 def trainings(tmp_path):
     """Two policies as the seeds of a recipe."""
-    for seed, name in enumerate(("moving", "ppo-moving")):
+    for seed, name in enumerate(("gradient-moving", "ppo-moving")):
         (folder := tmp_path / f"seed-{seed}").mkdir()
         (folder / "policy.safetensors").write_bytes((PRETRAINED / f"{name}.safetensors").read_bytes())
     return tmp_path

@@ -17,4 +17,4 @@ def test_inside_is_near_and_outside_is_not(tmp_path, capsys):
 
 def test_other_policies_are_refused(tmp_path):
     with pytest.raises(InputError, match="not for kinreach/Reach-v0"):
-        main(["single", str(tmp_path / "map.png")])
+        main(["ranked-single", str(tmp_path / "map.png")])

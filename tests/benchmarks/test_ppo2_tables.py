@@ -43,7 +43,7 @@ def rows(*path):
 
 
 def test_the_published_table_is_that_of_the_file():
-    found = rows("thesis-single", "readings.csv")
+    found = rows("thesis-ppo-single", "readings.csv")
     for make, name in ((table, "single"), (seed_by_seed, "single-seeds"), (deviations, "single-deviations")):
         assert as_csv(make(found, SINGLE)) == published(name)
     seeds = {}
@@ -54,7 +54,7 @@ def test_the_published_table_is_that_of_the_file():
 
 
 def test_four_times_as_many_episodes_are_those_of_the_file():
-    found = rows("thesis-single", "long.csv")
+    found = rows("thesis-ppo-single", "long.csv")
     for make, name in ((table, "single-long"), (seed_by_seed, "single-long-seeds")):
         assert as_csv(make(found, SINGLE)) == published(name)
     whole, alone = ([row for row in found if row["natural_arm"] == row["gripper"] == paid] for paid in (1, 0))
@@ -66,7 +66,7 @@ def test_four_times_as_many_episodes_are_those_of_the_file():
 
 
 def test_random_actions_are_those_of_the_file():
-    found = rows("thesis-single", "random.csv")
+    found = rows("thesis-ppo-single", "random.csv")
     assert as_csv(table(found, SINGLE)) == published("single-random")
     assert [(row["random"], row["seed"]) for row in found] == [
         (share, seed) for share in (0.1, 0.3) for seed in range(5)
@@ -83,7 +83,7 @@ def test_the_published_tables_of_multi_step_are_those_of_the_files():
         ("long.csv", 4, range(5)),
         ("longest.csv", 4, range(5)),
     ):
-        found = rows("thesis-multi", name)
+        found = rows("thesis-ppo-multi", name)
         file = {"readings.csv": "multi", "readings-2M.csv": "multi-readings"}.get(name, f"multi-{name[:-4]}")
         assert as_csv(table(found, MULTI)) == published(file)
         for make, what in ((seed_by_seed, "seeds"), (deviations, "deviations")) if name.startswith("long") else ():

@@ -12,12 +12,12 @@ KNOWN = ("steps", "episodes", "reached")
 
 
 def test_the_published_row_is_that_of_the_logs(capsys):
-    assert main(["thesis-single"]) == 0
+    assert main(["thesis-ppo-single"]) == 0
     printed = capsys.readouterr().out
     kept = (DATA / "reached-in-training.csv").read_text(encoding="utf-8").splitlines()
     assert as_csv(printed).splitlines() == kept[:2]
     counts = [int(count) for count in printed.splitlines()[-1].split("|")[4].split("/")]
-    logs = load_logs("thesis-single")
+    logs = load_logs("thesis-ppo-single")
     assert len(counts) == len(logs) == 5
     for count, log in zip(counts, logs.values(), strict=True):
         assert count == pytest.approx(np.nansum(log["reached"] * np.diff(log["episodes"], prepend=0)), abs=0.5)

@@ -24,5 +24,5 @@ def test_every_shipped_policy_is_accounted_for():
 
 
 def test_a_row_is_of_its_goals(needs_gl):
-    cells = [cell.strip() for cell in row("single", "seen, hybrid", 3).strip("|").split("|")]
-    assert cells[:4] == ["`single`", "seen, hybrid", "100.0", "100.0 [43.9, 100.0]"]
+    cells = [cell.strip() for cell in row("ranked-single", "seen, hybrid", 3).strip("|").split("|")]
+    assert cells[:4] == ["`ranked-single`", "seen, hybrid", "100.0", "100.0 [43.9, 100.0]"]

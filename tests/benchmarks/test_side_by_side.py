@@ -30,7 +30,7 @@ def stable(stacked, index, one):
     """A model of stable-baselines3 with the weights and the settings of one training of a stack."""
     from dataclasses import replace
 
-    recipe = get_recipe("thesis-single")
+    recipe = get_recipe("thesis-ppo-single")
     networks = replace(recipe.networks, std=one.std)
     settings = {**recipe.settings, "gain": one.gain, "n_steps": STEPS, "minibatches": 1, "learning_rate": one.rate}
     settings |= {"ent_coef": one.entropy, "clip_range_vf": 0.2 if one.value_clip else None}

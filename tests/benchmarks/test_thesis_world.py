@@ -18,7 +18,7 @@ from kinreach.baselines._evaluation import HELD_OUT
 from kinreach.baselines._recipes import get_recipe
 from kinreach.vision._goal_view import geometric_goal_view
 
-FILE = FOLDER / "thesis-single" / "worlds.csv"
+FILE = FOLDER / "thesis-ppo-single" / "worlds.csv"
 
 
 def rows():
@@ -38,7 +38,7 @@ def test_the_published_table_is_that_of_the_file():
 def test_what_was_told_is_what_the_readings_say():
     """The same trainings as those of the most faithful reading in the other tables."""
     compared = 0
-    for multi, name in enumerate(("thesis-single", "thesis-multi")):
+    for multi, name in enumerate(("thesis-ppo-single", "thesis-ppo-multi")):
         columns = read_curve(FOLDER / name / "readings.csv")
         faithful = np.flatnonzero(
             [all(columns[flag][i] == getattr(ppo2.FAITHFUL, flag) for flag in ppo2.FLAGS)
@@ -52,9 +52,9 @@ def test_what_was_told_is_what_the_readings_say():
 
 
 def test_recipes_train_in_the_same_worlds():
-    for name, world in (("thesis-single-camera", "seen"), ("thesis-single-tolerance", "inexact joints")):
+    for name, world in (("thesis-ppo-single-camera", "seen"), ("thesis-ppo-single-tolerance", "inexact joints")):
         assert get_recipe(name).options == {"backend": "kinematic", **WORLDS[world]}
-    assert get_recipe("thesis-multi-camera").options == get_recipe("thesis-single-camera").options
+    assert get_recipe("thesis-ppo-multi-camera").options == get_recipe("thesis-ppo-single-camera").options
 
 
 def test_trainings_differ_by_their_world(tmp_path, monkeypatch):

@@ -18,7 +18,7 @@ def goals():
     return get_arm("ur5").workcell.goals.sample(np.random.default_rng(3), 8)
 
 
-@pytest.mark.parametrize("name", ["single", "multi", "ppo-multi"])
+@pytest.mark.parametrize("name", ["ranked-single", "ranked-multi", "ppo-multi"])
 def test_a_trace_is_what_single_environments_do(name, goals):
     policy = load_policy(name)
     traced = trace(policy, goals, options={"backend": "kinematic"})
@@ -40,7 +40,7 @@ def test_a_trace_is_what_single_environments_do(name, goals):
         np.testing.assert_array_equal(traced.distance[step:, index], traced.distance[step, index])
         assert np.isnan(traced.reward[step:, index]).all()
     assert len(traced.distance) == max(lengths) + 1
-    if name != "single":
+    if name != "ranked-single":
         assert min(lengths) < max(lengths)
 
 
@@ -51,7 +51,7 @@ def trained_with(name, **options):
 
 
 def test_it_is_traced_in_what_it_was_trained_with(goals):
-    policy = trained_with("thesis-single", goal_in="image")
+    policy = trained_with("thesis-ppo-single", goal_in="image")
     env = gym.make(policy.card.environment, backend="kinematic", goal_in="image")
     traced = trace(policy, goals, options={"backend": "kinematic"})
     for index, goal in enumerate(goals):
@@ -74,7 +74,7 @@ def test_the_trace_of_another_arm():
 
 
 def test_it_starts_at_home(goals):
-    traced = trace(load_policy("single"), goals, options={"backend": "kinematic"})
+    traced = trace(load_policy("ranked-single"), goals, options={"backend": "kinematic"})
     home = np.array(get_arm("ur5").home)
     np.testing.assert_allclose(traced.q[0], np.tile(home, (len(goals), 1)), atol=1e-12)
     tip = UR5Kinematics(tip="tcp", base="world").fk(home)[:3, 3]
@@ -85,8 +85,8 @@ def test_it_starts_at_home(goals):
     ("name", "goals", "message"),
     [
         ("button", np.zeros((1, 3)), "UR5SingleStep"),
-        ("single", np.zeros(3), "shape"),
-        ("single", np.zeros((0, 3)), "sha"),
+        ("ranked-single", np.zeros(3), "shape"),
+        ("ranked-single", np.zeros((0, 3)), "sha"),
     ],
 )
 def test_what_cannot_be_traced_is_refused(name, goals, message):

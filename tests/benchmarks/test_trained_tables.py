@@ -29,8 +29,12 @@ class Still:
 
 @pytest.fixture
 def runs(tmp_path):
-    """Two trainings of `ppo-multi-ending`, `single` and `button-report` each, of which one stands for the other."""
-    for recipe, policy in (("ppo-multi-ending", "ppo-multi"), ("single", "single"), ("button-report", "button-report")):
+    """Two trainings of `ppo-multi-ending`, `ranked-single` and `button-report` each; one stands for the other."""
+    for recipe, policy in (
+        ("ppo-multi-ending", "ppo-multi"),
+        ("ranked-single", "ranked-single"),
+        ("button-report", "button-report"),
+    ):
         for seed in (2, 10):
             folder = tmp_path / recipe / f"seed-{seed}"
             folder.mkdir(parents=True)
@@ -48,13 +52,16 @@ def table(text):
 
 def test_only_finished_trainings_count_in_the_order_of_their_seeds(runs):
     def seeds():
-        return {name: [path.name for path in found] for name, found in finished(runs, ("single", "sac-single")).items()}
+        return {
+            name: [path.name for path in found]
+            for name, found in finished(runs, ("ranked-single", "sac-single")).items()
+        }
 
-    assert seeds() == {"single": ["seed-2", "seed-10"]}
-    (runs / "single" / "seed-2" / "run.json").unlink()
-    assert seeds() == {"single": ["seed-10"]}
-    (runs / "single" / "seed-10" / "policy.safetensors").unlink()
-    with pytest.raises(InputError, match=r"^no finished training of single, sac-single in "):
+    assert seeds() == {"ranked-single": ["seed-2", "seed-10"]}
+    (runs / "ranked-single" / "seed-2" / "run.json").unlink()
+    assert seeds() == {"ranked-single": ["seed-10"]}
+    (runs / "ranked-single" / "seed-10" / "policy.safetensors").unlink()
+    with pytest.raises(InputError, match=r"^no finished training of ranked-single, sac-single in "):
         seeds()
 
 
@@ -67,9 +74,9 @@ def test_where_nothing_is_trained_the_command_says_so(study, run_python):
 
 
 def test_the_table_of_reach_policies(runs, capsys):
-    assert trained.main([str(runs), "--recipes", "single,sac-single", "--goals", "40"]) == 0
+    assert trained.main([str(runs), "--recipes", "ranked-single,sac-single", "--goals", "40"]) == 0
     head, rows = table(capsys.readouterr().out)
-    assert [row[:2] for row in rows] == [["`single`", "2"]]
+    assert [row[:2] for row in rows] == [["`ranked-single`", "2"]]
     said = dict(zip(head, rows[0], strict=True))
     assert said["reached, % [95 % CI over seeds]"] == "100.00 [91.24, 100.00]"  # Wilson's, 40 of 40, not 80 of 80
     assert said["training, s of processor"] == "42–50"

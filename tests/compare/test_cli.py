@@ -132,7 +132,7 @@ def test_no_default_folder_is_that_of_other_settings(tmp_path, monkeypatch, caps
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("kinreach.compare._cli.DEFAULT_GOALS", 1)  # 200 take a while
     (tmp_path / "mine.py").write_text("import numpy as np\n\ndef look(observation):\n    return np.zeros(6)\n")
-    policy = load_policy("single")
+    policy = load_policy("ranked-single")
     for folder in ("other", "another"):
         (tmp_path / folder).mkdir()
         save_policy(tmp_path / folder / "mine.safetensors", policy.card, policy.network)
@@ -168,11 +168,11 @@ def test_what_stands_in_a_default_folder_and_is_of_something_else_stays(tmp_path
 
 def test_another_file_of_the_same_name_is_another_method(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    for name in ("single", "ppo-single"):
+    for name in ("ranked-single", "ppo-single"):
         (tmp_path / name).mkdir()
         policy = load_policy(name)
         save_policy(tmp_path / name / "p.safetensors", policy.card, policy.network)
-    assert call("--goals", "1", "--methods", "single/p.safetensors", "--out", "here") == 0
+    assert call("--goals", "1", "--methods", "ranked-single/p.safetensors", "--out", "here") == 0
     assert call("--goals", "1", "--methods", "ppo-single/p.safetensors", "--out", "here") == cli.EXIT_ERROR
     assert "another comparison" in capsys.readouterr().err
 

@@ -48,8 +48,8 @@ def test_another_arm_and_another_object():
 
 def test_a_policy_of_small_steps_acts_in_small_steps():
     """In the same table as grasps in one decision, under its name and as a file, for the same objects."""
-    file = str(resources.files("kinreach.baselines") / "pretrained" / "lift-multi.safetensors")
-    found = compare("lift", ["ranked", "ppo-multi", file], goals=2, options={"attempts": 1})
+    file = str(resources.files("kinreach.baselines") / "pretrained" / "ppo-lift-multi.safetensors")
+    found = compare("lift", ["ranked-lift", "ppo-lift-multi", file], goals=2, options={"attempts": 1})
     one, steps, same = found["methods"]
     assert one["attempts"] == 1.0
     assert 20 < steps["attempts"] < 150

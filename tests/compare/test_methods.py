@@ -119,7 +119,7 @@ def test_names_must_be_printable(toy, name):
 
 
 def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
-    content = (files("kinreach.baselines") / "pretrained" / "single.safetensors").read_bytes()
+    content = (files("kinreach.baselines") / "pretrained" / "ranked-single.safetensors").read_bytes()
     runs = [tmp_path / run / name for run in ("one", "two") for name in ("policy.safetensors", "best.safetensors")]
     for path in runs:
         path.parent.mkdir(exist_ok=True)
@@ -136,7 +136,7 @@ def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
 def test_a_policys_file_acts_where_its_card_says(tmp_path):
     task = get_task("ur5")
     for name in ("single", "multi"):
-        content = (files("kinreach.baselines") / "pretrained" / f"{name}.safetensors").read_bytes()
+        content = (files("kinreach.baselines") / "pretrained" / f"ranked-{name}.safetensors").read_bytes()
         (tmp_path / f"mine-{name}.safetensors").write_bytes(content)
         (method,) = resolve_methods(task, [str(tmp_path / f"mine-{name}.safetensors")]).values()
         assert method.environment == task.variants[name]
@@ -149,7 +149,9 @@ def test_a_policys_file_acts_where_its_card_says(tmp_path):
 
 
 def test_shipped_policies_are_methods():
-    assert {"single", "multi", "ppo-single", "ppo-multi", "thesis-single", "button"} <= set(pretrained_names())
+    assert {"ranked-single", "ranked-multi", "ppo-single", "ppo-multi", "thesis-ppo-single", "button"} <= set(
+        pretrained_names()
+    )
 
 
 def test_a_task_from_outside_is_known_by_its_name(toy):
@@ -235,7 +237,7 @@ def test_a_policy_of_another_arm_is_refused(tmp_path):
 
     from kinreach.baselines._policy_file import read_policy, save_policy
 
-    card, network = read_policy(files("kinreach.baselines") / "pretrained" / "single.safetensors")
+    card, network = read_policy(files("kinreach.baselines") / "pretrained" / "ranked-single.safetensors")
     recipe = {**card.recipe, "options": {"backend": "kinematic", "arm": "ur3"}}
     save_policy(tmp_path / "mine.safetensors", replace(card, recipe=recipe), network)
     with pytest.raises(InputError, match="was trained on the arm 'ur3', not on 'ur5'"):

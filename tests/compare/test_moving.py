@@ -14,7 +14,7 @@ from kinreach.compare._task import get_task
 from kinreach.envs._moving import moved, travel_times
 from kinreach.errors import InputError
 
-METHODS = ["interception", "last-sight", "first-sight", "policy"]
+METHODS = ["interception", "last-sight", "first-sight", "gradient-moving"]
 
 
 @pytest.fixture(scope="module", params=[True, False])
@@ -32,7 +32,7 @@ def test_who_touches(results):
         assert found["first-sight"]["touched"][speed] < 0.5
     assert found["last-sight"]["touched"]["0.6"] < 0.5
     assert found["last-sight"]["touched"]["0.05"] >= 0.9 - 0.9 * collisions
-    assert found["policy"]["touched"]["0.05"] >= 0.9 - 0.9 * collisions
+    assert found["gradient-moving"]["touched"]["0.05"] >= 0.9 - 0.9 * collisions
     assert found["interception"]["touched"]["0.2"] is None
     assert found["interception"]["impossible"] <= 0.2 * collisions
     assert (found["first-sight"]["impossible"] > 0.3) == collisions

@@ -231,7 +231,7 @@ def test_an_arm_from_its_urdf_file_on_the_command_line(tmp_path, capsys, without
 
 def test_the_panda_has_solvers_and_a_policy_of_its_own():
     found = compare("ur5", arm="panda", goals=10)
-    assert [entry["name"] for entry in found["methods"]] == ["closed-form", "placo", "lm", "qp", "ranked-single"]
+    assert [entry["name"] for entry in found["methods"]] == ["closed-form", "placo", "lm", "qp", "panda-single"]
     assert {entry["reached"] for entry in found["methods"]} == {1.0}
     with pytest.raises(InputError, match="trained on the arm 'panda'"):
         compare("ur5", methods=[str(PRETRAINED / "panda-single.safetensors")], goals=1)

@@ -82,10 +82,10 @@ def test_the_analytic_policy_reaches(env, backend, steps, capsys):
 
 @pytest.mark.parametrize(("env", "steps"), [("single", 5), ("multi", 60)])
 def test_trained_policies_reach(env, steps, capsys):
-    command = ["demo", "--env", env, "--policy", env, "--backend", "kinematic", "--steps", str(steps)]
+    command = ["demo", "--env", env, "--policy", f"ranked-{env}", "--backend", "kinematic", "--steps", str(steps)]
     assert main([*command, "--print", "nothing"]) == 0
     assert int(capsys.readouterr().out.strip().split()[-1]) >= 4
-    assert main(["demo", "--env", "button", "--policy", "single"]) == 2
+    assert main(["demo", "--env", "button", "--policy", "ranked-single"]) == 2
     assert "available: a file of a policy, analytic" in capsys.readouterr().err
 
 
@@ -169,10 +169,9 @@ def test_a_caption_says_method_distance_and_end():
     black = np.zeros((540, 960, 3), dtype=np.uint8)
     places = {}
     for mm in (0.4, 4.0, 40.0, 400.0):
-        caption = Caption("button")
+        caption = Caption("ppo")
         frame = caption.write(black, Moment(np.array([0.0, 1e-3 * mm]), 1e-3 * mm))
         assert written(frame, REACHED) == written(frame, MISSED) == 0
-        assert caption.name == "ppo"
         box = frame[:230, 740:]
         if mm > 100:
             assert not box.any()
@@ -199,12 +198,12 @@ def test_it_films_what_does_not_draw_itself(env, policy, steps, least, tmp_path,
 
 
 def test_policies_get_what_they_learned_from(tmp_path, capsys):
-    policy = load_policy("thesis-single")
+    policy = load_policy("thesis-ppo-single")
     card = replace(policy.card, recipe={**policy.card.recipe, "options": {"goal_in": "image"}})
     save_policy(tmp_path / "image.safetensors", card, policy.network)
     said = ["--backend", "kinematic", "--print", "observation", "--steps", "1", "--policy"]
     seen = []
-    for name in ("thesis-single", str(tmp_path / "image.safetensors")):
+    for name in ("thesis-ppo-single", str(tmp_path / "image.safetensors")):
         assert main(["demo", *said, name], prog="kinreach") == 0
         numbers = re.search(r"observation: \[(.*?)\]", capsys.readouterr().out, re.DOTALL).group(1)
         seen.append(np.array(numbers.split(), dtype=float)[:6].reshape(2, 3))
@@ -247,7 +246,7 @@ def test_methods_of_a_comparison_act(capsys):
     assert main(["demo", "--env", "moving", "--policy", "interception", "--steps", "60", "--print", "nothing"]) == 0
     assert "60 steps" in capsys.readouterr().out
     assert main(["demo", "--env", "moving", "--policy", "placo"]) == 2
-    assert "first-sight, interception" in capsys.readouterr().err
+    assert "first-sight, gradient-moving, interception" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -238,7 +238,7 @@ class TestPostureErrors:
 class TestErrorBands:
     def test_median_and_middle(self, rng, texts):
         tolerances = [0.1, 0.001, 0.01]
-        errors = {name: rng.uniform(0.1, 9, (3, 400)) for name in ("closed form", "policy")}
+        errors = {name: rng.uniform(0.1, 9, (3, 400)) for name in ("closed-form", "policy")}
         figure = figures.draw_error_bands(tolerances, errors, title="T", xlabel="tolerance [rad]", limit=10.0)
         (ax,) = figure.axes
         order = np.argsort(tolerances)

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from kinreach._plots._maps import draw_error_maps
-from kinreach._plots._methods import METHOD_COLOURS, NAMES, OTHERS, PALETTE, colours_of, method_colours, method_name
+from kinreach._plots._methods import METHOD_COLOURS, OTHERS, PALETTE, colours_of, method_colours
 from kinreach._plots._style import FAINT, GRID, INK, LEADER, label_ends, new_figure, plain, spread, text_colour
 from kinreach.compare._methods import colours as task_colours
 from kinreach.compare._task import get_task, task_names
@@ -124,23 +124,21 @@ def test_a_line_that_ends_early_is_named_there():
     assert late[0, 0] > 1.0
 
 
-def test_a_method_has_one_name_and_colour_everywhere():
-    """In figures of trainings by its recipe's name, and in every comparison by the method's."""
-    names = ["thesis-single", "seed 1", "single", "ppo, target 1", "ppo", "seed 2"]
+def test_a_method_has_one_colour_everywhere():
+    """In figures of trainings, and in every comparison."""
+    names = ["thesis-ppo-single", "seed 1", "ranked-single", "ppo, target 1", "ppo", "seed 2"]
     colours = colours_of(names)
-    assert colours["single"] == colours_of(["sac-single", "single"])["single"]
+    assert colours["ranked-single"] == colours_of(["sac-single", "ranked-single"])["ranked-single"]
     assert colours["ppo, target 1"] == colours["ppo"]
     assert len(set(colours.values())) == 5
-    assert method_name("single, seed 1") == "ranked-single, seed 1"
     compared = {}
     for task in task_names():
         for name, colour in task_colours(get_task(task).methods).items():
             assert compared.setdefault(name, colour) == colour == colours_of([name])[name]
             assert colour == METHOD_COLOURS[name]
-            assert name not in NAMES
         assert len(set(task_colours(get_task(task).methods).values())) == len(get_task(task).methods), task
     assert len(compared) >= 25
-    assert compared["ranked-single"] == colours["single"]
+    assert compared["ranked-single"] == colours["ranked-single"]
     for shown in FIGURES:
         assert len(set(colours_of(shown).values())) == len(shown), shown
 
@@ -191,14 +189,14 @@ def test_maps_are_filled_and_have_units():
 
 #: Methods that a figure of a notebook shows beside each other.
 FIGURES = [
-    ["thesis-single", "sb3-single"],
-    ["ppo-single", "single"],
-    ["single", "ppo-single", "thesis-single"],
-    ["sac-single", "td3-single", "ddpg-single", "thesis-single"],
-    ["sac-multi", "td3-multi", "ddpg-multi", "thesis-multi"],
-    ["thesis-multi", "sb3-multi"],
+    ["thesis-ppo-single", "sb3-single"],
+    ["ppo-single", "ranked-single"],
+    ["ranked-single", "ppo-single", "thesis-ppo-single"],
+    ["sac-single", "td3-single", "ddpg-single", "thesis-ppo-single"],
+    ["sac-multi", "td3-multi", "ddpg-multi", "thesis-ppo-multi"],
+    ["thesis-ppo-multi", "sb3-multi"],
     ["ppo-multi", "ppo-multi-ending"],
-    ["closed form", "single", "ppo-single", "multi"],
+    ["closed-form", "ranked-single", "ppo-single", "ranked-multi"],
     ["button", "button-report", "button-dqn"],
     [f"button-{name}" for name in ("report-actuation", "report-both", "report-controls", "report-frames",
      "guided-controls", "dqn-report-actuation")],

@@ -113,7 +113,7 @@ def test_arguments(command, fuzzed):
     "argv",
     [
         ["compare", "--out", "/dev/full", "--goals", "1"],
-        ["train", "single", "--out", "/proc/nowhere", "--steps", "1"],
+        ["train", "ranked-single", "--out", "/proc/nowhere", "--steps", "1"],
         ["evaluate", "/dev/zero"],
         ["demo", "--video", "/proc/x.gif", "--steps", "1"],
         ["bench"],

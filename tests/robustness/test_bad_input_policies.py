@@ -71,7 +71,7 @@ def test_arguments_of_a_training(fuzzed, tmp_path, monkeypatch):
     monkeypatch.setattr(training, "segments", trained)
     monkeypatch.setattr(training, "_run_in", lambda folder: None)
     monkeypatch.setattr(training.torch, "set_num_threads", lambda count: None)
-    recipe = get_recipe("single")
+    recipe = get_recipe("ranked-single")
     odd = NUMBERS | things() | st.integers(-3, 2**40)
 
     def run(case):
@@ -119,7 +119,7 @@ def test_settings_of_comparisons(fuzzed):
 
 
 def test_evaluations_and_traces(fuzzed):
-    policy = load_policy("single")
+    policy = load_policy("ranked-single")
 
     def run(case):
         kind, value = case

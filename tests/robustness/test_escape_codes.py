@@ -22,7 +22,7 @@ def clean(text):
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    policy = load_policy("single")
+    policy = load_policy("ranked-single")
     save_policy(tmp_path / f"{NAME}.safetensors", policy.card, policy.network)
     return tmp_path
 
@@ -39,7 +39,7 @@ def commands():
     yield ["demo", "--policy", policy, "--steps", "1", "--backend", "kinematic"], 0
     yield ["demo", "--policy", f"missing{policy}"], 2
     yield ["view", "--results", NAME + ".json"], 2
-    yield ["train", "single", "--steps", "1", "--out", f"{NAME}.json"], 2
+    yield ["train", "ranked-single", "--steps", "1", "--out", f"{NAME}.json"], 2
 
 
 @pytest.mark.slow
@@ -60,7 +60,7 @@ def test_no_command_hands_escape_codes_on(here, capfd):
 
 def test_training_into_a_folder_with_escape_codes(here, capfd):
     pytest.importorskip("stable_baselines3")
-    assert main(["train", "single", "--steps", "1", "--out", NAME]) == 0
+    assert main(["train", "ranked-single", "--steps", "1", "--out", NAME]) == 0
     said = capfd.readouterr()
     assert "owned" in said.out
     assert clean(said.out + said.err)

@@ -30,8 +30,8 @@ from kinreach.errors import OutputError
 from kinreach._files import write_text
 
 out = Path.cwd()
-trainee = build(replace(get_recipe("single"), num_envs=16), 0, steps=64)
-shipped = Path(str(files("kinreach.baselines"))) / "pretrained" / "single.safetensors"
+trainee = build(replace(get_recipe("ranked-single"), num_envs=16), 0, steps=64)
+shipped = Path(str(files("kinreach.baselines"))) / "pretrained" / "ranked-single.safetensors"
 card, network = read_policy(shipped)
 comparison = prepare(
     "ur5", ("lm",), goals=1000, seed=0, arm=None, observation=None, options={"backend": "kinematic"}, command=""
@@ -117,7 +117,7 @@ def test_other_errors_of_the_system_are_not_hidden(monkeypatch):
         cli.run_command("compare", [], prog="kinreach compare")
 
 
-EVALUATE = ("evaluate", "single", "--goals", "5", "--backend", "kinematic")
+EVALUATE = ("evaluate", "ranked-single", "--goals", "5", "--backend", "kinematic")
 
 
 class TestOutputThatCannotBeWritten:

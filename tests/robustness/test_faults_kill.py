@@ -18,7 +18,7 @@ from tests.cases import slow
 from tools.endurance import kills
 from tools.endurance.outcome import BrokenPromiseError
 
-RECIPE = replace(get_recipe("single"), num_envs=32, steps=32 * 48, segments=3, window=256)
+RECIPE = replace(get_recipe("ranked-single"), num_envs=32, steps=32 * 48, segments=3, window=256)
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ DTYPES = ["F64", "F32", "F16", "BF16", "I64", "U8", "BOOL", "F8_E4M3", "F4", "C6
 def whole(tmp_path_factory):
     """A policy's header and bytes, taken apart."""
     path = tmp_path_factory.mktemp("policy") / "p.safetensors"
-    policy = load_policy("single")
+    policy = load_policy("ranked-single")
     save_policy(path, policy.card, policy.network)
     data = path.read_bytes()
     size = struct.unpack("<Q", data[:8])[0]

@@ -49,7 +49,7 @@ class Elements(HTMLParser):
 
 def files(folder):
     """A policy under each of the names."""
-    policy = load_policy("single")
+    policy = load_policy("ranked-single")
     for name in NAMES:
         path = folder / f"{name}.safetensors"
         save_policy(path, policy.card, policy.network)
@@ -84,7 +84,7 @@ def test_every_name_is_a_name(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", [NAMES[0], NAMES[5], NAMES[6], NAMES[9], "/red"])
 def test_commands_print_names_and_give_a_line_that_can_be_copied(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    policy = load_policy("single")
+    policy = load_policy("ranked-single")
     safe = name.replace("/", "")
     file = f"{safe}.safetensors"
     save_policy(file, policy.card, policy.network)
@@ -101,7 +101,7 @@ def test_commands_print_names_and_give_a_line_that_can_be_copied(name, tmp_path,
 
 
 def test_two_policies_of_one_name_are_both_reported(tmp_path, capsys):
-    policy = load_policy("single")
+    policy = load_policy("ranked-single")
     paths = [tmp_path / folder / "p.safetensors" for folder in ("a", "b")]
     for path in paths:
         path.parent.mkdir()

@@ -117,5 +117,5 @@ def test_what_cannot_be(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "mujoco_warp", None)
     with pytest.raises(InstallationError, match=r"pip install 'kinreach\[warp\]'"):
         BatchSimulation("ur5", 2, backend="warp")
-    assert main(["evaluate", "single", "--backend", "warp", "--goals", "2"]) == 2
+    assert main(["evaluate", "ranked-single", "--backend", "warp", "--goals", "2"]) == 2
     assert capsys.readouterr().err.strip().endswith("pip install 'kinreach[warp]'")

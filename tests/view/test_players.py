@@ -68,7 +68,10 @@ def test_everybody_who_is_offered_for_another_arm_plays(arm):
 def test_everybody_plays_by_pictures(observation, needs_gl):
     known, ur5 = playable(SINGLE), get_arm("ur5")
     players = known.players(ur5, observation=observation)
-    assert ("pixels-single" in players, "single" in players) == (observation == "pixels", observation == "camera")
+    assert ("pixels-single" in players, "ranked-single" in players) == (
+        observation == "pixels",
+        observation == "camera",
+    )
     reached = 0
     for player in players:
         asked = Recording(SINGLE, player, ur5, options={"observation": observation, "backend": "kinematic"})

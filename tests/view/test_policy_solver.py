@@ -13,7 +13,7 @@ from kinreach.view._policy_solver import PolicySolver
 
 
 def test_a_policy_is_asked_as_it_was_trained(tmp_path):
-    trained, kinematics = load_policy("thesis-single"), UR5Kinematics(tip="tcp", base="world")
+    trained, kinematics = load_policy("thesis-ppo-single"), UR5Kinematics(tip="tcp", base="world")
     recipe = {**trained.card.recipe, "options": {"goal_in": "image"}}
     save_policy(tmp_path / "image.safetensors", replace(trained.card, recipe=recipe), trained.network)
     solver = PolicySolver(str(tmp_path / "image.safetensors"), kinematics)

@@ -92,7 +92,7 @@ def deep(folder):
 
 
 def other_json(folder):
-    (folder / "results.json").write_text('{"policies": {"single": 1}}')
+    (folder / "results.json").write_text('{"policies": {"ranked-single": 1}}')
 
 
 def not_a_number(folder):

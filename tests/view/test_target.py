@@ -198,13 +198,13 @@ def test_policies_are_solvers_too():
     """Where they end is what their episodes say; what they are not for, they are not offered for."""
     setup = setup_of("ur5", calibration=str(CALIBRATION))
     assert setup.policies == setup_of("ur5").policies == (
-        "ppo-single", "single", "thesis-single", "multi", "ppo-multi", "thesis-multi",
+        "ppo-single", "ranked-single", "thesis-ppo-single", "ppo-multi", "ranked-multi", "thesis-ppo-multi",
     )  # fmt: skip
     assert setup_of("ur5", tip="tool0").policies == setup_of("arm3").policies == ()
     assert setup_of("panda").policies == ("panda-single",)
     model, rng, near = setup_of("ur5").model(), np.random.default_rng(4), 0
     for position in model.kinematics.arm.workcell.goals.sample(rng, 5):
-        finishes = model.solve(AxisGoal(position), model.home, ["single", "multi", "closed-form"])
+        finishes = model.solve(AxisGoal(position), model.home, ["ranked-single", "ranked-multi", "closed-form"])
         for finish in finishes:
             off = np.linalg.norm(model.kinematics.fk(finish.result.q)[:3, 3] - position)
             assert finish.result.position_error == pytest.approx(off)

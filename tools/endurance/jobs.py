@@ -124,7 +124,7 @@ JOBS: dict[str, Job] = {
     "qp": (_solver(QPSolver, _kinematics), _solve),
     "lm, 3-DOF arm": (_solver(LevenbergMarquardtSolver, lambda: Arm3Kinematics(base="world")), _solve3),
     "CollisionChecker": (lambda: CollisionChecker("ur5"), _check),
-    "LearnedPolicy": (lambda: load_policy("single"), _act),
+    "LearnedPolicy": (lambda: load_policy("ranked-single"), _act),
     "ArmSimulation": (lambda: ArmSimulation("ur5"), _move),
     "BatchSimulation": (lambda: BatchSimulation("ur5", 6), _move_batch),
     "UR5SingleStep, kinematic": (_env("UR5SingleStep", backend="kinematic"), _play),

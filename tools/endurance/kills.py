@@ -33,7 +33,7 @@ PATIENCE = 300.0
 #: Columns of `results.csv` that are measured by the clock.
 TIMES = ("solve_s", "accept_s", "look_s")
 RECIPES = {
-    "single": {"num_envs": 32, "steps": 32 * 192, "segments": 12, "window": 512},
+    "ranked-single": {"num_envs": 32, "steps": 32 * 192, "segments": 12, "window": 512},
     "sac-single": {"num_envs": 8, "steps": 480, "segments": 12, "window": 64},
 }
 COMPARISON = {"methods": ("closed-form", "placo", "lm", "ranked-single"), "goals": 25, "seed": 3}
@@ -80,7 +80,7 @@ def comparison_result(folder: Path) -> Any:
 
 
 def _train_single(folder: Path) -> None:
-    trained("single", folder)
+    trained("ranked-single", folder)
 
 
 def _train_sac(folder: Path) -> None:

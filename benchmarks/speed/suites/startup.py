@@ -25,13 +25,13 @@ PROGRAMS = (
     OURS,
     KINEMATICS,
     "import kinreach.envs",
-    "from kinreach.baselines import load_policy; load_policy('single')",
+    "from kinreach.baselines import load_policy; load_policy('ranked-single')",
 )
 #: Longest starts [s], and longest decision [us].
 LONGEST = {OURS: 0.3, KINEMATICS: 0.8}
 DECISION_US = 50.0
-SINGLE = "single"
-POLICIES = (SINGLE, "multi", "button")
+SINGLE = "ranked-single"
+POLICIES = (SINGLE, "ranked-multi", "button")
 #: Observations that a policy decides on in a round.
 OBSERVATIONS = 500
 

@@ -1,4 +1,4 @@
-"""Training per second: the recipe `single`, and PPO with the same settings on our batch and on PandaReach-v3."""
+"""Training per second: the recipe `ranked-single`, and PPO with the same settings on our batch and on PandaReach-v3."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SETTINGS: dict[str, Any] = {"batch_size": 512, "n_epochs": 2, "policy_kwargs": {
 #: More rounds say no more.
 MAX_ROUNDS = 5
 PARTS = ("environment", "choosing", "updating")
-RECIPE, BATCH = "recipe `single`, UR5SingleStep-v0", f"PPO, UR5MultiStep-v0, native batch of {OURS}"
+RECIPE, BATCH = "recipe `ranked-single`, UR5SingleStep-v0", f"PPO, UR5MultiStep-v0, native batch of {OURS}"
 PEER = f"PPO, {PANDA.name}, {PEERS} one after the other"
 Run = Callable[[], dict[str, float]]
 
@@ -41,8 +41,8 @@ Environment is the time in its steps and resets, choosing the rest of the rollou
 updating the gradients; the rest is stable-baselines3's own. Each of these shares is the median of its rounds. With a
 native batch the network is what there is to wait for, with {PANDA.name} the environment.
 
-{PROFILED}: of the environment's time in a run of `single` of {ACTIONS} actions almost half was the seeding of 2048
-generators at the start. A longer run does not notice it; `--quick` notices it most."""
+{PROFILED}: of the environment's time in a run of `ranked-single` of {ACTIONS} actions almost half was the seeding of
+2048 generators at the start. A longer run does not notice it; `--quick` notices it most."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
@@ -118,7 +118,7 @@ def _rows(times: dict[str, list[dict[str, float]]]) -> list[list[Cell]]:
 def _recipe(actions: int, seed: int) -> dict[str, float]:
     from kinreach.baselines._models import build
 
-    trainee = build(get_recipe("single"), seed, steps=actions)
+    trainee = build(get_recipe("ranked-single"), seed, steps=actions)
     try:
         trainee.env.seed(seed)
         return learning_seconds(trainee.model, trainee.env, actions)

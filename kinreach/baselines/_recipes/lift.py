@@ -10,7 +10,7 @@ from kinreach.baselines._recipes.reach import PPO_MULTI, RANKED_SINGLE
 
 _LIFT = replace(
     RANKED_SINGLE,
-    name="lift",
+    name="ranked-lift",
     summary="Ranked PPO: eight grasps tried for every ball and judged by geometry; nothing is lifted in training.",
     environment=LIFT,
     steps=1_000_000,
@@ -24,7 +24,7 @@ LIFT_RECIPES = (
     _LIFT,
     replace(
         PPO_MULTI,
-        name="lift-multi",
+        name="ppo-lift-multi",
         summary="PPO in steps of 40 ms; in training the closed form says which way to go.",
         environment=LIFT,
         steps=1_300_000,
@@ -44,8 +44,8 @@ LIFT_RECIPES = (
     ),
     replace(
         _LIFT,
-        name="lift-range",
-        summary="As lift, for balls, cubes and cylinders of 15 to 35 mm.",
+        name="ranked-lift-range",
+        summary="As ranked-lift, for balls, cubes and cylinders of 15 to 35 mm.",
         steps=2_000_000,
         networks=replace(_LIFT.networks, hidden=(128, 128)),
         options={**_LIFT.options, "shapes": ["ball", "cube", "cylinder"], "sizes": [0.015, 0.035]},

@@ -60,7 +60,7 @@ _DESCENT = {
 #: meanwhile, and with γ 0 nothing of one enters what another is worth: 128 arms that take one step are the same data,
 #: in the same four minibatches of 32, in a tenth of the time.
 _THESIS_SINGLE = Recipe(
-    name="thesis-single",
+    name="thesis-ppo-single",
     summary="The thesis's single-step path planning: PPO2 in radians, γ 0, 128 steps an update, rate 1e-3.",
     environment=SINGLE,
     algorithm="PPO2",
@@ -73,7 +73,7 @@ _THESIS_SINGLE = Recipe(
 )
 #: Four arms make the 4096 steps of an update, ten episodes each and a part of one; with one arm it would be forty.
 _THESIS_MULTI = Recipe(
-    name="thesis-multi",
+    name="thesis-ppo-multi",
     trace_after=25_000,
     summary="The thesis's multi-step path planning: PPO2 in degrees, γ 0.99, 4096 steps an update, rate 2.5e-4.",
     environment=MULTI,
@@ -111,7 +111,7 @@ PPO_MULTI = Recipe(
 )
 
 RANKED_SINGLE = Recipe(
-    name="single",
+    name="ranked-single",
     summary="Ranked PPO: eight postures tried for every goal, dense reward in training.",
     environment=SINGLE,
     algorithm="RankedPPO",
@@ -156,7 +156,7 @@ _SPACE_SINGLE = replace(
 )
 
 _MOVING_GRADIENT = Recipe(
-    name="moving",
+    name="gradient-moving",
     summary="A rolling ball: analytic gradient of where the arm and the ball will be; the last six sights are seen.",
     environment=MOVING,
     options={"sights": 6, "collisions": False},
@@ -236,7 +236,8 @@ REACH_RECIPES = (
     replace(
         RANKED_SINGLE,
         name="panda-single",
-        summary="As single, for the Panda: no camera, no posture that is asked for, only the distance and collisions.",
+        summary="As ranked-single, for the Panda: no camera, no posture that is asked for, only the distance and "
+        "collisions.",
         steps=1_000_000,
         blur=0.0,
         options={"backend": "kinematic", "arm": "panda"},
@@ -244,7 +245,8 @@ REACH_RECIPES = (
     replace(
         RANKED_SINGLE,
         name="pixels-single",
-        summary="As single, from both cameras' pictures: convolutions with a spatial softmax, 32 tries for a look.",
+        summary="As ranked-single, from both cameras' pictures: convolutions with a spatial softmax, 32 tries for a "
+        "look.",
         steps=2_048_000,
         num_envs=512,
         blur=0.0,
@@ -266,7 +268,7 @@ REACH_RECIPES = (
     ),
     replace(
         RANKED_SINGLE,
-        name="multi",
+        name="ranked-multi",
         summary="Ranked PPO: eight postures walked to for every goal, dense reward in training.",
         environment=MULTI,
         options={"backend": "kinematic", "end_on_reached": False},

@@ -85,7 +85,7 @@ def test_where_it_cannot_be():
 
 
 def test_a_policy_that_learned_so_is_given_goals_so(tmp_path):
-    policy = load_policy("thesis-single")
+    policy = load_policy("thesis-ppo-single")
     card = replace(policy.card, recipe={**policy.card.recipe, "options": IMAGE})
     assert needed_options(policy) == {}
     assert needed_options(LearnedPolicy(card, policy.network)) == {"goal_in": "image"}
@@ -101,7 +101,7 @@ def test_learners_that_read_metres_refuse(tmp_path):
     from kinreach.baselines._recipes import get_recipe
     from kinreach.baselines._training import train
 
-    for name in ("single", "ik-net", "space-single"):
+    for name in ("ranked-single", "ik-net", "space-single"):
         recipe = get_recipe(name)
         with pytest.raises(InputError, match=f"{recipe.algorithm} takes goals in metres, not goal_in='image'"):
             train(replace(recipe, options={**recipe.options, "goal_in": "image"}), tmp_path / name)
