@@ -6,12 +6,14 @@
 Needs no extra.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from kinreach.compare import compare
-from kinreach.kinematics import Accept, ArmKinematics, AxisGoal, IKResult
+from kinreach.kinematics import ArmKinematics, AxisGoal, IKResult
 
 
 class LeastSquares:
@@ -27,7 +29,11 @@ class LeastSquares:
         self.kin = kin
 
     def solve(
-        self, goal: AxisGoal, seed: ArrayLike, *, accept: Accept | None = None
+        self,
+        goal: AxisGoal,
+        seed: ArrayLike,
+        *,
+        accept: Callable[[np.ndarray], bool] | None = None,
     ) -> IKResult:
         """Search from the seed, then from random postures, until one is accepted."""
 

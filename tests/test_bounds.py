@@ -13,7 +13,8 @@ from kinreach.envs._reach.space import SpaceOptions
 from kinreach.envs._reach.task import ReachOptions
 from kinreach.envs._real_arm import RealArmOptions
 from kinreach.errors import InputError
-from kinreach.sim import ArmSimulation, BatchSimulation, Imperfections
+from kinreach.sim import ArmSimulation, BatchSimulation
+from kinreach.sim._imperfections import Imperfections
 from kinreach.vision import Intrinsics, SensorNoise, circle_votes
 from kinreach.vision._ball_finder import find_ball
 

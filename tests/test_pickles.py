@@ -18,11 +18,11 @@ from kinreach.kinematics import (
     MotionLimits,
     PoseGoal,
     PositionGoal,
-    SevenAxisKinematics,
-    SixAxisKinematics,
-    Trajectory,
     URKinematics,
 )
+from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
+from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
+from kinreach.kinematics._trajectory import Trajectory
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, Tool, get_arm
 from kinreach.robots._urdf import Solid

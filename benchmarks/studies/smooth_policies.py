@@ -29,8 +29,9 @@ from kinreach.cli import Parser, finish
 from kinreach.compare._motion import MotionRecorder, peaks
 from kinreach.compare._reach import goals_of
 from kinreach.compare._task import resets_to
-from kinreach.kinematics import ArmKinematics, MotionLimits, Trajectory, time_path, time_waypoints
+from kinreach.kinematics import ArmKinematics, MotionLimits, time_path, time_waypoints
 from kinreach.kinematics._solvers import new_solver
+from kinreach.kinematics._trajectory import Trajectory
 
 PROG = "python -m benchmarks.studies.smooth_policies"
 #: Time between two decisions, and between two samples of the command [s].

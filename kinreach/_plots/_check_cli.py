@@ -14,17 +14,13 @@ from kinreach._files import replacing
 from kinreach._plots._workspace import draw_workspace
 from kinreach.cli import Parser
 from kinreach.errors import InputError
-from kinreach.kinematics import (
-    Arm3Kinematics,
-    ArmKinematics,
-    SevenAxisKinematics,
-    SixAxisKinematics,
-    URKinematics,
-)
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
 from kinreach.kinematics import (
     _check as check,
 )
 from kinreach.kinematics._closed_form import POSE_JOINTS
+from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
+from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 from kinreach.robots._flags import add_arm_flags, arm_of, print_notes
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from kinreach._checks import Floats
 from kinreach._plots._style import label_ends, name_label, new_figure
-from kinreach.kinematics import Trajectory
+from kinreach.kinematics._trajectory import Trajectory
 
 
 def draw_motion(trajectory: Trajectory, speed_limit: Floats, title: str) -> Figure:

@@ -20,11 +20,10 @@ from kinreach.errors import InstallationError
 if TYPE_CHECKING:
     from kinreach.baselines._algorithms import Algorithm, register_algorithm
     from kinreach.baselines._button_controller import AnalyticButtonPolicy
-    from kinreach.baselines._evaluation import HELD_OUT, VALIDATION, evaluate
+    from kinreach.baselines._evaluation import HELD_OUT, evaluate
     from kinreach.baselines._learning_curve import read_curve
     from kinreach.baselines._loop import RandomPolicy, rollout
     from kinreach.baselines._policies import load_policy
-    from kinreach.baselines._policy_file import Network
     from kinreach.baselines._recipes import Networks, Recipe, get_recipe, register_recipe
     from kinreach.baselines._training import train
     from kinreach.baselines._vec_envs import SB3VecEnv
@@ -34,12 +33,10 @@ _MODULES = {
     "Algorithm": "_algorithms",
     "AnalyticButtonPolicy": "_button_controller",
     "HELD_OUT": "_evaluation",
-    "Network": "_policy_file",
     "Networks": "_recipes",
     "RandomPolicy": "_loop",
     "Recipe": "_recipes",
     "SB3VecEnv": "_vec_envs",
-    "VALIDATION": "_evaluation",
     "evaluate": "_evaluation",
     "get_recipe": "_recipes",
     "load_policy": "_policies",
@@ -52,10 +49,8 @@ _MODULES = {
 
 __all__ = [
     "HELD_OUT",
-    "VALIDATION",
     "Algorithm",
     "AnalyticButtonPolicy",
-    "Network",
     "Networks",
     "RandomPolicy",
     "Recipe",

@@ -14,7 +14,8 @@ from kinreach._engines import load_extra
 from kinreach._statistics import QUANTILES, Column
 from kinreach.compare._task import Task
 from kinreach.errors import InputError
-from kinreach.kinematics import MotionLimits, Trajectory, time_waypoints
+from kinreach.kinematics import MotionLimits, time_waypoints
+from kinreach.kinematics._trajectory import Trajectory
 
 #: Samples per second [Hz].
 RATE_HZ = 500.0

@@ -30,7 +30,7 @@ from kinreach.deploy._rtde import (
 )
 from kinreach.deploy._server import KEY, PRIMARY_PORT, ROBOT_MESSAGE, RUNTIME_EXCEPTION
 from kinreach.errors import InputError, RobotError
-from kinreach.kinematics import Trajectory
+from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots._ur import JOINTS
 
 #: Longest time for an answer, for the start of a program, and in addition for each of its characters [s].

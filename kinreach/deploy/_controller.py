@@ -27,8 +27,9 @@ from kinreach.deploy._urscript import (
     parse,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
+from kinreach.kinematics import ArmKinematics, pose, pose_vector
 from kinreach.kinematics._solutions import SLACK
+from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots import ArmDescription
 from kinreach.robots._tools import FLANGE, TOOL_BODY
 from kinreach.robots._ur import JOINTS

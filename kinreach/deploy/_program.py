@@ -39,7 +39,8 @@ from kinreach.deploy._urscript import (
     parse,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
+from kinreach.kinematics import ArmKinematics, pose, pose_vector
+from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots._ur import JOINTS
 
 #: How far a joint may be from the start posture for the program to move [rad].

@@ -16,7 +16,7 @@ from kinreach._files import read_text, write_text
 from kinreach.deploy._program import Program
 from kinreach.deploy._urscript import MAX_CHARACTERS
 from kinreach.errors import InputError
-from kinreach.kinematics import Trajectory
+from kinreach.kinematics._trajectory import Trajectory
 
 #: Largest file [bytes]; nanoseconds of a second.
 MAX_BYTES, NANO = 2**28, 1_000_000_000

@@ -1,8 +1,8 @@
 """Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, solvers, collisions.
 
 - `ArmKinematics.of`, `ArmKinematics.from_urdf`: the kinematics of an arm, of the class that lists all postures of
-  a pose where there is one: `URKinematics`, `SixAxisKinematics`, `Arm3Kinematics`, and as curves
-  `SevenAxisKinematics`.
+  a pose where there is one: `URKinematics`, `Arm3Kinematics`, a closed form or elimination for other six-axis arms,
+  and curves for seven axes.
 - `PoseGoal`, `AxisGoal`, `PositionGoal`: goals of a solver; `IKResult`: its result.
 - `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers with the same interface.
 - `pose`, `pose_vector`: poses as six numbers, as a UR's pendant writes them.
@@ -10,7 +10,6 @@
 - `plan_path`, `joint_line`, `tool_line`: paths as waypoints, around obstacles, straight in joint space, and straight
   for the tool.
 - `time_waypoints`, `time_path`: motions along them within the `MotionLimits` of the arm.
-- `Trajectory`: joint angles and speeds over time.
 - `check`: measurements of an arm before you rely on it.
 
 Closed forms, solvers and `check` are imported when they are first used. The modules are internal.
@@ -24,19 +23,16 @@ from typing import TYPE_CHECKING, Any
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
-from kinreach.kinematics._solutions import Accept, IKResult
+from kinreach.kinematics._solutions import IKResult
 from kinreach.robots._rotations import pose, pose_vector
 
 if TYPE_CHECKING:
     from kinreach.kinematics import _check as check
     from kinreach.kinematics._arm3 import Arm3Kinematics
     from kinreach.kinematics._planning import joint_line, plan_path
-    from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
-    from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
     from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
     from kinreach.kinematics._timing import MotionLimits, time_path, time_waypoints
     from kinreach.kinematics._tool_line import tool_line
-    from kinreach.kinematics._trajectory import Trajectory
     from kinreach.kinematics._ur.kinematics import UR5Kinematics, URKinematics
 
 #: Name -> its module, imported when the name is first used: an environment loads no closed form and no solver.
@@ -47,9 +43,6 @@ _MODULES = {
     "MotionLimits": "_timing",
     "PlacoSolver": "_solvers",
     "QPSolver": "_solvers",
-    "SevenAxisKinematics": "_seven_axis.kinematics",
-    "SixAxisKinematics": "_six_axis.kinematics",
-    "Trajectory": "_trajectory",
     "UR5Kinematics": "_ur.kinematics",
     "URKinematics": "_ur.kinematics",
     "joint_line": "_planning",
@@ -60,7 +53,6 @@ _MODULES = {
 }
 
 __all__ = [
-    "Accept",
     "Arm3Kinematics",
     "ArmKinematics",
     "AxisGoal",
@@ -73,9 +65,6 @@ __all__ = [
     "PoseGoal",
     "PositionGoal",
     "QPSolver",
-    "SevenAxisKinematics",
-    "SixAxisKinematics",
-    "Trajectory",
     "UR5Kinematics",
     "URKinematics",
     "check",

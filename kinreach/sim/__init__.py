@@ -4,13 +4,11 @@
 `BatchSimulation` is any number of them, stepped together. `render` draws a picture of one.
 """
 
-from kinreach.sim._imperfections import Imperfections
 from kinreach.sim._rendering import render
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
 __all__ = [
     "ArmSimulation",
     "BatchSimulation",
-    "Imperfections",
     "render",
 ]

@@ -1,8 +1,6 @@
 """The thesis's reward and the geometry of postures behind it: pure functions on arrays."""
 
 from kinreach.thesis._posture import (
-    gripper_angle_error,
-    natural_arm_error,
     pentagon_angles,
     posture_error,
 )
@@ -17,8 +15,6 @@ __all__ = [
     "REACHED_DISTANCE",
     "REACHED_POSTURE_ERROR",
     "distance_reward",
-    "gripper_angle_error",
-    "natural_arm_error",
     "pentagon_angles",
     "posture_error",
     "reach_reward",

@@ -19,13 +19,13 @@ from kinreach.kinematics import (
     IKResult,
     PoseGoal,
     PositionGoal,
-    SixAxisKinematics,
     URKinematics,
 )
 from kinreach.kinematics._chain import rotation_to
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import NoShapesError, Pair
 from kinreach.kinematics._goals import Goal, goal_error
+from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._solutions import ANGLES, BRANCH, nearest_winding
 from kinreach.kinematics._solvers import SOLVERS, LevenbergMarquardtSolver, Solver, new_solver
 from kinreach.kinematics._ur.geometry import Miss

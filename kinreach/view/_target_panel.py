@@ -12,8 +12,8 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.errors import KinreachError
-from kinreach.kinematics import SevenAxisKinematics
 from kinreach.kinematics._goals import Goal
+from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots._rotations import rotation, rpy
 from kinreach.view import _html as html

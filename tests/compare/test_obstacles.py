@@ -8,7 +8,8 @@ from kinreach.compare._cli import main
 from kinreach.compare._motion import peaks
 from kinreach.compare._task import get_task
 from kinreach.errors import InputError
-from kinreach.kinematics import MotionLimits, Trajectory
+from kinreach.kinematics import MotionLimits
+from kinreach.kinematics._trajectory import Trajectory
 
 METHODS = ["closed-form", "from-above", "free-way", "path", "ranked-multi"]
 

@@ -11,7 +11,8 @@ import pytest
 from kinreach.deploy import Move, Program, SimulatedUR, URClient, _server
 from kinreach.deploy._rtde import NOT_FOUND, Kind, package
 from kinreach.errors import InputError, RobotError
-from kinreach.kinematics import ArmKinematics, Trajectory, pose
+from kinreach.kinematics import ArmKinematics, pose
+from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots import get_arm
 from kinreach.robots._ur import JOINTS
 from tests.deploy.conftest import CALIBRATION

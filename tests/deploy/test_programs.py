@@ -12,7 +12,8 @@ from kinreach.deploy import Move, Program, read_trajectory, write_trajectory
 from kinreach.deploy._controller import FINISHED, NOT_AT_START, Controller
 from kinreach.deploy._urscript import FUNCTIONS, ScriptError, number_text, parse
 from kinreach.errors import InputError, KinreachError
-from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
+from kinreach.kinematics import ArmKinematics, pose, pose_vector
+from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Tool, get_arm
 from kinreach.robots._ur import JOINTS
 

@@ -10,7 +10,8 @@ from benchmarks.ik_arms.random_arms import kinematics, motion
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics
 from kinreach.kinematics._goals import pose_error
-from kinreach.robots import Gripper, get_arm
+from kinreach.robots import get_arm
+from kinreach.robots._grippers import Gripper
 
 ARMS = [("ur5", "tool0"), ("ur5", "tcp"), ("arm3", "end_effector")]
 

@@ -10,7 +10,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, SixAxisKinematics, URKinematics, pose, pose_vector
+from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics, pose, pose_vector
+from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Tool, arm_names, get_arm
 from kinreach.robots._shapes import link_shapes

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, UR5Kinematics, URKinematics
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics, URKinematics
 from kinreach.kinematics._angles import TURN
+from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 
 #: Postures nearer to each other than this are the same [rad].
 SAME = 1e-6

@@ -13,7 +13,8 @@ from kinreach._plots._maps import draw_error_maps
 from kinreach._plots._motion import draw_motion
 from kinreach._plots._style import key, label_ends, new_figure
 from kinreach._plots._workspace import draw_workspace
-from kinreach.kinematics import Trajectory, URKinematics
+from kinreach.kinematics import URKinematics
+from kinreach.kinematics._trajectory import Trajectory
 from tests import kept
 
 #: Kind of artist -> what is kept of it.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from kinreach._plots._motion import draw_motion
-from kinreach.kinematics import Trajectory
+from kinreach.kinematics._trajectory import Trajectory
 
 
 def test_joints_are_drawn_and_named_at_their_ends():

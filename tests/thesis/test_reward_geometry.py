@@ -10,14 +10,8 @@ import pytest
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.thesis import _reward as reward_geometry
-from kinreach.thesis import (
-    distance_reward,
-    gripper_angle_error,
-    natural_arm_error,
-    pentagon_angles,
-    posture_error,
-    reach_reward,
-)
+from kinreach.thesis import distance_reward, pentagon_angles, posture_error, reach_reward
+from kinreach.thesis._posture import gripper_angle_error, natural_arm_error
 
 PI = math.pi
 #: Tool straight down in a natural posture, on either branch.

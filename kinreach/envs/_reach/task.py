@@ -128,8 +128,8 @@ class ReachOptions:
     imperfections: Mapping[str, float] | Imperfections | None = field(
         default=None,
         metadata=about(
-            'of the arm in dynamics, by name, such as `{"payload": 0.5}` (`kinreach.sim.Imperfections`); by default '
-            "it is ideal"
+            "of the arm in dynamics, by name: `friction`, `damping`, `payload` and `encoder_noise`, such as "
+            '`{"payload": 0.5}`; by default it is ideal'
         ),
     )
     info: str = field(default="all", metadata=about(INFOS_TEXT, flag=None))
