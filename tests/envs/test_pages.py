@@ -41,24 +41,26 @@ def is_kept(root, page, text):
     return path.read_text(encoding="utf-8") == text
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_arguments_have_their_defaults(root, page):
+def test_arguments_have_their_defaults(root):
     """A new option is described in the dataclass of options; the page may describe it in other words."""
-    text = (root / f"docs/environments/{page}.md").read_text(encoding="utf-8")
-    before, arguments, after = section(text, "Arguments")
-    lines = arguments.splitlines(keepends=True)
-    rows = {found[1]: line for line in lines if (found := re.match(r"\| `(\w+)` \| ", line))}
-    fields = type(gym.make(PAGES[page][-1]).unwrapped).Options.__dataclass_fields__
-    at = lines.index("|---|---|---|\n") + 1
-    for name, field in fields.items():
-        row = rows.pop(name, None)
-        at = at if row is None else lines.index(row)
-        said = field.metadata["description"] if row is None else row.split(" | ", 2)[2].removesuffix(" |\n")
-        lines[at : at + (row is not None)] = [f"| `{name}` | `{quoted(field.default)}` | {said} |\n"]
-        at += 1
-    text = before + "".join(line for line in lines if line not in rows.values()) + after
-    assert is_kept(root, page, text), f"KINREACH_KEEP=1 pytest {__file__} writes the options of docs/environments"
-    assert len(fields) >= 4
+    stale = []
+    for page, names in PAGES.items():
+        text = (root / f"docs/environments/{page}.md").read_text(encoding="utf-8")
+        before, arguments, after = section(text, "Arguments")
+        lines = arguments.splitlines(keepends=True)
+        rows = {found[1]: line for line in lines if (found := re.match(r"\| `(\w+)` \| ", line))}
+        fields = type(gym.make(names[-1]).unwrapped).Options.__dataclass_fields__
+        assert len(fields) >= 4
+        at = lines.index("|---|---|---|\n") + 1
+        for name, field in fields.items():
+            row = rows.pop(name, None)
+            at = at if row is None else lines.index(row)
+            said = field.metadata["description"] if row is None else row.split(" | ", 2)[2].removesuffix(" |\n")
+            lines[at : at + (row is not None)] = [f"| `{name}` | `{quoted(field.default)}` | {said} |\n"]
+            at += 1
+        text = before + "".join(line for line in lines if line not in rows.values()) + after
+        stale += [] if is_kept(root, page, text) else [page]
+    assert stale == [], f"KINREACH_KEEP=1 pytest {__file__} writes the options of docs/environments"
 
 
 def quoted(value):

@@ -97,7 +97,7 @@ def test_all_three_answers_agree(name):
     verdicts = []
     for q in random_postures(name, 400):
         verdict, contacts, nearest = checker.in_collision(q), checker.contacts(q), checker.distance(q)
-        assert verdict == bool(contacts) == (nearest.distance <= 0)
+        assert verdict == bool(contacts) == (nearest.distance <= checker.margin)
         if contacts:
             assert nearest.pair in contacts
         verdicts.append(verdict)
@@ -114,7 +114,7 @@ def test_a_graze_that_loose_tolerances_miss(ur5):
 @pytest.mark.parametrize("name", ["arm3", "panda", "ur10", "ur3", "ur5"])
 def test_mujoco_finds_the_same_contacts(name):
     arm = get_arm(name)
-    checker = CollisionChecker(arm)
+    checker = CollisionChecker(arm, margin=0.0)
     model = build_scene(arm, visual=False).compile()
     data = mujoco.MjData(model)
     held = model.key("home").qpos[len(arm.home) :]

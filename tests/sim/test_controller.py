@@ -112,7 +112,7 @@ def test_verdicts_are_those_of_the_collision_checker_near_the_table(tool_down, g
     rng = np.random.default_rng(4)
     targets = np.array([tool_down(goal) for goal in goals])
     targets += rng.normal(size=targets.shape) * rng.choice((0.02, 0.05, 0.1), (len(targets), 1))
-    batch, checker = BatchSimulation("ur5", len(targets)), CollisionChecker("ur5")
+    batch, checker = BatchSimulation("ur5", len(targets)), CollisionChecker("ur5", margin=0.0)
     results = batch.move(np.arange(len(targets)), targets)
     colliding = np.array([checker.in_collision(target) for target in targets])
     assert 10 < colliding.sum() < len(targets) - 10
