@@ -1,7 +1,8 @@
-"""What is written into the frames of a film: the method, its distance, how the episode ended, and the tip enlarged."""
+"""What is written into the frames of a film: method, distance, end, the tip enlarged, and what the cameras saw."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +19,8 @@ from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import OBJECT
 from kinreach.sim._picture import CAMERA, Scene
 from kinreach.sim._scene import BALL
+from kinreach.vision._ball_finder import BallFix
+from kinreach.vision._goal_view import GoalMeasurement
 
 #: Width and height of a film [pixels].
 SIZE = (960, 540)
@@ -26,6 +29,9 @@ REACHED, MISSED = "#1a7f37", "#b42318"
 RADII = (1.0, 10.0, 100.0)
 #: Radius of that view, and distance of things from the border of the frame [pixels].
 VIEW, MARGIN = 74, 18
+#: Width of the cameras' pictures, and how far from the ball the circle around it is drawn [pixels].
+LOOK, AROUND = 240, 5
+FOUND = "#ffd400"
 
 
 class Moment(NamedTuple):
@@ -59,6 +65,7 @@ class Caption:
         self.colour = METHOD_COLOURS.get(self.name, INK)
         self.goal: Any = None
         self.verdict, self.reached = "", False
+        self._looks: list[Image.Image] = []
         self._moments: list[Moment | None] = []
 
     def follow(self, scene: Scene) -> None:
@@ -73,6 +80,11 @@ class Caption:
         axes = data.cam_xmat[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, CAMERA)].reshape(3, 3)
         self._moments.append(Moment(away @ axes[:, :2], float(np.linalg.norm(away))))
 
+    def see(self, names: Sequence[str], look: GoalMeasurement | None) -> None:
+        """Show from now on what the cameras of these names saw, with a circle around the ball that was found."""
+        seen = () if look is None else zip(names, look.images, look.fixes, strict=True)
+        self._looks = [_circled(name, image.rgb, fix) for name, image, fix in seen]
+
     def moments(self, count: int) -> list[Moment | None]:
         """Return what the last frames showed, and forget all."""
         found, self._moments = self._moments[-count:], []
@@ -81,6 +93,10 @@ class Caption:
     def write(self, frame: Any, moment: Moment | None) -> Any:
         """Return a frame with everything written in."""
         image = Image.fromarray(frame)
+        bottom = SIZE[1] - MARGIN
+        for look in reversed(self._looks):
+            bottom -= look.height
+            image.paste(look, (MARGIN, bottom))
         draw = ImageDraw.Draw(image)
         height = 116 if self.verdict else 82
         draw.rounded_rectangle((MARGIN, MARGIN, MARGIN + 300, MARGIN + height), 8, fill="white")
@@ -112,9 +128,24 @@ class Caption:
         draw.text((x - draw.textlength(text, font=font) / 2, y + VIEW + 10), text, font=font, fill=INK)
 
 
+def _circled(name: str, rgb: Any, fix: BallFix | None) -> Image.Image:
+    """Return a camera's picture with its name, and a circle around the ball."""
+    scale = LOOK / rgb.shape[1]
+    picture = Image.fromarray(rgb).resize((LOOK, round(scale * rgb.shape[0])))
+    if fix is not None:
+        u, v, r = (scale * part for part in fix.circle)
+        box = (u - r - AROUND, v - r - AROUND, u + r + AROUND, v + r + AROUND)
+        ImageDraw.Draw(picture).ellipse(box, outline=FOUND, width=3)
+    whole = Image.new("RGB", (LOOK + 4, picture.height + 26), "white")
+    whole.paste(picture, (2, 24))
+    text = f"{name} camera: ball {'found' if fix is not None else 'not found'}"
+    ImageDraw.Draw(whole).text((8, 2), text, font=_font(15), fill=INK)
+    return whole
+
+
 def colours() -> tuple[str, ...]:
     """Return the colours that are written with, for the palette of a film."""
-    return ("#ffffff", INK, REACHED, MISSED, "#b8b8b8", "#dc0a08", *dict.fromkeys(METHOD_COLOURS.values()))
+    return ("#ffffff", INK, REACHED, MISSED, FOUND, "#b8b8b8", "#dc0a08", *dict.fromkeys(METHOD_COLOURS.values()))
 
 
 @cache

@@ -140,6 +140,7 @@ class _Watched(gym.Wrapper[Any, Any, Any, Any]):
         self._step = 0
         observation, info = self.env.reset(**options)
         self._caption.goal, self._caption.verdict = info.get("goal"), ""
+        self._see()
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
@@ -150,9 +151,16 @@ class _Watched(gym.Wrapper[Any, Any, Any, Any]):
             print(printable(f"{self._total} {name}: {_text(values[name])}"))
         self._step += 1
         self._total += 1
+        self._see()
         if self._film is not None and (over or self._step % self._steps_per_frame == 0):
             self._add(self._film, over, info)
         return observation, reward, terminated, truncated or self._step >= self.limit or self.full, info
+
+    def _see(self) -> None:
+        """Show in the film what the cameras have seen."""
+        if self._film is not None and self.env.has_wrapper_attr("measurement"):
+            names = [mount.name for mount in self.env.get_wrapper_attr("arm").goal_cameras]
+            self._caption.see(names, self.env.get_wrapper_attr("measurement"))
 
     def _add(self, film: Film, over: bool, info: Mapping[str, Any]) -> None:
         """Add the frames of a step; the last one of an episode stands still, with how it ended."""

@@ -22,6 +22,7 @@ from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription
 from kinreach.sim._picture import Scene, ScenePicture
 from kinreach.sim._simulation import ArmSimulation
+from kinreach.vision._goal_view import GoalMeasurement
 
 
 class SingleEnv(gym.Env[Any, Any]):
@@ -131,6 +132,12 @@ class ArmEnv(CopyableEnv):
     def arm(self) -> ArmDescription:
         """The arm, in its work cell."""
         return self._simulation.arm
+
+    @property
+    def measurement(self) -> GoalMeasurement | None:
+        """The cameras' last measurement of the goal, with pictures and circles; None where nothing is rendered."""
+        found: GoalMeasurement | None = self._episodes.measurement
+        return found
 
     @cached_property
     def kinematics(self) -> Any:

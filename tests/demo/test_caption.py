@@ -10,6 +10,10 @@ from kinreach.demo import _caption, _cli
 from kinreach.demo._caption import Caption, Moment
 from kinreach.robots import get_arm
 from kinreach.sim._scene import scene_model
+from kinreach.vision._ball_finder import BallFix
+from kinreach.vision._cameras import RGBDImage
+from kinreach.vision._circles import Circle
+from kinreach.vision._goal_view import GoalMeasurement
 
 #: The strokes for a distance, in order.
 BOX = "rounded_rectangle (18, 18, 318, {bottom}) 8 white"
@@ -79,6 +83,23 @@ def test_the_tip_is_enlarged_in_the_smallest_circle_that_it_is_in(monkeypatch):
     caption.reached = False
     lines = written(monkeypatch, caption, Moment(np.zeros(2), 0.1001))
     assert lines[-1] == "text (32, 96) reached 22 Bold #b42318"  # too far away to be enlarged
+
+
+def test_what_the_cameras_found_is_circled():
+    """A wide yellow ring around the ball, in the picture of the camera that found it."""
+    black = np.zeros((540, 960, 3), dtype=np.uint8)
+    picture = RGBDImage(np.full((360, 640, 3), 90, dtype=np.uint8), np.ones((360, 640), dtype=np.float32))
+    fix = BallFix(Circle(320.0, 180.0, 40.0), np.array([0.0, 0.0, 1.0]))
+    caption = Caption("closed-form")
+    caption.see(("front", "wrist"), GoalMeasurement(np.zeros(6), np.array([True, False]), (fix, None), 2 * (picture,)))
+    frame = caption.write(black, None)
+    rows, columns = np.nonzero((frame == (255, 212, 0)).all(axis=2))
+    assert len(rows) > 200
+    u, v = columns.mean(), rows.mean()
+    assert (frame[round(v), round(u)] == 90).all()
+    np.testing.assert_allclose(np.hypot(columns - u, rows - v), 40.0 * 240 / 640 + 4, atol=2.5)  # a picture is 240 wide
+    caption.see(("front", "wrist"), None)
+    assert not (caption.write(black, None)[200:] > 0).any()
 
 
 def test_a_caption_follows_the_ball_the_object_or_the_goal():

@@ -14,7 +14,7 @@ from kinreach._plots._methods import METHOD_COLOURS
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
-from kinreach.demo._caption import MISSED, REACHED, Caption, Moment
+from kinreach.demo._caption import FOUND, MISSED, REACHED, Caption, Moment
 from kinreach.demo._drawn import Drawn
 from kinreach.robots import get_arm
 
@@ -144,6 +144,16 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
             last = np.asarray(film.convert("RGB"))
         assert written(last, REACHED) > 50
         assert written(last[: last.shape[0] // 2, -220:], METHOD_COLOURS["closed-form"]) > 50  # the tip, enlarged
+
+
+@pytest.mark.parametrize(("observation", "least"), [("camera", 100), ("geometric", 0)])
+def test_a_film_shows_where_the_cameras_found_the_ball(observation, least, tmp_path, needs_gl):
+    path = tmp_path / "film.gif"
+    command = ["demo", "--steps", "1", "--backend", "kinematic", "--observation", observation, "--video", str(path)]
+    assert main([*command, "--print", "nothing"]) == 0
+    with Image.open(path) as film:
+        below_left = np.asarray(film.convert("RGB"))[200:, :270]
+    assert least <= written(below_left, FOUND) <= 10 * least
 
 
 @pytest.mark.slow

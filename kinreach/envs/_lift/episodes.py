@@ -31,6 +31,7 @@ from kinreach.envs._reach.task import CAMERA, joint_limits, layout_of
 from kinreach.sim._controller import MoveStatus
 from kinreach.sim._free_objects import CUBE, SHAPES, Objects
 from kinreach.sim._grasping import Grasping
+from kinreach.vision._goal_view import GoalMeasurement
 
 #: How far an episode got, and what stopped it there, by the number of the stage.
 STARTED, REACHED, CLOSED, RAISED, LIFTED = range(5)
@@ -128,6 +129,11 @@ class LiftEpisodes:
 
     def _tips(self, ids: Ids) -> Floats:
         return np.asarray(self.task.kinematics.chain.positions(self.q[ids]))
+
+    @property
+    def measurement(self) -> GoalMeasurement | None:
+        """The cameras' last measurement of an object; None where nothing is rendered."""
+        return None if self._camera is None else self._camera.last
 
     @property
     def observation_space(self) -> spaces.Space[Any]:

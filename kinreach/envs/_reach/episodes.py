@@ -16,7 +16,7 @@ from kinreach.envs._reach.rewards import Score
 from kinreach.envs._reach.task import CAMERA_RANGE, IMAGE, TOOL_DOWN, ReachTask, Start, joint_limits
 from kinreach.envs._reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
 from kinreach.kinematics._tensors import flags_like, like, namespace, on_host
-from kinreach.vision._goal_view import in_image
+from kinreach.vision._goal_view import GoalMeasurement, in_image
 
 Flags = NDArray[np.bool_]
 
@@ -105,6 +105,11 @@ class ReachEpisodes:
         if start.directions is not None:
             self.directions[rows] = start.directions
             self._observation[rows, self.task.layout.direction] = start.directions
+
+    @property
+    def measurement(self) -> GoalMeasurement | None:
+        """The cameras' last measurement of a goal; None where nothing is rendered."""
+        return self._observer.last
 
     @property
     def observation_space(self) -> spaces.Space[Any]:

@@ -16,7 +16,7 @@ from kinreach.envs._reach.task import CAMERA_RANGE, ReachTask, goal_block, obser
 from kinreach.envs._reach.worlds import Ids
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.vision._cameras import RGBDCamera
-from kinreach.vision._goal_view import CameraGoalView, goals_in_world
+from kinreach.vision._goal_view import CameraGoalView, GoalMeasurement, goals_in_world
 
 Flags = NDArray[np.bool_]
 
@@ -39,7 +39,13 @@ class Measurements(NamedTuple):
 
 
 class GoalObserver(Protocol):
-    """Measures where balls are, with the arm in its start pose."""
+    """Measures where balls are, with the arm in its start pose.
+
+    Attributes:
+        last: The last measurement, with the pictures and the circles in them; None where nothing is rendered.
+    """
+
+    last: GoalMeasurement | None
 
     def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
         """Measure goals.
@@ -59,6 +65,8 @@ class GoalObserver(Protocol):
 class GeometricObserver:
     """Goals as perfect cameras measure them, or in the world for an arm without cameras; nothing is rendered."""
 
+    last: GoalMeasurement | None = None
+
     def __init__(self, task: ReachTask) -> None:
         self._task = task
 
@@ -73,6 +81,8 @@ class GeometricObserver:
 class CameraObserver:
     """Goals as they are found in rendered images of the goal cameras."""
 
+    last: GoalMeasurement | None = None
+
     def __init__(self, task: ReachTask) -> None:
         options = task.options
         self._simulation = ArmSimulation(task.arm)
@@ -86,7 +96,7 @@ class CameraObserver:
         views, found = np.empty((len(goals), 3 * cameras)), np.empty((len(goals), cameras), dtype=np.bool_)
         for row, (goal, index) in enumerate(zip(goals, ids, strict=True)):
             self._simulation.place_ball(goal)
-            seen = self._view.measure(self._simulation, rngs[index])
+            self.last = seen = self._view.measure(self._simulation, rngs[index])
             views[row], found[row] = seen.values, seen.found
         return Measurements(views, found, goals_in_world(self._simulation.arm, views, found))
 
@@ -101,6 +111,8 @@ class RememberedObserver:
     A goal is not found where the nearest was not. The measurements are the same in every environment with the same
     options.
     """
+
+    last: GoalMeasurement | None = None
 
     def __init__(self, task: ReachTask) -> None:
         self._arm = task.arm
