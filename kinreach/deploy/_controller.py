@@ -62,16 +62,11 @@ RANGES: Mapping[str, tuple[float, float]] = {
 
 
 def rate_of(arm: ArmDescription) -> int:
-    """Return the control cycles of a UR's controller per second: 125 of a CB3, 500 of later ones."""
     return 125 if arm.name.split("_")[0] in CB3 else 500
 
 
 def check_is_ur(arm: ArmDescription) -> None:
-    """Refuse an arm that has no UR controller.
-
-    Raises:
-        InputError: It is not a UR, or has no link `tool0`.
-    """
+    """Refuse an arm that has no UR controller."""
     if arm.joints != JOINTS or FLANGE not in arm.tips:
         raise InputError(f"arm {arm.name!r} is not a UR: only URs run URScript, ur3 to ur30")
 
@@ -97,8 +92,6 @@ class Recording:
     """A recorded motion, with a sample for each control cycle.
 
     Attributes:
-        commanded: By the controller.
-        measured: Of the arm.
         status: Register of the program: `BEGUN`, `FINISHED` or `NOT_AT_START`; 0 if it wrote none.
         reason: Why the program did not finish; empty if it did.
     """
@@ -112,19 +105,12 @@ class Recording:
 class Controller:
     """The controller of one UR and its arm in MuJoCo. Time passes only in `tick`.
 
-    Args:
-        arm: A UR, with its calibration and its tool. Its default tip is the tool centre point until a program sets one.
-        q: Start posture [rad], shape (6,); the arm's home by default.
-        log: Called with each line of the controller's log.
-
     Attributes:
         arm: As given.
         simulation: The arm in MuJoCo.
-        kinematics: Of the flange, in the controller's frame `base`, with the arm's own calibration.
         cycle: Time between two ticks [s].
         tcp: Tool centre point on the flange (4, 4).
         target_q, target_qd, target_qdd: Commands of the joints [rad], [rad/s], [rad/s^2], shape (6,).
-        speed_slider: From 0 to 1.
         registers: Integers that programs wrote.
         runtime_state, safety_mode: As RTDE reports them.
         reason: Why the last program was refused or stopped; empty if it was not.
@@ -168,12 +154,10 @@ class Controller:
 
     @property
     def actual_q(self) -> Floats:
-        """Posture of the arm [rad], shape (6,)."""
         return self.simulation.q
 
     @property
     def actual_qd(self) -> Floats:
-        """Speeds of the joints [rad/s], shape (6,)."""
         return self._drive.speeds
 
     @property
@@ -198,7 +182,6 @@ class Controller:
         return speed
 
     def say(self, text: str) -> None:
-        """Write a line into the log."""
         if self._log is not None:
             self._log(printable(text))
 
@@ -230,7 +213,6 @@ class Controller:
             self.say("protective stop released; the arm is back where the program began")
 
     def tick(self) -> None:
-        """Let one control cycle pass."""
         change = SLIDER_RATE * self.cycle
         self._scaling += min(max(self.speed_slider - self._scaling, -change), change)
         if self.safety_mode is SafetyMode.NORMAL:
@@ -243,15 +225,7 @@ class Controller:
             self._supervise()
 
     def run(self, text: str, *, longest: float = 600.0) -> Recording:
-        """Run a program to its end, as fast as possible, and record it.
-
-        Args:
-            text: The program.
-            longest: Simulated time after which the program is stopped [s].
-
-        Raises:
-            InputError: The program is refused.
-        """
+        """Run a program as fast as possible, to its end or for at most `longest` simulated seconds, and record it."""
         self.start(text)
         began, rows = self._ticks, [self._row()]
         while self.runtime_state is RuntimeState.PLAYING and (self._ticks - began) * self.cycle < longest:
@@ -406,7 +380,6 @@ class Controller:
         return float(value)
 
     def _call(self, call: Call, known: Mapping[str, Any]) -> Generator[None, None, None]:
-        """Execute a statement that is a call."""
         values = {name: self._value(value, known, call.line) for name, value in call.arguments.items()}
         self._check_ranges(call, values)
         match call.function:

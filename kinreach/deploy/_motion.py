@@ -7,8 +7,6 @@ joins the second one at the same distance from the waypoint, the blend radius.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from kinreach._checks import Floats
@@ -24,32 +22,17 @@ ITERATIONS, RESIDUAL, MAX_STEP = 12, 1e-9, 0.3
 METRES_PER_RADIAN = 1.0
 
 
-class Segment(Protocol):
-    """A motion from one posture at rest to another.
-
-    Attributes:
-        end: Posture at the end [rad], shape (n,).
-        q, qd: Posture [rad] and speeds [rad/s] now, shape (n,).
-        done: Whether it has ended.
-    """
-
-    start: Floats
-    end: Floats
-    q: Floats
-    qd: Floats
-    done: bool
-
-    def advance(self, dt: float) -> None:
-        """Go on by some time [s]."""
-        ...
-
-
 class LineError(Exception):
     """A straight line cannot be followed; the message gives the place and the reason."""
 
 
-class _Timed:
-    """A segment with a trapezoidal speed profile."""
+class Segment:
+    """A motion from one posture at rest to another, with a trapezoidal speed profile.
+
+    Attributes:
+        start, end: Postures [rad], shape (n,).
+        q, qd: Posture [rad] and speeds [rad/s] now, shape (n,).
+    """
 
     def __init__(self, start: Floats, end: Floats, length: float, speed: float, acceleration: float) -> None:
         self.start, self.end = start, end
@@ -71,7 +54,7 @@ class _Timed:
         raise NotImplementedError
 
 
-class JointLine(_Timed):
+class JointLine(Segment):
     """`movej`: a straight line in joint space; the joint with the longest way has the speed and the acceleration.
 
     Args:
@@ -89,7 +72,7 @@ class JointLine(_Timed):
         self.q, self.qd = self.start + covered * self._direction, rate * self._direction
 
 
-class StraightLine(_Timed):
+class StraightLine(Segment):
     """`movel`: the tool centre point on a straight line, turning about one axis.
 
     Args:

@@ -35,18 +35,7 @@ HOME = "home"
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Plan, try, and write or send a motion.
-
-    Args:
-        argv: Arguments without the program's name.
-        prog: How the user called it, for messages.
-
-    Returns:
-        Exit code 0; 1 if the user answers no.
-
-    Raises:
-        KinreachError: Bad input, no way to the goal, or a robot that does not do it.
-    """
+    """Plan, try, and write or send a motion."""
     arguments = _parser(prog).parse_args(argv)
     script, picture = _output("--script", arguments.script), _output("--picture", arguments.picture)
     if arguments.robot is not None and arguments.start is not None:
@@ -73,7 +62,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 
 def _output(flag: str, text: str | None) -> Path | None:
-    """Check a file that will be written."""
     path = None if text is None else check_path(flag, text)
     if path is not None and (path.is_dir() or not path.parent.is_dir()):
         raise InputError(f"{flag} must be a file in a folder that exists, got {path}")
@@ -162,7 +150,6 @@ class _Job:
         yield f"         ends {self._miss(self.kinematics.fk(done.measured.q[-1]))} from the goal"
 
     def _miss(self, T: Floats) -> str:
-        """Describe how far a pose of the tool is from the last goal."""
         return _difference(T, self.goals[-1])[2]
 
     def same_arm(self, state: RobotState, address: str) -> str:
@@ -207,7 +194,6 @@ class _Job:
 
 
 def _difference(one: Floats, other: Floats) -> tuple[float, float, str]:
-    """Compute distance [m] and angle [degrees] between two poses, and both as text."""
     far, angle = pose_error(one, other)
     turned = float(np.degrees(angle))
     return far, turned, f"{1000 * far:.2f} mm and {turned:.2f}°"
@@ -219,7 +205,6 @@ def _apart(most: tuple[float, float], far: float, turned: float) -> bool:
 
 
 def _listed(six: Floats) -> str:
-    """Write the six numbers of a tool centre point for `--tool`."""
     return ",".join(f"{number:.6g}" for number in six.round(6) + 0.0)
 
 
@@ -246,7 +231,6 @@ def _described(leg: Leg) -> str:
 
 
 def _agreed(address: str) -> bool:
-    """Ask whether the robot may move."""
     try:
         return input(f"Move the robot at {printable(address)} now? Ctrl-C stops it. [y/N] ").strip().lower() == "y"
     except EOFError:

@@ -33,7 +33,6 @@ class Leg:
     """The way to one goal.
 
     Attributes:
-        moves: Of the program.
         end: Posture at the goal [rad], shape (6,).
         branch: Of that posture; -1 if it is none of the closed form's.
         free, postures: Postures of the goal that keep the margin, and all.
@@ -103,7 +102,6 @@ def plan(
 
 
 def _joint(path: Floats, speed: float, radii: Sequence[float]) -> tuple[Move, ...]:
-    """Make a move to each waypoint but the first."""
     points = path[1:].round(ROUNDED)
     moving = [not np.array_equal(one, other) for one, other in pairwise([path[0].round(ROUNDED), *points])]
     rows = [row for row in zip(points, radii, moving, strict=True) if row[2]] or [(points[-1], 0.0, True)]

@@ -326,7 +326,6 @@ def _refuse_fast(fastest: Floats, limit: Floats, what: str) -> None:
 
 
 def _check_blends(program: Program, kinematics: ArmKinematics) -> None:
-    """Refuse blends that overlap: a controller skips such moves."""
     tcp = pose(program.tcp)
     flange = ArmKinematics(kinematics.arm, tip="tool0", base="base")
     place, before = (flange.fk(program.start) @ tcp)[:3, 3], 0.0

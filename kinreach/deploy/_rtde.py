@@ -25,8 +25,6 @@ ERROR = 1
 
 
 class Kind(IntEnum):
-    """Kinds of packages."""
-
     TEXT_MESSAGE = ord("M")
     DATA = ord("U")
     PROTOCOL_VERSION = ord("V")
@@ -100,12 +98,7 @@ _REGISTER_TYPES = {"bit": "BOOL", "int": "INT32", "double": "DOUBLE"}
 
 
 def type_of(name: str, *, inputs: bool = False) -> str:
-    """Return the type of a variable, a key of `FORMATS`, or `NOT_FOUND`.
-
-    Args:
-        name: Of the variable.
-        inputs: Whether it is to be written by the client; else it is one of the controller's outputs.
-    """
+    """Return the type of a variable, a key of `FORMATS`, or `NOT_FOUND`."""
     if register := _REGISTER.fullmatch(name):
         forbidden = register[1] == "output" and inputs  # a controller shows its clients' inputs, too
         return NOT_FOUND if forbidden else _REGISTER_TYPES[register[2] or register[4]]
@@ -158,11 +151,7 @@ class Recipe:
 
 
 def names_in(payload: bytes) -> list[str]:
-    """Return the names of variables in a payload; empty ones are left out, ur_rtde's lists end with a comma.
-
-    Raises:
-        InputError: Too long, or not ASCII.
-    """
+    """Return the names of variables in a payload; empty ones are left out, ur_rtde's lists end with a comma."""
     if len(payload) > MAX_NAMES:
         raise InputError(f"a list of variables may have {MAX_NAMES} bytes, got {len(payload)}")
     try:
@@ -172,22 +161,16 @@ def names_in(payload: bytes) -> list[str]:
 
 
 def package(kind: Kind, payload: bytes = b"") -> bytes:
-    """Return a package as it is sent."""
     return HEADER.pack(HEADER.size + len(payload), kind) + payload
 
 
 def error_message(text: str) -> bytes:
-    """Return an error message from the controller to its client, in ASCII."""
     said, source = text.encode("ascii", "replace")[:255], b"kinreach"
     return package(Kind.TEXT_MESSAGE, bytes([len(said)]) + said + bytes([len(source)]) + source + bytes([ERROR]))
 
 
 def packages_in(buffer: bytearray) -> Iterator[tuple[int, bytes]]:
-    """Remove the complete packages from a buffer and yield kind and payload of each.
-
-    Raises:
-        InputError: A size smaller than the header.
-    """
+    """Remove the complete packages from a buffer and yield kind and payload of each."""
     while len(buffer) >= HEADER.size:
         size, kind = HEADER.unpack_from(buffer)
         if size < HEADER.size:

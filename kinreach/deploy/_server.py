@@ -230,7 +230,6 @@ class SimulatedUR:
             self._tell_clients(RUNTIME_EXCEPTION, struct.pack(">ii", 1, 1), text)
 
     def _tell_clients(self, kind: int, head: bytes, text: str) -> None:
-        """Send a message to the clients of the script ports."""
         stamp = struct.pack(">QbB", int(1e6 * self.controller.time), -1, kind)
         body = bytes([ROBOT_MESSAGE]) + stamp + head + text.encode("utf-8", "replace")[:2000]
         for client in list(self._clients):
@@ -238,7 +237,6 @@ class SimulatedUR:
                 client.send(struct.pack(">i", 4 + len(body)) + body)
 
     def _listen(self, port: int, kind: type[_Client]) -> int:
-        """Open a port and return its number."""
         try:
             server = socket.create_server((self.address, port), backlog=MAX_CLIENTS)
         except OSError as error:
@@ -279,7 +277,6 @@ class SimulatedUR:
 
 
 def output(ur: Controller, name: str) -> Sequence[float]:
-    """Return the value of an RTDE output; empty if the simulation has none."""
     if name in _OUTPUTS:
         return _OUTPUTS[name](ur)
     if name.startswith("output_int_register_"):
@@ -295,7 +292,6 @@ class _Client:
         self.received, self.waiting = bytearray(), bytearray()
 
     def handle(self, events: int) -> None:
-        """Read and write without waiting."""
         if events & selectors.EVENT_WRITE:
             self.send(b"")
         if events & selectors.EVENT_READ:
@@ -342,8 +338,6 @@ class _Client:
 
 
 class _RtdeClient(_Client):
-    """A client of RTDE."""
-
     def __init__(self, robot: SimulatedUR, connection: socket.socket) -> None:
         super().__init__(robot, connection)
         self.protocol = 1
@@ -352,7 +346,6 @@ class _RtdeClient(_Client):
         self.inputs: list[Recipe] = []
 
     def is_due(self, now: float) -> bool:
-        """Return whether a data package has to be sent now."""
         if now < self.due - 1e-9:
             return False
         self.due = (self.due if self.due > now - self.period else now) + self.period
@@ -389,7 +382,6 @@ class _RtdeClient(_Client):
                 raise InputError(f"RTDE has no package of kind {kind}")
 
     def set_up_outputs(self, payload: bytes) -> None:
-        """Take a recipe of outputs."""
         most = round(1.0 / self.robot.controller.cycle)
         (frequency,) = _unpacked(">d", payload[:8])
         if not 1.0 <= frequency <= most:
@@ -412,7 +404,6 @@ class _RtdeClient(_Client):
         self.send(package(Kind.SETUP_INPUTS, bytes([len(self.inputs) if accepted else 0]) + ",".join(types).encode()))
 
     def take_inputs(self, payload: bytes) -> None:
-        """Take values of inputs."""
         number = payload[0] if payload else 0
         if not 1 <= number <= len(self.inputs):
             raise InputError(f"there is no input recipe {number}")

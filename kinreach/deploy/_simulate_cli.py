@@ -23,18 +23,7 @@ _ABOUT = (
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Serve a simulated UR until Ctrl-C.
-
-    Args:
-        argv: Arguments without the program's name.
-        prog: How the user called it, for messages.
-
-    Returns:
-        Exit code 0 where standard input ends; Ctrl-C is raised.
-
-    Raises:
-        KinreachError: Bad input, or a port that is in use.
-    """
+    """Serve a simulated UR until Ctrl-C."""
     arguments = _parser(prog).parse_args(argv)
     print_notes(arm := arm_of(arguments.arm, arguments))
     check_is_ur(arm)

@@ -85,8 +85,6 @@ class Entry:
 
 @dataclass(frozen=True)
 class Negative:
-    """The opposite of a number."""
-
     value: Expression
 
 
@@ -133,26 +131,14 @@ Statement = Assignment | Call | Choice
 
 @dataclass(frozen=True)
 class Script:
-    """A program.
-
-    Attributes:
-        name: Of the function; empty for a single statement.
-        body: What is executed.
-    """
+    """A program."""
 
     name: str
     body: tuple[Statement, ...]
 
 
 def parse(text: str) -> Script:
-    """Read a program.
-
-    Args:
-        text: One `def ... end`, or one statement.
-
-    Raises:
-        ScriptError: Not the subset that is described above.
-    """
+    """Read a program."""
     if len(text) > MAX_CHARACTERS:
         raise ScriptError(1, f"a program may have {MAX_CHARACTERS} characters, got {len(text)}")
     return _Parser(text).program()
@@ -223,8 +209,7 @@ class _Parser:
 
     def body(self, *ends: str) -> list[Statement]:
         self.take("\n")
-        self.depth += 1
-        self.check_depth()
+        self.go_deeper()
         statements: list[Statement] = []
         self.skip_lines()
         while not any(map(self.next_is, ends)):
@@ -304,8 +289,7 @@ class _Parser:
         if kind == "string":
             return Constant(text[1:-1])
         if text == "-":
-            self.depth += 1
-            self.check_depth()
+            self.go_deeper()
             value = self.term()
             self.depth -= 1
             if isinstance(value, Constant) and isinstance(value.value, float):
@@ -334,8 +318,7 @@ class _Parser:
         return Entry(text, index)
 
     def entries(self, end: str) -> list[Expression]:
-        self.depth += 1
-        self.check_depth()
+        self.go_deeper()
         values: list[Expression] = []
         while not self.next_is(end):
             if values:
@@ -363,8 +346,7 @@ class _Parser:
                               f"runs: {', '.join(FUNCTIONS)}")  # fmt: skip
         parameters = FUNCTIONS[function]
         self.take("(")
-        self.depth += 1
-        self.check_depth()
+        self.go_deeper()
         given: dict[str, Expression] = {}
         while not self.next_is(")"):
             if given:
@@ -400,7 +382,8 @@ class _Parser:
         if name in _KEYWORDS or name in FUNCTIONS:
             raise ScriptError(self.line, f"compile error: {shown(name)} cannot be a variable")
 
-    def check_depth(self) -> None:
+    def go_deeper(self) -> None:
+        self.depth += 1
         if self.depth > MAX_DEPTH:
             raise ScriptError(self.line, f"more than {MAX_DEPTH} levels within one another")
 
@@ -417,5 +400,4 @@ def number_text(value: float) -> str:
 
 
 def list_text(values: Sequence[float]) -> str:
-    """Write a list of numbers."""
     return f"[{', '.join(map(number_text, values))}]"

@@ -70,15 +70,19 @@ def arm_of(name: str, arguments: argparse.Namespace) -> ArmDescription:
     Raises:
         InputError: The arm, the calibration, the tool or the tip cannot be used.
     """
-    return arm_with(
-        name,
-        calibration=arguments.calibration,
-        repair=arguments.repair,
-        tool=tool_of(arguments),
-        tip=arguments.tip,
-        joints=joints_of(arguments),
-        package_dirs=package_dirs_of(arguments),
-    )
+    return arm_with(name, **arm_options(arguments))
+
+
+def arm_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the options for `arm_with` that the flags of `add_arm_flags` give."""
+    return {
+        "calibration": arguments.calibration,
+        "repair": arguments.repair,
+        "tool": tool_of(arguments),
+        "tip": arguments.tip,
+        "joints": joints_of(arguments),
+        "package_dirs": package_dirs_of(arguments),
+    }
 
 
 def arm_with(

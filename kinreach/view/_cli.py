@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from kinreach._checks import check_count
 from kinreach.cli import Parser
 from kinreach.robots import Tool, arm_names
-from kinreach.robots._flags import add_arm_flags, arm_with, joints_of, package_dirs_of, print_notes, tool_of
+from kinreach.robots._flags import add_arm_flags, arm_options, arm_with, print_notes
 from kinreach.robots._registry import FILES
 from kinreach.view._results import read_results
 from kinreach.view._server import Server
@@ -20,28 +20,12 @@ PORT, MAX_PORT = 8080, 65535
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Serve the page until Ctrl-C.
-
-    Args:
-        argv: Arguments without the program's name.
-        prog: Name of the command, for messages.
-
-    Returns:
-        Exit code 0.
-
-    Raises:
-        KinreachError: Bad input, viser is missing, or no port is free.
-    """
+    """Serve the page until Ctrl-C."""
     arguments = _parser(prog).parse_args(argv)
     check_count("port", arguments.port, least=1, most=MAX_PORT)
     setup = setup_of(
         arguments.arm,
-        calibration=arguments.calibration,
-        repair=arguments.repair,
-        tool=tool_of(arguments),
-        tip=arguments.tip,
-        joints=joints_of(arguments),
-        package_dirs=package_dirs_of(arguments),
+        **arm_options(arguments),
         simple=arguments.simple,
         policy=arguments.policy,
         results=arguments.results,
@@ -73,24 +57,7 @@ def setup_of(
     results: str | None = None,
     environment: str | None = None,
 ) -> Setup:
-    """Check the arguments and return the setup of every tab.
-
-    Args:
-        arm: Name of a registered arm, the path of a URDF, or `module:attribute`.
-        calibration: Path of a UR's calibration.
-        repair: Repair a folded calibration.
-        tool: On the flange.
-        tip: Short name of the tip; default is the arm's own, that of the tool if there is one.
-        joints: Of a URDF.
-        package_dirs: Of a URDF: folders of the packages with its meshes.
-        simple: Draw the arm by its collision shapes.
-        policy: Name or file of a policy to begin with, or `module:attribute` of a policy or solver.
-        results: Path of a comparison to begin with.
-        environment: Id of an environment to begin with, or `module:id`.
-
-    Raises:
-        InputError: Unknown arm, tip, policy or environment, or a file or module cannot be used.
-    """
+    """Check the arguments and return the setup of every tab."""
     options = {"tip": tip, "joints": joints, "package_dirs": package_dirs}
     description = arm_with(arm, calibration=calibration, repair=repair, tool=tool, **options)  # type: ignore[arg-type]
     nominal = None if calibration is None else arm_with(arm, tool=tool, **options)  # type: ignore[arg-type]

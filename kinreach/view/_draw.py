@@ -40,7 +40,6 @@ _LEG = 0.05  # edge of a table leg [m]
 
 
 def box_colour(name: str) -> Colour:
-    """Return the colour of a box of a work cell, by its name."""
     return _BOX_COLOURS.get(name, _METAL)
 
 
@@ -72,7 +71,6 @@ class Shapes(Protocol):
     """Shapes of a `Solid`.
 
     Attributes:
-        links: Names of the links.
         fine: Their pieces in colour.
         coarse: The same in fewer triangles.
     """
@@ -89,7 +87,6 @@ class Branch:
 
     @property
     def visible(self) -> bool:
-        """Whether it is shown."""
         return bool(self._root.visible)
 
     @visible.setter
@@ -99,15 +96,7 @@ class Branch:
 
 
 class Solid(Branch):
-    """Links that are placed together.
-
-    Args:
-        scene: viser's scene of one client.
-        root: Name of the node that holds them.
-        shapes: The links.
-        colour: Of all links; by default each has its own.
-        opacity: 0 to 1; None is opaque.
-    """
+    """Links that are placed together."""
 
     def __init__(
         self, scene: Any, root: str, shapes: Shapes, *, colour: Colour | None = None, opacity: float | None = None
@@ -126,12 +115,7 @@ class Solid(Branch):
         self._red: frozenset[str] = frozenset()
 
     def place(self, poses: Floats, *, red: Collection[str] = ()) -> None:
-        """Place the links, and draw those named in `red` red.
-
-        Args:
-            poses: Positions [m] and quaternions w x y z in the world, shape (k, 7).
-            red: Names of links.
-        """
+        """Place the links at poses (k, 7), position [m] and quaternion w x y z; those named in `red` turn red."""
         for node, pose in zip(self._links, poses, strict=True):
             node.position, node.wxyz = pose[:3], pose[3:]
         wanted = frozenset(red)
@@ -141,20 +125,11 @@ class Solid(Branch):
             self._red = wanted
 
     def remove(self) -> None:
-        """Take it out of the scene."""
         self._root.remove()
 
 
 class SolidArm(Solid):
-    """One arm.
-
-    Args:
-        scene: viser's scene of one client.
-        root: Name of the node that holds it.
-        figure: The arm's links.
-        colour: Of all links; by default each has its own.
-        opacity: 0 to 1; None is opaque.
-    """
+    """One arm."""
 
     def __init__(
         self, scene: Any, root: str, figure: Figure, *, colour: Colour | None = None, opacity: float | None = None
@@ -178,14 +153,7 @@ class Ghost:
 
 
 class Ghosts(Branch):
-    """Many transparent arms at once.
-
-    Args:
-        scene: viser's scene of one client.
-        root: Name of the node that holds them.
-        figure: The arm's links.
-        most: Largest number of ghosts.
-    """
+    """Many transparent arms at once."""
 
     def __init__(self, scene: Any, root: str, figure: Figure, *, most: int) -> None:
         self._figure, self._most = figure, most
@@ -235,12 +203,7 @@ class Ghosts(Branch):
 
 
 class Grid:
-    """The floor of a work cell.
-
-    Args:
-        scene: viser's scene of one client.
-        boxes: Of the work cell.
-    """
+    """The floor of a work cell."""
 
     def __init__(self, scene: Any, boxes: Sequence[Box]) -> None:
         floor = min((box.position[2] + box.size[2] / 2 for box in boxes if box.name == "floor"), default=0.0)
@@ -252,13 +215,7 @@ class Grid:
 
 
 class Surroundings(Branch):
-    """The boxes of a work cell.
-
-    Args:
-        scene: viser's scene of one client.
-        boxes: Of the work cell.
-        root: Name of the node that holds the boxes.
-    """
+    """The boxes of a work cell."""
 
     def __init__(self, scene: Any, boxes: Sequence[Box], *, root: str = "/world") -> None:
         self._boxes: dict[str, tuple[Colour, Any]] = {}

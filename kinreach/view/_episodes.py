@@ -78,8 +78,6 @@ class Episode:
     Attributes:
         scene: The bodies that are drawn.
         arm: That acts, as the user assumes it to be.
-        frames: From the reset to the end.
-        steps: One for each action.
         goal: First position in the world [m], shape (3,); None if there is not exactly one goal.
         trial: The row of `rollout`.
         facts: Texts and single numbers of the first `info`, by name.
@@ -95,7 +93,6 @@ class Episode:
 
     @property
     def verdict(self) -> str:
-        """A sentence on how it ended."""
         count = len(self.steps)
         after = f"after {count} step{'' if count == 1 else 's'}"
         if self.trial.get("distance") is not None:
@@ -116,11 +113,7 @@ class Episode:
         return min(times[-1] - times[0], 1.0 / FPS) or 1.0 / FPS
 
     def measure_goal(self) -> GoalMeasurement | None:
-        """Measure the ball with the cameras from the start pose.
-
-        Returns:
-            None without cameras, without a goal, or if nothing can be rendered.
-        """
+        """Measure the ball with the cameras from the start pose; None without cameras, a goal or a renderer."""
         if self.goal is None or not self.arm.goal_cameras:
             return None
         simulation = ArmSimulation(self.arm)
@@ -137,10 +130,8 @@ class Recording:
     """An episode to play.
 
     Attributes:
-        name: Id of the environment.
         player: Name for `new_player`.
         arm: The arm that acts, if the environment has the option.
-        seed: Of the episode and of the player.
         options: Of the environment, in addition to those of its comparison.
     """
 
@@ -165,14 +156,8 @@ class Recording:
     def play(self, *, simple: bool = False, stop: Event | None = None) -> Episode:
         """Play the episode to its end and record it.
 
-        Args:
-            simple: As `MujocoScene`.
-            stop: Set to cancel.
-
         Raises:
             Stopped: `stop` was set.
-            KinreachError: Unknown environment or player, one that does not fit the environment or the arm, or an
-                environment that cannot be drawn.
         """
         known = playable(self.name)
         options = {**self.made_with, **({ARM: self.arm} if ARM in known.choices else {})}
@@ -227,11 +212,7 @@ def circled(measured: GoalMeasurement, index: int) -> NDArray[np.uint8]:
 
 
 class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
-    """Record frames during motions and after every reset and step.
-
-    Attributes:
-        episode: Recorded so far.
-    """
+    """Record frames during motions and after every reset and step."""
 
     episode: Episode
 

@@ -29,16 +29,9 @@ MAX_SEED = 2**31 - 1
 
 
 class EpisodesPanel(Panel):
-    """Plays episodes of any environment and policy.
-
-    Attributes:
-        episode: On the screen; None before the first.
-        at: Index of its frame.
-        playing: Whether it runs.
-    """
+    """Plays episodes of any environment and policy."""
 
     def build(self) -> None:
-        """Add the inputs, and draw the initial state."""
         self.episode: Episode | None = None
         self.at = 0
         self._recording = Recording(self._setup.environments[0], "", self._setup.arm)
@@ -59,7 +52,6 @@ class EpisodesPanel(Panel):
 
     @property
     def playing(self) -> bool:
-        """Whether the episode runs."""
         return not self._still.is_set()
 
     def show(self, visible: bool) -> None:
@@ -71,7 +63,6 @@ class EpisodesPanel(Panel):
             self._furnish()
 
     def close(self) -> None:
-        """Stop recording and playing."""
         self._gone.set()
         self._still.set()
         super().close()
@@ -107,11 +98,9 @@ class EpisodesPanel(Panel):
             self._start(self._play, self._still, self.episode)
 
     def pause(self) -> None:
-        """Pause."""
         self._still.set()
 
     def program(self) -> str:
-        """Write Python code that plays the episode."""
         return self._recording.program(self._setup.expression)
 
     def _build_gui(self) -> None:

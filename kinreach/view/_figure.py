@@ -42,7 +42,6 @@ class Figure:
     """The drawn links of an arm.
 
     Args:
-        kinematics: The arm.
         simple: Draw the collision shapes, which have a tenth of the triangles.
 
     Attributes:

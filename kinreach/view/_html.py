@@ -45,7 +45,6 @@ _ICONS = {
 
 
 def css(colour: Colour) -> str:
-    """Write a colour for a style sheet."""
     return "rgb({},{},{})".format(*colour)
 
 
@@ -58,11 +57,6 @@ def block(content: str) -> str:
 def message(text: str, *, bad: bool = False) -> str:
     """Write a sentence in a box, red or green."""
     return block(f'<div class="kinreach-verdict{" kr-wrong" if bad else ""}">{escape(text)}</div>')
-
-
-def verdict(answer: Answer) -> str:
-    """Return the verdict on a target."""
-    return message(answer.verdict, bad=not answer.usable)
 
 
 def bar(names: Sequence[str], active: str) -> str:
@@ -82,11 +76,7 @@ def bar(names: Sequence[str], active: str) -> str:
 def legend(answer: Answer, *, shown: int, joints: Sequence[str], chosen: bool = False) -> str:
     """List all postures, usable ones first and the nearest before others, with the reasons against the rest.
 
-    Args:
-        answer: Of the target.
-        shown: Index of the solid posture; -1 for none.
-        joints: Names of the joints.
-        chosen: Whether the user chose it.
+    The posture of index `shown` is solid, -1 for none; `chosen` tells whether the user chose it.
     """
     rows: list[str] = []
 
@@ -171,7 +161,6 @@ def gauge(stiffness: float, what: str) -> str:
 
 
 def solvers(finishes: Sequence[Finish]) -> str:
-    """List the error and time of each solver."""
     rows = []
     for finish in finishes:
         result = finish.result
@@ -189,13 +178,7 @@ def solvers(finishes: Sequence[Finish]) -> str:
 
 
 def ends(results: Results, index: int, chosen: str) -> str:
-    """List the distance of each method from a goal.
-
-    Args:
-        results: Of a comparison.
-        index: Of the goal.
-        chosen: The drawn method.
-    """
+    """List the distance of each method from a goal."""
     x, y, z = results.goals[index]
     names = list(results.colours)
     rows = [
@@ -244,12 +227,7 @@ def bars(terms: Mapping[str, float]) -> str:
 
 
 def miss(found: Miss, exact: IKResult) -> str:
-    """Write a tip error along x, y and z, and that of the calibrated arm's own posture.
-
-    Args:
-        found: Of the data sheet's posture.
-        exact: The calibrated arm's posture.
-    """
+    """Write a tip error along x, y and z, and that of the calibrated arm's own posture."""
     parts = "".join(f"<td>{1000 * value:+.1f} mm</td>" for value in found.vector)
     own = f"no posture: {escape(exact.reason)}"
     if exact.success:
@@ -271,7 +249,6 @@ def scale(colours: NDArray[np.uint8], least: str, most: str, title: str) -> str:
 
 
 def small(text: str) -> str:
-    """Write a remark."""
     return block(f'<span class="kr-small">{escape(text)}</span>')
 
 

@@ -38,15 +38,7 @@ def by_user(handle: Any, react: Callable[[Any], None]) -> None:
 def add_unseen(
     gui: Any, name: str, options: Sequence[str], react: Callable[[str], object], *, order: float | None = None
 ) -> Any:
-    """Add hidden buttons that texts press by `data-press` of `head.html`; later inputs of the folder are hidden too.
-
-    Args:
-        gui: viser's.
-        name: Of the group.
-        options: Of the buttons.
-        react: Called with the pressed option.
-        order: As in viser.
-    """
+    """Add hidden buttons that texts press by `data-press` of `head.html`; later inputs of the folder are hidden too."""
     gui.add_html(html.UNSEEN, order=order)
     group = gui.add_button_group(name, options, order=order)
     group.on_click(lambda event: react(event.target.value))
@@ -57,7 +49,6 @@ class Entry:
     """Numbers that the user and the page both write: unread ones of the user are not overwritten.
 
     Args:
-        handle: viser's, of the input.
         react: Called when `take` has a value.
     """
 
@@ -93,14 +84,7 @@ class Entry:
 
 
 class Latest:
-    """Work that is requested faster than it is done: of the requests that wait, only the last is done.
-
-    Args:
-        lock: Held while working.
-
-    Attributes:
-        ended: Whether requests are ignored.
-    """
+    """Work that is requested faster than it is done: of the requests that wait, only the last is done."""
 
     def __init__(self, lock: RLock) -> None:
         self._lock = lock
@@ -109,7 +93,6 @@ class Latest:
         self.ended = False
 
     def __call__(self, work: Callable[[], None]) -> None:
-        """Do this work, unless there is another request before it begins."""
         with self._numbering:
             self._asked += 1
             mine = self._asked
@@ -118,7 +101,6 @@ class Latest:
                 work()
 
     def end(self) -> None:
-        """Ignore all further requests."""
         self.ended = True
 
 

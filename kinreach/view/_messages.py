@@ -23,12 +23,7 @@ Report = Callable[[Exception | None], None]
 
 
 def watch(client: Any, report: Report) -> None:
-    """Check every message of a tab, and report the exceptions of its handlers.
-
-    Args:
-        client: viser's handle of the tab.
-        report: Called with exceptions.
-    """
+    """Check every message of a tab, and report the exceptions of its handlers."""
     gui, connection = client.gui, client.gui._websock_interface
     gui._thread_executor = client.scene._thread_executor = _Reporting(gui._thread_executor, report)
     for kind, handlers in list(connection._incoming_handlers.items()):
@@ -45,15 +40,7 @@ def error_message(error: Exception) -> str:
 
 
 def checked(handle: Any, value: Any) -> Any:
-    """Check a value of an input and return it; a number may be text, because it is while it is typed.
-
-    Args:
-        handle: viser's, of the input.
-        value: As received.
-
-    Raises:
-        InputError: It has another type, is not finite, or is not within the bounds or options of the input.
-    """
+    """Check a value of an input and return it; a number may be text, because it is while it is typed."""
     name, old = handle.label, handle.value
     least, most = getattr(handle, "min", None), getattr(handle, "max", None)
     if isinstance(old, tuple):

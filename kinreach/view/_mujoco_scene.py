@@ -30,13 +30,7 @@ class MujocoScene:
     """The drawn bodies of a model, without the floor.
 
     Args:
-        model: MuJoCo's model.
         simple: Draw the collision meshes, which have a tenth of the triangles.
-
-    Attributes:
-        links: Names of the bodies, in the order of `poses`.
-        fine: Their pieces.
-        coarse: The same.
     """
 
     def __init__(self, model: Any, *, simple: bool = False) -> None:
@@ -50,14 +44,7 @@ class MujocoScene:
         ]
 
     def take(self, data: Any) -> tuple[Floats, list[Contact]]:
-        """Return poses of the bodies and contacts in a state.
-
-        Args:
-            data: A state of the model (`mujoco.MjData`).
-
-        Returns:
-            Positions [m] and quaternions w x y z in the world, shape (k, 7), and contacts.
-        """
+        """Return poses of the bodies, shape (k, 7), position [m] and quaternion w x y z in the world, and contacts."""
         own = self._data
         own.qpos[:], own.mocap_pos[:], own.mocap_quat[:] = data.qpos, data.mocap_pos, data.mocap_quat
         mujoco.mj_fwdPosition(self._model, own)

@@ -10,7 +10,6 @@ from kinreach.kinematics._ur.geometry import ur_branch
 
 
 def branch_name(kinematics: ArmKinematics, branch: int) -> str:
-    """Name a posture by its branch index."""
     if isinstance(kinematics, URKinematics) and (words := ur_branch(branch)):
         shoulder, elbow, wrist = words
         return f"shoulder {shoulder}, elbow {elbow}, wrist {wrist}"

@@ -35,18 +35,7 @@ def panels(setup: Setup) -> dict[str, type[Panel]]:
 
 
 class Page:
-    """One tab; it shares nothing with others.
-
-    Args:
-        client: viser's handle of the tab.
-        setup: From the command line.
-
-    Attributes:
-        client: As given.
-        names: Of the parts.
-        shown: The part on the screen.
-        lock: Held while the scene changes.
-    """
+    """One tab; it shares nothing with others."""
 
     def __init__(self, client: Any, setup: Setup) -> None:
         self.client, self._setup = client, setup
@@ -88,7 +77,6 @@ class Page:
 
     @property
     def target(self) -> TargetPanel:
-        """The panel that is built first."""
         return self._built[TARGET]  # type: ignore[return-value]
 
     def show(self, name: str) -> Panel:
@@ -123,7 +111,6 @@ class Page:
         return panel
 
     def close(self) -> None:
-        """Stop all parts."""
         with self.lock:
             self._closed = True
             for panel in self._built.values():
@@ -154,7 +141,6 @@ class Page:
         return self.client.get_render(height, width, transport_format="png", timeout=60.0)
 
     def screenshot(self) -> None:
-        """Send the scene to the browser as a PNG file."""
         import cv2
 
         picture = self.picture(HEIGHT, WIDTH)

@@ -15,7 +15,6 @@ class Panel:
 
     Args:
         client: viser's handle of the tab.
-        setup: From the command line.
         surroundings: Boxes that turn red; hidden if a part has its own.
         lock: Held while the scene changes.
         title: Of its branch of the scene.
@@ -43,11 +42,9 @@ class Panel:
         return "# Nothing is shown.\n"
 
     def close(self) -> None:
-        """Stop working."""
         self._latest.end()
 
     def remove(self) -> None:
-        """Remove it from the page."""
         self._latest.end()
         self._folder.remove()
         self._branch.remove()

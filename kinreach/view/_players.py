@@ -32,7 +32,6 @@ class Playable:
     """A registered environment.
 
     Attributes:
-        name: Its id.
         choices: Which of `ARM`, `OBSERVATION` and `BACKEND` are options of it.
         solvable: Whether solvers of inverse kinematics can act in it.
         drawn: Whether it has a `render_mode`.
@@ -61,12 +60,7 @@ class Playable:
         }
 
     def players(self, arm: ArmDescription, *, observation: str = "") -> tuple[str, ...]:
-        """Return names for `new_player`, solvers first.
-
-        Args:
-            arm: The arm that acts, if the environment has the option.
-            observation: Kind of observation; with pictures only policies that see them, or need none, act.
-        """
+        """Return names for `new_player`, solvers first; with pictures only policies that see them, or need none."""
         eyes, environment = observation == "pixels", trained_in(self.name)
         closed = self.solvable and ArmKinematics.of(arm).knows_all_postures
         solvers = [name for name in SOLVERS if self.solvable and (closed or name != "closed-form")]
@@ -81,7 +75,6 @@ class Playable:
 
 
 def playable_names() -> tuple[str, ...]:
-    """Return ids of the package's environments and of those of registered comparisons."""
     compared = (get_task(name).environment for name in task_names())
     return tuple(dict.fromkeys((*ENVIRONMENTS, *SINGLE_ENVIRONMENTS, *compared, *KINEMATIC_ENVIRONMENTS)))
 
@@ -91,9 +84,6 @@ def playable(name: str) -> Playable:
 
     Args:
         name: Its id; for `module:id` the module is imported first.
-
-    Raises:
-        InputError: Unknown id, or the module cannot be imported.
     """
     module, _, name = name.rpartition(":")
     if module:

@@ -25,14 +25,9 @@ class PolicySolver:
 
     Args:
         policy: Name or file, of a policy for one of the thesis's reach tasks.
-        kinematics: The arm, to its own tip.
 
     Attributes:
-        name: As given.
         seconds: Time of its decisions for the last goal [s].
-
-    Raises:
-        InputError: It is for another task, or cannot act for this arm.
     """
 
     def __init__(self, policy: str, kinematics: ArmKinematics) -> None:

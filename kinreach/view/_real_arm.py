@@ -11,6 +11,7 @@ from kinreach._checks import Floats
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, IKResult, URKinematics
 from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._goals import rotation_angle
 from kinreach.robots import ArmDescription
 
 #: Cells of a map along its longer edge.
@@ -24,7 +25,6 @@ class Miss:
     """A posture that is solved by the data sheet, on the real arm.
 
     Attributes:
-        q: The posture [rad], shape (6,).
         meant: Frame of the tip by the data sheet, shape (4, 4).
         real: Frame of the tip of the real arm, shape (4, 4).
     """
@@ -47,9 +47,7 @@ class Miss:
     @property
     def turned(self) -> float:
         """Angle between the two frames [rad]."""
-        R = self.meant[:3, :3].T @ self.real[:3, :3]
-        sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-        return float(np.arctan2(sine, np.trace(R) - 1.0))
+        return rotation_angle(self.meant[:3, :3], self.real[:3, :3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,16 +76,10 @@ class RealArm:
     """A UR by its data sheet and by its calibration.
 
     Args:
-        nominal: By its data sheet.
-        real: Calibrated.
         tip: Short name of the tip frame; default is the arm's own.
 
     Attributes:
         nominal, real: Kinematics, from the world to the tip.
-
-    Raises:
-        InputError: The arm is not a UR.
-        UnknownNameError: Unknown tip.
     """
 
     def __init__(self, nominal: ArmDescription, real: ArmDescription, *, tip: str | None = None) -> None:

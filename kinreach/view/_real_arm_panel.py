@@ -25,16 +25,9 @@ PIXELS = 8
 
 
 class RealArmPanel(Panel):
-    """Nominal and calibrated arm in the data sheet's posture for a target, and the tip error.
-
-    Attributes:
-        model: Both arms; None until there is a calibration.
-        map: Of the tip error; None until there is a calibration.
-        miss: Of the posture on the screen; None if the data sheet's arm has none.
-    """
+    """Nominal and calibrated arm in the data sheet's posture for a target, and the tip error."""
 
     def build(self) -> None:
-        """Add the inputs, and draw the initial state."""
         self._sheet = self._setup.nominal or self._setup.arm
         self.model: RealArm | None = None
         self.map: ErrorMap | None = None
@@ -62,12 +55,7 @@ class RealArmPanel(Panel):
             )
 
     def open(self, file: str, *, remark: str = "") -> None:
-        """Read a calibration; if that fails, show the error and keep the last one.
-
-        Args:
-            file: Its path.
-            remark: Text before the result.
-        """
+        """Read a calibration; if that fails, show the error and keep the last one."""
         try:
             arm = self._sheet.calibrated(file.strip())
             with self._lock:
@@ -85,7 +73,6 @@ class RealArmPanel(Panel):
         self._latest(work)
 
     def program(self) -> str:
-        """Write Python code for the tip error on the screen."""
         if self.model is None:
             return "# There is no calibration yet.\n"
         return real_arm_program(self.model, self.T, self.q, sheet=self._setup.sheet, arm=self._expression)

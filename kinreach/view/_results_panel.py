@@ -31,16 +31,9 @@ UNKNOWN = (150, 150, 150)
 
 
 class ResultsPanel(Panel):
-    """The goals of a comparison, coloured by the distance of a method, and all ends on one of them.
-
-    Attributes:
-        results: On the screen; None before a file was opened.
-        chosen: Index of the chosen goal.
-        method: Name of the chosen method.
-    """
+    """The goals of a comparison, coloured by the distance of a method, and all ends on one of them."""
 
     def build(self) -> None:
-        """Add the inputs, and draw the initial state."""
         self.results: Results | None = None
         self.chosen = 0
         self.method = ""
@@ -53,7 +46,6 @@ class ResultsPanel(Panel):
             self.open(self._setup.results)
 
     def show(self, visible: bool) -> None:
-        """Show or hide it."""
         with self._lock:
             super().show(visible)
             self._surroundings.visible = not visible or self.results is None
@@ -71,21 +63,18 @@ class ResultsPanel(Panel):
             self._take(results)
 
     def choose(self, index: int) -> None:
-        """Show the ends on the goal of an index."""
         with self._lock:
             if self.results is not None:
                 self.chosen = int(np.clip(index, 0, len(self.results.goals) - 1))
                 self._draw(self.results)
 
     def choose_method(self, name: str) -> None:
-        """Show the distances and the end of a method."""
         with self._lock:
             if self.results is not None:
                 self.method = name
                 self._draw(self.results)
 
     def program(self) -> str:
-        """Write Python code that prints the ends on the chosen goal."""
         if self.results is None:
             return "# No results are open.\n"
         return results_program(self.results, self.chosen)

@@ -28,9 +28,6 @@ class SelfMotionFolder(Branch):
     """The curves of one pose: a folder of inputs, and lines in the scene.
 
     Args:
-        client: viser's handle of the tab.
-        root: Name of the node that holds the lines.
-        kinematics: Of the arm.
         react: Called when the user has chosen a curve or a place on it; `take` has the posture.
     """
 
@@ -50,7 +47,6 @@ class SelfMotionFolder(Branch):
         self._entry = Entry(self._place, react)
 
     def clear(self, text: str) -> None:
-        """Remove the curves, and write a sentence."""
         self._curves = []
         self.visible = self._curve.visible = self._place.visible = False
         self._text.content = html.small(text)
@@ -104,7 +100,6 @@ class SelfMotionFolder(Branch):
         return index, curve.at(min(place, curve.total))
 
     def _chosen(self) -> tuple[int, SelfMotion]:
-        """The curve of the drop-down, and its index."""
         index = [label for label, _ in self._curves].index(self._curve.value)
         return index, self._curves[index][1]
 

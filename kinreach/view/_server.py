@@ -30,19 +30,6 @@ _STARTING = threading.Lock()
 CLOSED = r"Queued a \w+ on a closed connection"
 
 
-def import_viser() -> Any:
-    """Import viser, which only the page needs.
-
-    Raises:
-        InstallationError: It is missing.
-    """
-    try:
-        import viser
-    except ImportError as error:
-        raise InstallationError(f"{error}; the page needs: pip install 'kinreach[view]'") from error
-    return viser
-
-
 def is_own_host(headers: Any) -> bool:
     """Check that a request names this machine, against DNS rebinding."""
     return _own_host(headers) is not None
@@ -126,19 +113,17 @@ class Server:
     """Serve a page to every tab that connects.
 
     Args:
-        setup: Of every tab.
         port: To listen on; if it is taken, the next free one.
 
     Attributes:
         pages: Of the open tabs, by viser's number of the client.
-
-    Raises:
-        InstallationError: viser is missing, or its connections cannot be guarded.
-        OutputError: No port is free.
     """
 
     def __init__(self, setup: Setup, *, port: int = 8080) -> None:
-        viser = import_viser()
+        try:
+            import viser
+        except ImportError as error:
+            raise InstallationError(f"{error}; the page needs: pip install 'kinreach[view]'") from error
         setup.figure  # noqa: B018  (read before the first tab asks)
         self._setup = setup
         self.pages: dict[int, Page] = {}
@@ -168,11 +153,9 @@ class Server:
 
     @property
     def address(self) -> str:
-        """Address of the page."""
         return f"http://{HOST}:{self._viser.get_port()}"
 
     def stop(self) -> None:
-        """Close all tabs' connections and stop listening."""
         for number in list(self.pages):
             self.pages.pop(number).close()
         with contextlib.redirect_stdout(io.StringIO()):

@@ -28,10 +28,8 @@ class Setup:
         sheet: The arm by its data sheet as Python code.
         simple: Draw the arm by its collision shapes, for browsers without a graphics card.
         nominal: The arm by its data sheet if `arm` is calibrated.
-        calibration: Path of its calibration.
         policy: That acts in the first episode: its name or file, or `module:attribute`.
         environment: Id of the first environment, or `module:id`.
-        results: Path of a comparison to open.
     """
 
     arm: ArmDescription
@@ -46,7 +44,6 @@ class Setup:
 
     @property
     def title(self) -> str:
-        """Title of the browser's tab."""
         return f"kinreach – {(self.nominal or self.arm).name}"
 
     @property
@@ -57,7 +54,6 @@ class Setup:
         return TARGET if self.policy is None and self.environment is None else EPISODES
 
     def model(self) -> TargetModel:
-        """Make a model for one tab."""
         return TargetModel(self.arm, policies=self.policies)
 
     @property
@@ -73,11 +69,7 @@ class Setup:
 
     @cached_property
     def policy_environment(self) -> str:
-        """Id of the environment of the policy; empty if there is none.
-
-        Raises:
-            InputError: Unknown policy, the file is not a policy, or the module cannot be imported.
-        """
+        """Id of the environment of the policy; empty if there is none."""
         if self.policy is None:
             return ""
         if ":" in self.policy:
@@ -90,9 +82,6 @@ class Setup:
         """Names of environments for `playable`, the wanted one first.
 
         For an arm without goals, only environments with an arm of their own.
-
-        Raises:
-            InputError: Unknown environment, or its module cannot be imported.
         """
         wanted = self.policy_environment if self.environment is None else self.environment
         if wanted:
@@ -103,5 +92,4 @@ class Setup:
 
     @cached_property
     def figure(self) -> Figure:
-        """Shapes of the arm."""
         return Figure(TargetModel(self.arm).kinematics, simple=self.simple)

@@ -17,14 +17,7 @@ DIGITS = 12
 
 
 def program(model: TargetModel, goal: Goal, seed: Floats, *, arm: str) -> str:
-    """Write Python code that prints the postures of a target and their contacts.
-
-    Args:
-        model: Of the arm, with the joint limits that count.
-        goal: On the screen.
-        seed: Posture the arm stands in [rad].
-        arm: An expression for the arm, such as `"'ur5'"`.
-    """
+    """Write Python code that prints the postures of a target; `arm` is an expression such as `"'ur5'"`."""
     kinematics, complete = model.kinematics, model.complete(goal)
     arm = _limited(model, arm)
     names = ["ArmKinematics"] if model.checker is None else ["ArmKinematics", "CollisionChecker"]
@@ -83,12 +76,7 @@ def robots(*arms: str) -> list[str]:
 def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, sheet: str, arm: str) -> str:
     """Write Python code that prints the tip error of a calibrated arm in the data sheet's posture.
 
-    Args:
-        model: Both arms.
-        T: Frame of the target in the world, shape (4, 4).
-        seed: Posture the arm stands in [rad].
-        sheet: An expression for the data sheet's arm.
-        arm: One for the calibrated arm.
+    `sheet` and `arm` are expressions for the data sheet's arm and for the calibrated one.
     """
     where = f"tip={model.nominal.tip!r}, base='world'"
     lines = [
@@ -108,12 +96,7 @@ def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, sheet: str, arm
 
 
 def results_program(results: Results, index: int) -> str:
-    """Write Python code that prints the end of each method on a goal.
-
-    Args:
-        results: Of a comparison.
-        index: Of the goal.
-    """
+    """Write Python code that prints the end of each method on a goal."""
     return "\n".join(
         [
             "from kinreach.view import read_results",

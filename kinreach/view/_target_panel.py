@@ -40,15 +40,12 @@ class TargetPanel(Panel):
     """The target of one tab.
 
     Attributes:
-        model: Answers.
-        answer: On the screen.
         q: The last posture that could be used [rad].
         pointed: Index in `answer.postures` of the posture under the mouse in the list; -1 for none.
         draw_s: Time from the browser's last message to the answer [s].
     """
 
     def build(self) -> None:
-        """Add the inputs, and draw the initial state."""
         self.model = self._setup.model()
         self.q = self.model.home
         self.draw_s = 0.0
@@ -68,7 +65,6 @@ class TargetPanel(Panel):
 
     @property
     def goal(self) -> Goal:
-        """The goal of the target."""
         return self.model.goal(self._kind, self.T)
 
     @property
@@ -80,11 +76,9 @@ class TargetPanel(Panel):
         return self.answer.shown
 
     def program(self) -> str:
-        """Write Python code for what is on the screen."""
         return program(self.model, self.goal, self.q, arm=self._setup.expression)
 
     def show(self, visible: bool) -> None:
-        """Show or hide it."""
         super().show(visible)
         self.pointed = -1
         if visible:
@@ -269,7 +263,6 @@ class TargetPanel(Panel):
         self._latest(work)
 
     def _start_from(self, q: Floats) -> None:
-        """Let solvers start from a posture."""
         self._start = q
         values = " ".join(f"{round(value)}°" for value in np.degrees(q))
         home = np.abs(q - self.model.home).max() < SAME
@@ -325,7 +318,7 @@ class TargetPanel(Panel):
             self._draw_ghosts()
             self._draw_gap()
             put(self._gizmo, self.T)
-        self._verdict.content = html.verdict(answer)
+        self._verdict.content = html.message(answer.verdict, bad=not answer.usable)
         joints, kept = self.model.kinematics.arm.joints, posture is not None and posture.name == self._kept
         self._calibrated.content = self._changed()
         self._list.content = html.legend(answer, shown=solid, joints=joints, chosen=kept)
