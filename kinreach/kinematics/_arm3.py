@@ -63,7 +63,6 @@ _MISS_TEXT = {
 
 
 def miss_text(miss: int) -> str:
-    """Describe what kept the arm from a target; empty for no flags."""
     return "; ".join(text for flag, text in _MISS_TEXT.items() if miss & flag)
 
 
@@ -93,11 +92,7 @@ class YawPlanarGeometry:
 
     @classmethod
     def from_model(cls, model: Any, tip_frame: int) -> YawPlanarGeometry:
-        """Read the lengths from a Pinocchio model with joints about z, y, y, their frames parallel at zero angles.
-
-        Raises:
-            InputError: The model is not of this kind.
-        """
+        """Read the lengths from a Pinocchio model with joints about z, y, y, their frames parallel at zero angles."""
         kinds = [model.joints[i].shortname() for i in range(1, model.njoints)]
         if kinds != ["JointModelRZ", "JointModelRY", "JointModelRY"]:
             raise InputError(f"needs joints about z, y, y; the model has {kinds}")
@@ -114,12 +109,9 @@ class YawPlanarGeometry:
 
 
 def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[list[Row], int]:
-    """Compute all postures that put the tip at a point.
+    """Compute all postures that put the tip at a point p of the first joint's frame [m].
 
-    Args:
-        p: Point in the first joint's frame [m], three numbers.
-        g: Lengths.
-        tol: How far a point may be outside the reach of the joints and still be taken as on its border [m].
+    A point outside the reach by up to `tol` [m] counts as on its border.
 
     Returns:
         The solutions in the order of their branch index, and the `Miss` flags of the branches that have none.
@@ -163,12 +155,7 @@ BRANCHES = 4
 
 
 def solve_positions(p: Floats, g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[Floats, NDArray[np.bool_]]:
-    """Compute all postures that put the tip at each of many points, by the formulas of `solve_position`.
-
-    Args:
-        p: Points in the first joint's frame [m], shape (3, count).
-        g: Lengths.
-        tol: How far a point may be outside the reach of the joints and still be taken as on its border [m].
+    """As `solve_position`, by the same formulas, for many points, shape (3, count).
 
     Returns:
         q [rad] in [-pi, pi], shape (3, 4, count), NaN where not valid; and valid, shape (4, count).

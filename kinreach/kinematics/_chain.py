@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinreach._checks import Floats, is_tensor, torch_module
 
@@ -59,7 +60,6 @@ def minus(a: Entry, b: Entry) -> Entry:
 
 
 def cross(a: Vector, b: Vector) -> list[Entry]:
-    """Compute the cross product of two vectors."""
     return [minus(times(a[i - 2], b[i - 1]), times(a[i - 1], b[i - 2])) for i in range(3)]
 
 
@@ -102,9 +102,6 @@ class SerialChain:
         placements: Pose of each joint's frame in its parent joint's frame, n arrays (4, 4).
         axes: Unit axis of each joint in its own frame, n arrays (3,).
         tip: Pose of the tip in the last joint's frame (4, 4).
-
-    Attributes:
-        joints: Number of joints.
     """
 
     def __init__(self, placements: Sequence[Floats], axes: Sequence[Floats], tip: Floats) -> None:
@@ -117,26 +114,15 @@ class SerialChain:
         return np.array([*self._constants, self._tip])
 
     def fk(self, q: Any) -> Any:
-        """Compute poses of the tip in the base frame, shape (m, 4, 4).
-
-        Args:
-            q: Postures [rad], shape (m, n), or as a tensor (..., n).
-        """
+        """Compute poses of the tip in the base frame, (m, 4, 4), for postures [rad], (m, n) or a tensor (..., n)."""
         return _evaluated(self._pose, q, 4, 4)
 
     def jacobian(self, q: Any) -> Any:
-        """Compute geometric Jacobians of the tip along the base's axes, shape (m, 6, n), linear rows first.
-
-        Args:
-            q: As in `fk`.
-        """
+        """Compute geometric Jacobians of the tip along the base's axes, (m, 6, n), linear rows first; q as in `fk`."""
         return _evaluated(self._jacobian, q, 6, self.joints)
 
     def positions(self, q: Floats) -> Floats:
-        """Compute positions of the tip in the base frame [m], shape (m, 3), for postures `q` [rad], shape (m, n).
-
-        They equal those in `fk`, and take three quarters of its time for many postures.
-        """
+        """Compute the positions in `fk` [m], shape (m, 3), in three quarters of its time for many postures."""
         p = np.empty((3, len(q)))
         for block in blocks(len(q)):
             angles: list[Entry] = [*np.ascontiguousarray(q[block].T)]
@@ -215,11 +201,7 @@ def _cos_sin(angle: Entry) -> tuple[Entry, Entry]:
 
 
 def about_z(placements: Sequence[Floats], axes: Sequence[Floats], tip: Floats) -> Floats:
-    """Convert the chain of `SerialChain` to one whose joints all turn about z, `T = A0 Rz(q0) A1 ... An`.
-
-    Returns:
-        A0 to An, shape (n + 1, 4, 4).
-    """
+    """Convert the chain of `SerialChain` to one whose joints turn about z, `A0 Rz(q0) A1 ... An`: (n + 1, 4, 4)."""
     before, found = np.eye(4), []
     for placement, axis in zip(placements, axes, strict=True):
         align = np.eye(4)
@@ -247,12 +229,18 @@ def rotation_to(axis: Floats) -> Floats:
     return np.column_stack([x, np.cross(axis, x), axis])
 
 
+def turns_about_z(angle: NDArray[Any]) -> Floats:
+    """Rotations about z, shape (m, 4, 4)."""
+    T = np.tile(np.eye(4), (len(angle), 1, 1))
+    T[:, 0, 0] = T[:, 1, 1] = np.cos(angle)
+    T[:, 1, 0] = np.sin(angle)
+    T[:, 0, 1] = -T[:, 1, 0]
+    return T
+
+
 def poses_about(position: Floats, axis: Floats, turns: Floats) -> Floats:
     """Return poses at a point with the z axis along a direction, one for each turn about it [rad], shape (m, 4, 4)."""
-    T = np.tile(np.eye(4), (len(turns), 1, 1))
-    T[:, 0, 0] = T[:, 1, 1] = np.cos(turns)
-    T[:, 1, 0] = np.sin(turns)
-    T[:, 0, 1] = -T[:, 1, 0]
+    T = turns_about_z(turns)
     T[:, :3, :3] = rotation_to(axis) @ T[:, :3, :3]
     T[:, :3, 3] = position
     return T

@@ -93,13 +93,7 @@ class Shape:
 
 
 class _Search(threading.local):
-    """The search data of one thread.
-
-    Args:
-        model, geometry: Pinocchio's.
-        links: As `geometry`, with the pairs of links only.
-        margin: Of the checks [m].
-    """
+    """The search data of one thread."""
 
     def __init__(self, model: Any, geometry: Any, links: Any, margin: float) -> None:
         self.data = model.createData()
@@ -304,9 +298,6 @@ def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
 
     These are neighbours, the links on either side of a joint; pairs whose hulls touch in the arm's home posture; and
     pairs whose hulls touch in each of `SAMPLES` random postures.
-
-    Raises:
-        InputError: The collision shapes cannot be read.
     """
     if arm.disabled_collisions is not None:
         return arm.disabled_collisions
@@ -366,11 +357,7 @@ def _search_data(geometry: Any, margin: float) -> Any:
 
 
 def check_shapes(arm: ArmDescription) -> None:
-    """Refuse an arm with a missing collision shape.
-
-    Raises:
-        NoShapesError: The message names the mesh.
-    """
+    """Refuse an arm with a missing collision shape."""
     if arm.missing_shapes:
         raise NoShapesError(f"arm {arm.name!r} has no collision checks and no simulation: {arm.missing_shapes}")
 

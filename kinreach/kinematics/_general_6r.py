@@ -42,6 +42,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import wrapped
+from kinreach.kinematics._chain import turns_about_z
 
 #: Row of the pose (m,), eigenvalue (m,), its twelve products (m, 12), and the largest entry of each pose's matrix.
 _Eigen = tuple[NDArray[np.int64], NDArray[Any], NDArray[Any], Floats]
@@ -281,11 +282,7 @@ def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Float
 
 
 class General6R:
-    """Every posture of a six-joint arm for a pose.
-
-    Args:
-        chain: The arm.
-    """
+    """Every posture of a six-joint arm for a pose."""
 
     #: Angles that are pi before the one with an infinite eigenvalue [rad]; arbitrary.
     PHASES = (0.7123, 2.0451)
@@ -295,10 +292,7 @@ class General6R:
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
         A = chain.placements
-        turns = np.zeros((3, 4, 4))
-        turns[:, 2, 2] = turns[:, 3, 3] = 1.0
-        turns[:, 0, 0] = turns[:, 1, 1] = np.cos(SAMPLES)
-        turns[:, 1, 0], turns[:, 0, 1] = np.sin(SAMPLES), -np.sin(SAMPLES)
+        turns = turns_about_z(SAMPLES)
         self._size = float(np.abs(A[1:, :3, 3]).max())
         # axis 5 in the frame before joint 2, through joints 2, 3 and 4
         near = turns[:, None, None] @ A[2] @ turns[:, None] @ A[3] @ turns @ A[4]
@@ -312,14 +306,9 @@ class General6R:
         self._both = np.kron(COEFFICIENTS, COEFFICIENTS)
 
     def solve(self, T: Floats, *, tol: float = EXACT) -> list[Floats]:
-        """Compute all postures for each of many poses.
+        """Compute all postures for each of many poses (count, 4, 4): shape (k, 6), angles in [-pi, pi].
 
-        Args:
-            T: Poses of the tip, shape (count, 4, 4).
-            tol: If no posture reaches a pose exactly, return those with at most this error [m, rad].
-
-        Returns:
-            For each pose its postures [rad], shape (k, 6), angles in [-pi, pi].
+        If no posture reaches a pose exactly, those with an error of at most `tol` [m, rad] are returned.
         """
         found: list[Floats] = []
         for start in range(0, len(T), BLOCK_SIZE):
@@ -351,11 +340,7 @@ class General6R:
         return len(np.unique(pose[back])) / len(q)
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """Compute starts of Newton's method for poses (m, 4, 4): the eigenvalues' postures, complex ones too.
-
-        Returns:
-            Postures (k, 6) [rad], and which pose each is for (k,).
-        """
+        """Compute starts of Newton's method for poses (m, 4, 4): all eigenvalues' (k, 6), and the pose of each (k,)."""
         regular = self._regular(T)
         pose, q, *_ = self._candidates(regular, *self.CHOICES[0], self.PHASES[0], most=MAX_REDUNDANT_CANDIDATE)
         return q, pose
@@ -587,11 +572,6 @@ def _in_doubt(found: int, angles: Floats, imaginary: Floats) -> bool:
     Postures appear and vanish in pairs, and each has a real eigenvalue. One of k equal eigenvalues is accurate to the
     k-th root of the rounding error only: it may belong to a posture although it is not real, if it is nearly real or
     in a cluster.
-
-    Args:
-        found: Number of postures.
-        angles: Of the eigenvalues [rad].
-        imaginary: Their imaginary parts.
     """
     if found % 2 or found != np.count_nonzero(imaginary <= MAX_REAL):
         return True
@@ -642,16 +622,6 @@ def _coefficients(values: Floats) -> Floats:
     for joint in range(values.ndim - 1):
         values = np.moveaxis(np.tensordot(COEFFICIENTS, values, (1, joint)), 0, joint)
     return np.ascontiguousarray(values).reshape(-1, values.shape[-1])
-
-
-def turns_about_z(angle: Floats) -> Floats:
-    """Rotations about z, shape (m, 4, 4)."""
-    T = np.zeros((len(angle), 4, 4))
-    T[:, 0, 0] = T[:, 1, 1] = np.cos(angle)
-    T[:, 1, 0] = np.sin(angle)
-    T[:, 0, 1] = -T[:, 1, 0]
-    T[:, 2, 2] = T[:, 3, 3] = 1.0
-    return T
 
 
 def first_of_each(q: Floats, distance: float) -> NDArray[np.bool_]:

@@ -122,11 +122,7 @@ def skewed(entries: Any) -> Any:
 
 
 def rigid_poses(T: Floats) -> Floats:
-    """Return poses (count, 4, 4) with rotations that are exact to rounding.
-
-    Raises:
-        InputError: Another shape, or a pose is not a finite rigid motion.
-    """
+    """Return poses (count, 4, 4) with rotations that are exact to rounding."""
     if T.ndim != 3 or T.shape[1:] != (4, 4):
         raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
     off = np.empty(len(T), dtype=np.bool_)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.kinematics._chain import SerialChain
+from kinreach.kinematics._chain import SerialChain, turns_about_z
 
 #: Steps of Gauss-Newton: the model is nearly linear in errors of a few millimetres.
 STEPS = 4
@@ -141,14 +141,11 @@ def frames_of(placements: Floats, q: Floats) -> list[Floats]:
         q: Postures [rad], shape (m, n).
     """
     frames, T = [], np.tile(np.eye(4), (len(q), 1, 1))
-    turns = np.tile(np.eye(4), (q.shape[1], len(q), 1, 1))
-    c, s = np.cos(q.T), np.sin(q.T)
-    turns[:, :, 0, 0], turns[:, :, 0, 1], turns[:, :, 1, 0], turns[:, :, 1, 1] = c, -s, s, c
-    for placement, turn in zip(placements, [*turns, None], strict=True):
+    for placement, angle in zip(placements, [*q.T, None], strict=True):
         T = T @ placement
         frames.append(T)
-        if turn is not None:
-            T = T @ turn
+        if angle is not None:
+            T = T @ turns_about_z(angle)
     return frames
 
 

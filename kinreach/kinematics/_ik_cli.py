@@ -36,12 +36,7 @@ NONE_FOUND = 1
 
 
 class Answers:
-    """Postures of an arm for poses, and what they collide with.
-
-    Args:
-        kinematics: Of the arm with what stands around it.
-        seed: The posture to stay near [rad], shape (n,).
-    """
+    """Postures of an arm for poses, and what they collide with."""
 
     def __init__(self, kinematics: ArmKinematics, seed: Floats) -> None:
         self.kinematics, self.seed = kinematics, seed
@@ -94,18 +89,7 @@ class Answers:
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Solve one pose and print its postures, or many from a file to a file.
-
-    Args:
-        argv: Arguments without the program's name.
-        prog: How the user called it, for messages.
-
-    Returns:
-        0, or `NONE_FOUND` if the pose, or none of those in the file, has a posture.
-
-    Raises:
-        KinreachError: Bad input, or a file that cannot be read or written.
-    """
+    """Solve one pose and print its postures, or many from a file to a file."""
     arguments = _parser(prog).parse_args(argv)
     if (arguments.pose is None) == (arguments.poses is None):
         raise InputError("give --pose or --poses")
@@ -130,7 +114,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 
 def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
-    """Print every posture of a pose."""
     kin = answers.kinematics
     unit, scale = ("degrees", 180 / np.pi) if degrees else ("rad", 1.0)
     print(printable(f"{kin.arm.title}: tip {kin.tip} in {kin.base}, angles in {unit}"))
@@ -160,7 +143,6 @@ def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
 
 
 def _many(answers: Answers, source: Path, out: Path, *, every: bool, degrees: bool) -> int:
-    """Solve the poses of a file and write their postures."""
     poses = read_poses(source)
     if out.is_dir() or not out.parent.is_dir():
         raise InputError(f"--out must be a file in a folder that exists, got {out}")
@@ -197,11 +179,7 @@ def _rows(answers: Answers, T: Floats, every: bool, scale: float) -> Iterator[li
 
 
 def read_poses(path: Path) -> Floats:
-    """Return the poses of a CSV file with the columns x, y, z, rx, ry, rz, shape (count, 4, 4).
-
-    Raises:
-        InputError: It cannot be read, a column is missing, there is no row, or a cell is not a finite number.
-    """
+    """Return the poses of a CSV file with the columns x, y, z, rx, ry, rz, shape (count, 4, 4)."""
     reader = csv.reader(io.StringIO(read_text(path, "the poses", most=MAX_BYTES).removeprefix("\ufeff")))
     try:
         header = [name.strip().lower() for name in next(reader, [])]

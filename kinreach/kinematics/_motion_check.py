@@ -25,11 +25,7 @@ class MotionCheck:
     sampled so that this sum is at most twice the margin of the checker from one sample to the next. Every posture is
     within one margin of a sample, and a sample is farther than the margin from everything: nothing is missed.
 
-    Args:
-        checker: With a margin.
-
     Attributes:
-        checker: As given.
         reach: The distances r_i [m], shape (n,).
 
     Raises:
@@ -52,11 +48,7 @@ class MotionCheck:
     def motion_free(self, start: Floats, end: Floats, *, step: float | None = None) -> bool:
         """Return whether a motion is free, without its two ends.
 
-        Args:
-            start: Posture [rad], shape (n,).
-            end: Posture [rad], shape (n,).
-            step: Farthest that a point may move between two samples [m]; by default twice the margin:
-                then nothing between the samples is missed.
+        A point moves at most `step` [m] between two samples; by default twice the margin: then nothing is missed.
         """
         way = end - start
         count = self._samples(way, 2.0 * self.checker.margin if step is None else step)
@@ -73,11 +65,7 @@ class MotionCheck:
 
 
 def check_waypoints(motion: MotionCheck, waypoints: Floats) -> None:
-    """Check the straight lines from one waypoint to the next.
-
-    Raises:
-        PathError: The first that is out of limits or collides.
-    """
+    """Check the straight lines from one waypoint to the next."""
     kin, checker = motion.checker.kinematics, motion.checker
     outside = ((waypoints < kin.lower - SLACK) | (waypoints > kin.upper + SLACK)).any(axis=1)
     if outside.any():

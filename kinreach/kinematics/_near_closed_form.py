@@ -25,16 +25,7 @@ FAR = 0.1
 
 
 class NearClosedForm(ABC):
-    """Every posture of an arm for poses of its tip.
-
-    Args:
-        placements: The arm, as in `Chain`.
-
-    Attributes:
-        chain: The arm.
-        branches: Most postures of a pose.
-        rank: As in `kinreach.kinematics._six_axis.methods.Method`.
-    """
+    """Every posture of an arm for poses of its tip."""
 
     branches, rank = MAX_POSTURES, 1
 
@@ -42,12 +33,10 @@ class NearClosedForm(ABC):
         self.chain = Chain(placements)
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        """Compute the postures for a pose (4, 4): branch index, flags and angles of each, by branch index.
+        """Compute the postures for a pose (4, 4), rotation exact: branch index, flags and angles, by branch index.
 
-        Args:
-            T: The pose, rotation exact.
-            seed: Posture whose value a free joint keeps, as far as it can [rad], shape (6,).
-            tol: If no posture reaches a pose exactly, return those with at most this error [m, rad].
+        A free joint keeps the seed's value as far as it can. If no posture reaches the pose exactly, those that miss it
+        by at most `tol` [m, rad] are returned.
         """
         branches, q, doubtful = self._start(T, seed)
         if not doubtful:
@@ -106,5 +95,4 @@ class NearClosedForm(ABC):
 
 
 def no_postures(count: int) -> tuple[Floats, NDArray[np.bool_]]:
-    """No posture for any of some poses, as `NearClosedForm.many` returns it."""
     return np.full((6, MAX_POSTURES, count), np.nan), np.zeros((MAX_POSTURES, count), dtype=np.bool_)

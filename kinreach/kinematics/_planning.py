@@ -180,13 +180,7 @@ def _search(
 
 
 class _Tree:
-    """Postures, each with a free motion from an earlier one, its parent; the first have none.
-
-    Args:
-        motion: Checks the motions.
-        roots: The first postures [rad], shape (k, n).
-        step: Of the checks.
-    """
+    """Postures, each with a free motion from an earlier one, its parent; the first have none."""
 
     def __init__(self, motion: MotionCheck, roots: Floats, step: float) -> None:
         self._motion, self._step = motion, step

@@ -42,7 +42,6 @@ Accept = Callable[[Floats], bool]
 
 
 def check_accept(accept: object) -> None:
-    """Refuse what cannot be called."""
     if accept is not None and not callable(accept):
         raise InputError(f"accept must be a function of a posture, or None, got {shown(accept)}")
 

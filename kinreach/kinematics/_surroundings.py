@@ -19,12 +19,7 @@ TABLE_SIZE = (6.0, 6.0, 1.0)
 
 
 def add_surroundings(parser: argparse.ArgumentParser, frame: str) -> None:
-    """Add `--table` and `--box`.
-
-    Args:
-        parser: Changed in place.
-        frame: Frame of the boxes, in words.
-    """
+    """Add `--table` and `--box`."""
     parser.add_argument(
         "--table",
         metavar="Z",
@@ -40,15 +35,12 @@ def add_surroundings(parser: argparse.ArgumentParser, frame: str) -> None:
 
 
 def surrounded(kinematics: ArmKinematics, arguments: argparse.Namespace, *, cell: bool) -> ArmDescription:
-    """Return an arm with the table and the boxes of `add_surroundings` around it.
+    """Return an arm with what `add_surroundings` puts around it; a table replaces the arm's work cell.
 
     Args:
         kinematics: Of the arm, in the frame of the boxes.
         arguments: Parsed.
-        cell: Keep the arm's work cell; a table replaces it.
-
-    Raises:
-        InputError: The table is above the base, or a box has no size or is not upright in the world.
+        cell: Keep the arm's work cell.
     """
     arm = kinematics.arm
     around = arm.workcell if cell else Workcell()

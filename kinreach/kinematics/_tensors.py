@@ -18,7 +18,6 @@ from kinreach.kinematics._chain import blocks
 
 
 def namespace(values: Any) -> Any:
-    """Return the module that computes with values: numpy or torch."""
     return torch_module() if is_tensor(values) else np
 
 
@@ -50,17 +49,11 @@ def empty(values: Any, *shape: int, flags: bool = False) -> Any:
 
 
 def on_host(values: Any) -> Any:
-    """Return the values as an array of numpy."""
     return values.detach().cpu().numpy() if is_tensor(values) else values
 
 
 def as_device(device: object) -> Any:
-    """Return a device of torch (`torch.device`) that this machine has.
-
-    Raises:
-        InstallationError: Torch is not installed.
-        InputError: Unknown device.
-    """
+    """Return a device of torch (`torch.device`) that this machine has."""
     torch = load_extra("torch", "train")
     try:
         found = torch.device(device)
@@ -72,12 +65,7 @@ def as_device(device: object) -> Any:
 
 
 def on_device(values: Any, device: Any) -> Any:
-    """Return arrays as tensors on a device of torch, by DLPack: on the processor they share their memory.
-
-    Args:
-        values: An array, or arrays by name, also nested; texts and tensors stay what they are.
-        device: From `as_device`.
-    """
+    """Return arrays as tensors on a device of torch, by DLPack: on the processor they share their memory."""
     if isinstance(values, Mapping):
         return {name: on_device(value, device) for name, value in values.items()}
     if is_tensor(values) or values.dtype.kind not in "biuf":

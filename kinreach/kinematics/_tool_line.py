@@ -106,7 +106,6 @@ def _as_poses(poses: ArrayLike) -> Floats:
 def _follow(
     kin: ArmKinematics, start: Floats, corners: Floats, step: float, motion: MotionCheck | None
 ) -> Floats | _Stop:
-    """Return the postures of all lines in the branch of the first, or where they stop."""
     path = [start]
     for index in range(len(corners) - 1):
         line = PoseLine(corners[index], corners[index + 1])

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import TURN, wrapped
-from kinreach.kinematics._chain import SerialChain
-from kinreach.kinematics._general_6r import Chain, turns_about_z
+from kinreach.kinematics._chain import SerialChain, turns_about_z
+from kinreach.kinematics._general_6r import Chain
 from kinreach.kinematics._six_axis.methods import Method, method_of
 
 JOINTS = 7
@@ -57,13 +57,7 @@ Curve = tuple[Floats, bool]
 
 
 class _Sweep:
-    """A joint that is held at values all around its circle, and how the six others are solved.
-
-    Args:
-        held: Index of the joint, the first or the last.
-        placements: Of the whole arm, as in `Chain`.
-        method: How the six others are solved.
-    """
+    """A joint that is held at values all around its circle, and how the six others are solved."""
 
     def __init__(self, held: int, placements: Floats, method: Method) -> None:
         self.held, self.method, self._placements = held, method, placements
@@ -84,11 +78,7 @@ class _Sweep:
 
 
 class SelfMotionTracer:
-    """All self-motion curves of a seven-axis arm.
-
-    Args:
-        chain: The arm.
-    """
+    """All self-motion curves of a seven-axis arm."""
 
     def __init__(self, chain: SerialChain) -> None:
         A = chain.placements

@@ -73,9 +73,6 @@ _Position = tuple[int, int, float, float, float]
 class Doubt:
     """Whether another arm, whose poses are a little off, may have other postures for a pose.
 
-    Args:
-        off: How far they are off [m, rad].
-
     Attributes:
         found: Whether it may.
         off: As given.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.kinematics._general_6r import turns_about_z
+from kinreach.kinematics._chain import turns_about_z
 
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 

@@ -93,12 +93,7 @@ class Method(Protocol):
 
 
 class ClosedForm:
-    """An arm that decouples, to rounding.
-
-    Args:
-        arm: Its closed form.
-        placements: The arm, as in `Chain`.
-    """
+    """An arm that decouples, to rounding."""
 
     branches, rank = BRANCHES, 2
 
@@ -111,7 +106,11 @@ class ClosedForm:
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         q, valid, singular = solve_poses(self._arm, T, tol)
-        return _with_others(self, q, valid, np.flatnonzero(singular), T, seeds, tol)
+        for row in np.flatnonzero(singular):
+            q[..., row], valid[:, row] = np.nan, False
+            for branch, _, *angles in self.one(T[row], seeds[row], tol):
+                q[:, branch, row], valid[branch, row] = angles, True
+        return q, valid
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         return _starts(self._arm, T)
@@ -166,13 +165,7 @@ class ClosedForm:
 
 
 class NearlyDecoupled(NearClosedForm):
-    """An arm that almost decouples.
-
-    Args:
-        arm: The arm that decouples.
-        placements: The arm itself, as in `Chain`.
-        off: How far their poses are apart [m, rad].
-    """
+    """An arm that almost decouples."""
 
     def __init__(self, arm: DecoupledArm, placements: Floats, off: float) -> None:
         super().__init__(placements)
@@ -284,11 +277,7 @@ class Elimination:
 
 
 class Backwards:
-    """The same arm from its tip to its base.
-
-    Args:
-        method: Of the arm that begins with the last joint.
-    """
+    """The same arm from its tip to its base."""
 
     def __init__(self, method: Method) -> None:
         self._method, self.branches, self.rank = method, method.branches, method.rank
@@ -308,9 +297,6 @@ class Backwards:
 
 def method_of(placements: Floats) -> Method | float:
     """Choose how an arm is solved: in closed form, nearly so, or by elimination, from its base or from its tip.
-
-    Args:
-        placements: The arm, as in `Chain`.
 
     Returns:
         The method; or, if there is none, the share of random postures that elimination finds again, `SINGULAR`
@@ -349,17 +335,6 @@ def by_elimination(placements: Floats) -> tuple[Method, float]:
     shares = [general.tried(postures) for general, (_, postures) in zip(methods, ways, strict=True)]
     best = int(np.argmax(shares))
     return _from_end(Elimination(methods[best]), backwards=best), shares[best]
-
-
-def _with_others(
-    method: Method, q: Floats, valid: NDArray[np.bool_], rows: NDArray[np.int64], T: Floats, seeds: Floats, tol: float
-) -> tuple[Floats, NDArray[np.bool_]]:
-    """Solve some of many poses one by one."""
-    for row in rows:
-        q[..., row], valid[:, row] = np.nan, False
-        for branch, _, *angles in method.one(T[row], seeds[row], tol):
-            q[:, branch, row], valid[branch, row] = angles, True
-    return q, valid
 
 
 def _families(chain: Chain, q: Floats, T: Floats) -> NDArray[np.bool_]:

@@ -35,16 +35,7 @@ FALLS = 0.5
 
 
 def reached_beside(chain: Chain, T: Floats, starts: Floats) -> Floats:
-    """Compute postures near those at which curves through some starts reach a pose.
-
-    Args:
-        chain: The arm.
-        T: Pose of the tip, shape (4, 4).
-        starts: Postures that almost reach it [rad], shape (m, 6).
-
-    Returns:
-        Starts of Newton's method (k, 6).
-    """
+    """Compute starts of Newton's method (k, 6) where curves through postures (m, 6) that almost reach a pose do."""
     curves = []
     for _ in range(ROUNDS):
         if not len(starts):

@@ -20,9 +20,6 @@ class WristReach:
 
     The shoulder is the point of axis 1 that is nearest to axis 2, the wrist that of axis 6 nearest to axis 5. Neither
     joint 1 nor joint 6 changes their distance.
-
-    Args:
-        placements: The arm, as in `Chain`.
     """
 
     def __init__(self, placements: Floats) -> None:

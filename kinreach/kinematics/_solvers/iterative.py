@@ -44,16 +44,7 @@ PARALLEL = 1e-12
 
 
 class GoalTask:
-    """The error of one goal as a function of the posture.
-
-    Args:
-        kin: The arm; the goal is in its base frame and for its tip.
-        goal: What to reach.
-        tolerance: When the goal counts as reached.
-
-    Raises:
-        InputError: `goal` is not a goal.
-    """
+    """The error of one goal as a function of the posture."""
 
     def __init__(self, kin: ArmKinematics, goal: Goal, tolerance: Tolerance) -> None:
         self._model, self._data, self._frame = kin.model, kin.data, kin.tip_frame
@@ -77,18 +68,13 @@ class GoalTask:
         return e, J[: self._rows]
 
     def reached(self, e: Floats) -> bool:
-        """Return whether an error is within the tolerance."""
         position, orientation = e[:3], e[3:]
         near = position.dot(position) <= self._position_bound
         return bool(near and orientation.dot(orientation) <= self._orientation_bound)
 
 
 def goal_frame(goal: Goal) -> Floats:
-    """Return a transform (4, 4) that meets the goal; what the goal leaves free is chosen.
-
-    Raises:
-        InputError: `goal` is not a goal.
-    """
+    """Return a transform (4, 4) that meets the goal; what the goal leaves free is chosen."""
     if isinstance(goal, PoseGoal):
         return goal.T
     if not isinstance(goal, AxisGoal | PositionGoal):
@@ -112,9 +98,6 @@ def _turn_to(x: float, y: float, z: float) -> tuple[float, float]:
 class JointSpace:
     """Limits of an arm as a search sees them.
 
-    Args:
-        kin: The arm.
-
     Attributes:
         search_lower, search_upper: The arm's limits [rad], shape (n,); -inf and +inf where a joint turns full circle.
     """
@@ -126,14 +109,7 @@ class JointSpace:
         self._joints = list(zip(kin.lower.tolist(), kin.upper.tolist(), full_circle.tolist(), strict=True))
 
     def fold(self, q: Floats) -> Floats:
-        """Return the posture within the limits that equals `q` modulo turns, or the nearest if none does.
-
-        Args:
-            q: Posture [rad], shape (n,).
-
-        Returns:
-            A new array: full-circle joints turned by the fewest multiples of 2 pi, the others clamped.
-        """
+        """Turn full-circle joints by the fewest turns that bring them into the limits, and clamp the others."""
         return np.array([_fold(angle, *joint) for angle, joint in zip(q.tolist(), self._joints, strict=True)])
 
 

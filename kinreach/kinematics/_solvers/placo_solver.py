@@ -81,14 +81,7 @@ class PlacoSolver(SteppingSolver):
 
 
 class _WorkSpace(threading.local):
-    """placo's objects for one arm, those of one thread.
-
-    Args:
-        kin: The arm, and its tip.
-        tolerance: How near is reached.
-        dt: Duration of one step [s].
-        free: Joints that turn full circle.
-    """
+    """placo's objects for one arm, those of one thread."""
 
     def __init__(self, kin: ArmKinematics, tolerance: Tolerance, dt: float, free: Sequence[str]) -> None:
         placo: Any = load("placo")  # here, and not above: without placo the other solvers still work
@@ -133,7 +126,6 @@ class _Problem:
         self._bounds.append((self._orientation, tolerance.orientation))
 
     def aim(self, T_world_goal: Floats) -> None:
-        """Move the targets."""
         self._position.target_world = T_world_goal[:3, 3]
         if self._kind is PoseGoal:
             self._orientation.R_world_frame = T_world_goal[:3, :3]

@@ -85,10 +85,6 @@ class Fit:
 def fit(chain: Chain, start: URGeometry) -> Fit:
     """Fit lengths, zeros, base and flange of an arm with a closed form to a chain, by least squares.
 
-    Args:
-        chain: The calibrated arm.
-        start: Lengths by the data sheet [m].
-
     Raises:
         InputError: The arm differs from every UR by more than `MAX_MISFIT`.
     """
@@ -119,10 +115,6 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
 
 class CalibratedSolver(NearClosedForm):
     """Every posture of a calibrated UR, of its flange in the chain's base.
-
-    Args:
-        placements: The chain from its base to the flange, A0 to A6, shape (7, 4, 4).
-        start: Lengths by the data sheet [m].
 
     Attributes:
         chain: The arm.

@@ -144,7 +144,6 @@ _MISS_TEXT = {
 
 
 def miss_text(miss: int) -> str:
-    """Describe what kept the arm from a target; empty for no flags."""
     return "; ".join(text for flag, text in _MISS_TEXT.items() if miss & flag)
 
 

@@ -41,9 +41,7 @@ class Shortfall:
 def shortfalls(rows: Rows, g: URGeometry) -> dict[int, Shortfall]:
     """Explain why branches have no posture, for those that have none; empty where the wrist is singular.
 
-    Args:
-        rows: Pose of the flange in the DH base frame, the three upper rows.
-        g: Link lengths.
+    The pose is that of the flange in the DH base frame.
     """
     (nx, ox, ax, px), (ny, oy, ay, py), (_, _, az, pz) = rows
     x, y, z = px - g.d6 * ax, py - g.d6 * ay, pz - g.d6 * az - g.d1
@@ -74,10 +72,6 @@ def way_into_reach(rows: Rows, g: URGeometry) -> Floats:
     is d4 from the plane through the first axis, and wrist_1, whose direction from it the orientation gives, is between
     the folded and the stretched elbow. So the distance is a function of that angle alone; its least value is found on
     a grid, then on ever finer ones.
-
-    Args:
-        rows: Pose of the flange in the DH base frame, the three upper rows.
-        g: Link lengths.
 
     Returns:
         In the DH base frame [m], shape (3,); no more than `INSIDE` where the pose itself is within reach.

@@ -25,11 +25,7 @@ NEWTON, CHORD = 2, 2
 
 
 class Refinement:
-    """Newton's method from near starts.
-
-    Args:
-        placements: The arm, `T = A0 Rz(q1) A1 Rz(q2) ... Rz(q6) A6`, shape (7, 4, 4).
-    """
+    """Newton's method from near starts."""
 
     def __init__(self, placements: Floats) -> None:
         A = placements.copy()
@@ -82,11 +78,7 @@ class Refinement:
         return np.where(arrived, found, q), arrived
 
     def refined(self, q: Floats, wanted: Floats) -> tuple[Floats, Floats]:
-        """Postures near starts.
-
-        Args:
-            q: Starts [rad], shape (6, m).
-            wanted: Columns of `wanted` for each, shape (3, 4, m).
+        """Compute postures near starts (6, m) [rad], for columns of `wanted`, shape (3, 4, m).
 
         Returns:
             Postures (6, m), and a bound of how far they miss their poses at the wrist [m, rad], shape (m,).
