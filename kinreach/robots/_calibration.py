@@ -71,12 +71,12 @@ class Calibration:
     @property
     def tilts(self) -> Floats:
         """Angle of each joint's axis from where the data sheet has it, in the frame of the joint before [rad], (6,)."""
-        return _differences(self.placements, nominal_placements(self.model))[0][:6]
+        return _differences(self.placements, self.model)[0][:6]
 
     @property
     def offsets(self) -> Floats:
         """Distance of each joint from where the data sheet has it, in the frame of the joint before [m], (6,)."""
-        return _differences(self.placements, nominal_placements(self.model))[1][:6]
+        return _differences(self.placements, self.model)[1][:6]
 
 
 def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> Calibration:
@@ -139,14 +139,7 @@ def nominal_placements(model: str) -> Floats:
 def calibrated_urdf(text: str, calibration: Calibration, *, base: str, tip: str) -> str:
     """Return a URDF of the model with its joints where the calibration has them; shapes and masses stay in their links.
 
-    Args:
-        text: URDF of the arm by its data sheet; the joints have the names in `kinreach.robots._ur.JOINTS`.
-        calibration: The real arm.
-        base: Link that is base_link.
-        tip: Link that is tool0.
-
-    Raises:
-        InputError: The URDF has not these joints, or is not that of the model.
+    In the given URDF, of the arm by its data sheet, the link `base` is base_link and `tip` is tool0.
     """
     robot = parse_urdf(text)
     frames = _link_frames(robot)
@@ -298,7 +291,7 @@ def _placements(placed: _Placed, model: str) -> Floats:
 
 def _what_is_wrong(placements: Floats, model: str) -> str:
     """Describe the first joint that is farther from the data sheet than any calibration; empty if none is."""
-    tilts, offsets = _differences(placements, nominal_placements(model))
+    tilts, offsets = _differences(placements, model)
     for what, tilt, offset in zip((*JOINTS, "tool0"), tilts, offsets, strict=True):
         if not tilt <= MAX_TILT:
             return (
@@ -313,9 +306,9 @@ def _what_is_wrong(placements: Floats, model: str) -> str:
     return ""
 
 
-def _differences(placements: Floats, nominal: Floats) -> tuple[Floats, Floats]:
+def _differences(placements: Floats, model: str) -> tuple[Floats, Floats]:
     """Tilts [rad] and offsets [m] of joints and tool0 in the frames before, shapes (7,)."""
-    z = placements[:, :3, 2]
+    z, nominal = placements[:, :3, 2], nominal_placements(model)
     tilts = np.arctan2(np.linalg.norm(np.cross(z, nominal[:, :3, 2]), axis=1), (z * nominal[:, :3, 2]).sum(axis=1))
     turned = nominal[6, :3, :3].T @ placements[6, :3, :3]
     tilts[6] = math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(turned)) - 1.0))))
@@ -333,8 +326,7 @@ def _unfolded(placed: _Placed, model: str) -> tuple[str, Floats]:
 
 def _fits(placed: _Placed, model: str) -> bool:
     """Return whether an arm is as near to a model as those whose calibration is known."""
-    offsets = _differences(_placements(placed, model), nominal_placements(model))[1]
-    return bool(offsets.max() < GOOD_OFFSET)
+    return bool(_differences(_placements(placed, model), model)[1].max() < GOOD_OFFSET)
 
 
 def _better_model(placed: _Placed, model: str) -> str:

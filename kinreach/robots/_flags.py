@@ -61,15 +61,7 @@ def add_arm_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def arm_of(name: str, arguments: argparse.Namespace) -> ArmDescription:
-    """Return the arm that the flags of `add_arm_flags` describe, with `--tip` as its default tip.
-
-    Args:
-        name: Name, URDF file, or `module:attribute`.
-        arguments: Parsed.
-
-    Raises:
-        InputError: The arm, the calibration, the tool or the tip cannot be used.
-    """
+    """Return the arm that the flags of `add_arm_flags` describe, with `--tip` as its default tip."""
     return arm_with(name, **arm_options(arguments))
 
 
@@ -95,20 +87,7 @@ def arm_with(
     joints: Sequence[str] | None = None,
     package_dirs: Sequence[str] = (),
 ) -> ArmDescription:
-    """Return an arm with a calibration, and with a tool or another tip.
-
-    Args:
-        name: Name, URDF file, or `module:attribute`.
-        calibration: Path of a UR's calibration.
-        repair: Correct a folded calibration.
-        tool: On the flange.
-        tip: Short name of the default tip.
-        joints: Of a URDF.
-        package_dirs: Of a URDF: folders of the packages with its meshes.
-
-    Raises:
-        InputError: The arm, the calibration, the tool or the tip cannot be used.
-    """
+    """Return an arm with a calibration, and with a tool or another tip."""
     if tool is not None and tip is not None:
         raise InputError("give --tip or --tool, not both")
     arm = arm_named(name, tip=tip, joints=joints, package_dirs=package_dirs)
@@ -123,12 +102,10 @@ def arm_with(
 
 
 def joints_of(arguments: argparse.Namespace) -> list[str] | None:
-    """Return the names in `--joints`, None without it."""
     return None if arguments.joints is None else [joint.strip() for joint in arguments.joints.split(",")]
 
 
 def package_dirs_of(arguments: argparse.Namespace) -> list[str]:
-    """Return the folders in all `--package-dir`."""
     given = os.pathsep.join(arguments.package_dir or ())
     return [folder for folder in given.split(os.pathsep) if folder]
 
@@ -140,11 +117,7 @@ def print_notes(arm: ArmDescription) -> None:
 
 
 def tool_of(arguments: argparse.Namespace) -> Tool | None:
-    """Return the tool that the flags of `add_arm_flags` describe, None without one.
-
-    Raises:
-        InputError: The numbers are not those of a tool.
-    """
+    """Return the tool that the flags of `add_arm_flags` describe, None without one."""
     others = [name for name in ARM_FLAGS if name.startswith("tool_") and getattr(arguments, name) is not None]
     if arguments.tool is None:
         if others:
@@ -169,11 +142,7 @@ def tool_of(arguments: argparse.Namespace) -> Tool | None:
 
 
 def numbers_of(flag: str, text: str, count: int) -> list[float]:
-    """Return the numbers of a flag, separated by commas or spaces, also in URScript's brackets: p[...] or [...].
-
-    Raises:
-        InputError: Not as many, or not numbers.
-    """
+    """Return the numbers of a flag, separated by commas or spaces, also in URScript's brackets: p[...] or [...]."""
     bare = text.strip().removeprefix("p")
     bare = bare[1:-1] if bare[:1] + bare[-1:] == "[]" else text
     words, values = bare.replace(",", " ").split(), []
@@ -190,11 +159,7 @@ def numbers_of(flag: str, text: str, count: int) -> list[float]:
 
 
 def posture_of(flag: str, text: str, count: int, *, degrees: bool) -> NDArray[np.float64]:
-    """Return the joint angles of a flag [rad].
-
-    Raises:
-        InputError: As `numbers_of`, or an angle beyond a full turn, which may be in degrees.
-    """
+    """Return the joint angles of a flag [rad]."""
     angles = np.array(numbers_of(flag, text, count))
     q = np.radians(angles) if degrees else angles
     if not np.abs(q).max() <= 2 * np.pi + 1e-6:

@@ -57,10 +57,6 @@ def add_parallel_gripper(robot: ET.Element, flange: str) -> None:
 
     It has the proportions of an OnRobot RG6, made of boxes: palm and rail, and two fingers that slide along the
     flange's y axis. The link `tcp` lies between the finger tips, 0.20 m along z from the flange.
-
-    Args:
-        robot: The URDF.
-        flange: Name of the link that carries the gripper; the fingers point along its z axis.
     """
     add_link(robot, "gripper_palm", mass=PALM_MASS, solids=PALM, rgba="0.62 0.64 0.67 1")
     add_joint(robot, "gripper_joint", flange, "gripper_palm")

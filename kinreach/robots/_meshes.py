@@ -47,15 +47,7 @@ class Mesh(NamedTuple):
 def collision_mesh(address: str, package_root: str | None, scale: Floats) -> Mesh:
     """Read the mesh of a collision shape, with a hull that has a volume; its arrays are read-only.
 
-    A mesh is read again only if its file has changed.
-
-    Args:
-        address: `package://` address.
-        package_root: The folder that it is in.
-        scale: Metres per unit of the file along each axis, shape (3,).
-
-    Raises:
-        InputError: The file is not a mesh that can be used.
+    A mesh is read again only if its file has changed. `scale` is in metres per unit of the file along each axis, (3,).
     """
     try:
         status = _inside(address, package_root).stat()
@@ -83,11 +75,7 @@ def _collision_mesh(
 
 
 def placed_parts(address: str, package_root: str | None, scale: Floats) -> list[tuple[Any, Floats]]:
-    """Read the parts of a mesh file as trimesh's meshes, in the file's unit, each with its pose in the file (4, 4).
-
-    Raises:
-        InputError: The file is not a mesh that can be used.
-    """
+    """Read the parts of a mesh file as trimesh's meshes, in the file's unit, each with its pose in the file (4, 4)."""
     path = _inside(address, package_root)
     name = shown(address)
     try:
@@ -157,32 +145,24 @@ def _inside(address: str, package_root: str | None) -> Path:
 
 
 def _read(path: Path) -> Any:
-    """Read the scene in a file; errors continue "the mesh ...".
+    """Read the scene in a file; errors continue "the mesh ..."."""
+    import trimesh  # half a second, which an arm without meshes saves
 
-    Raises:
-        InputError: It cannot be read.
-    """
-    if path.suffix.lower() not in MESHES:
+    kind = path.suffix.lower()
+    if kind not in MESHES:
         raise InputError(f"is not one of {', '.join(MESHES)}")
     try:
         content = read_bytes(path, "the file", most=MAX_BYTES)
     except InputError as error:
         raise InputError(f"cannot be used: {error}") from None
     try:
-        return _parsed(content, path.suffix.lower()[1:])
+        if kind == ".dae":
+            _check_collada(content)
+        # An empty resolver: what the mesh names, such as materials and textures, is not opened.
+        return trimesh.load_scene(io.BytesIO(content), file_type=kind[1:], resolver={}, process=False)
     except MemoryError:
         raise InputError("cannot be read: there is not enough memory") from None
-
-
-def _parsed(content: bytes, kind: str) -> Any:
-    import trimesh  # half a second, which an arm without meshes saves
-
-    if kind == "dae":
-        _check_collada(content)
-    try:
-        # An empty resolver: what the mesh names, such as materials and textures, is not opened.
-        return trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver={}, process=False)
-    except MemoryError:
+    except InputError:
         raise
     except Exception as error:  # whatever a parser raises at what is not a mesh
         raise InputError(f"cannot be read: {type(error).__name__}: {shown(str(error))}") from None

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import as_vector, check_number, check_path, shown
 from kinreach.errors import InputError
-from kinreach.robots._workcell import MAX_SIZE, Box, check_name
+from kinreach.robots._workcell import MAX_SIZE, Box, check_name, check_names_differ
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,9 @@ class Obstacle:
 
 
 def as_obstacles(obstacles: Sequence[Box | Obstacle]) -> tuple[Box | Obstacle, ...]:
-    """Check obstacles, and that each has a name of its own.
-
-    Raises:
-        InputError: One is neither a `Box` nor an `Obstacle`, or two have the same name.
-    """
+    """Check obstacles, and that each has a name of its own."""
     given: Any = obstacles
     if not isinstance(given, Sequence) or not all(isinstance(each, Box | Obstacle) for each in given):
         raise InputError(f"obstacles must be a list of Box and Obstacle, got {shown(obstacles)}")
-    names = [each.name for each in obstacles]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise InputError(f"two obstacles are named {twice[0]!r}")
+    check_names_differ([each.name for each in obstacles])
     return tuple(obstacles)

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from functools import cache, cached_property
 from pathlib import Path, PurePosixPath
-from typing import NamedTuple
 from urllib.parse import unquote
 
 from kinreach._checks import check_path, shown
@@ -23,30 +22,13 @@ LEVELS_UP = 4
 FILE = "file://"
 
 
-class Found(NamedTuple):
-    """Meshes of a URDF.
-
-    Attributes:
-        root: Folder that `package://` stands for; None without meshes.
-        missing: Why collision shapes are missing; empty if none is.
-    """
-
-    root: str | None
-    missing: str
-
-
-def find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path]) -> Found:
+def find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path]) -> tuple[str | None, str]:
     """Rewrite the addresses of all meshes as `package://` within one folder, and leave out those that are not found.
 
     A link whose visual meshes are all missing is drawn by its collision shapes.
 
-    Args:
-        robot: Changed in place.
-        file: Its path, links followed.
-        package_dirs: Folders that hold packages, or are one.
-
-    Raises:
-        InputError: One of `package_dirs` cannot be a path.
+    Returns:
+        The folder that `package://` stands for, None without meshes; and why collision shapes are missing, or "".
     """
     folders = _Folders(file, [check_path("package_dirs", folder).resolve() for folder in package_dirs])
     for material in robot.iter("material"):
@@ -76,7 +58,7 @@ def find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path
     root = Path(os.path.commonpath([place.parent for place in places.values()])) if places else None
     for mesh, place in places.items():
         mesh.set("filename", PACKAGE + place.relative_to(root or "").as_posix())
-    return Found(None if root is None else str(root), _reason(missing))
+    return None if root is None else str(root), _reason(missing)
 
 
 def _reason(missing: Sequence[tuple[str, str]]) -> str:
@@ -92,12 +74,7 @@ def _reason(missing: Sequence[tuple[str, str]]) -> str:
 
 
 class _Folders:
-    """Folders in which the meshes of a URDF may be.
-
-    Args:
-        file: The URDF, links followed.
-        given: Folders that hold packages, or are one.
-    """
+    """Folders in which the meshes of a URDF may be."""
 
     def __init__(self, file: Path, given: Sequence[Path]) -> None:
         self._file = file

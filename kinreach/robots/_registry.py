@@ -64,19 +64,7 @@ def arm_named(
     joints: Sequence[str] | None = None,
     package_dirs: Sequence[str | Path] = (),
 ) -> ArmDescription:
-    """Return the arm that a command line names: a registered one, a URDF file, or an attribute of a module.
-
-    Args:
-        text: Its name; the path of a file that ends in .urdf or .xml; or `module:attribute`, whose module is run.
-        tip: Link of a file's arm that is the tip; by default the last one.
-        joints: Of a file's arm; by default those that move between root and tip and are not a gripper's.
-        package_dirs: Folders of the packages with a file's meshes.
-
-    Raises:
-        UnknownNameError: Unknown arm.
-        InputError: The file is not an arm, the module cannot be imported, or its attribute is not an `ArmDescription`;
-            or joints or folders of another arm than a file's are given.
-    """
+    """Return the arm that a command line names: a registered one, a URDF file, or an attribute of a module."""
     if text.lower().endswith(FILES):
         return ArmDescription.from_urdf(text, tip=tip, joints=joints, package_dirs=package_dirs)
     for name, given in (("joints", joints), ("package_dirs", package_dirs)):

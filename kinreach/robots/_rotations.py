@@ -123,11 +123,7 @@ def pose_vector(T: ArrayLike) -> Floats:
 
 
 def as_frame(name: str, value: ArrayLike) -> Floats:
-    """Return a frame that a user gives as a 4x4 transform or as six numbers of `pose`; shape (4, 4).
-
-    Raises:
-        InputError: Neither, or farther away than `MAX_TOOL`: millimetres instead of metres.
-    """
+    """Return a frame that a user gives as a 4x4 transform or as six numbers of `pose`; shape (4, 4)."""
     given = as_floats(name, value)
     check_entries(name, given, MAX_DISTANCE)
     if given.shape == (6,):

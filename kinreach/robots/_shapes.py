@@ -41,16 +41,8 @@ class LinkShape:
 def link_shapes(arm: ArmDescription, kind: str = "visual", *, meshes_only: bool = False) -> list[LinkShape]:
     """Return the shapes of all links, as they are drawn or as they collide.
 
-    Args:
-        arm: Whose shapes.
-        kind: `"visual"` or `"collision"`.
-        meshes_only: Leave out boxes, cylinders and balls.
-
     Returns:
         Link by link in the order of the URDF, one for each colour of a mesh; empty for an arm without shapes.
-
-    Raises:
-        InputError: A mesh cannot be used.
     """
     robot = ET.fromstring(arm.urdf)
     materials = {m.get("name", ""): _rgba(m) for m in robot.findall("material")}

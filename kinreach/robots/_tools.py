@@ -125,17 +125,8 @@ TOOLS = {
 def add_tool(robot: ET.Element, flange: str, tool: Tool, package_root: str | None) -> str | None:
     """Add a tool to a parsed URDF: the link `tool` at its centre point, and `tool_body` if it has a mass or shapes.
 
-    Args:
-        robot: Changed in place.
-        flange: Name of the link that carries it.
-        tool: What to add.
-        package_root: Folder that `package://` stands for in the URDF, None if it names no mesh.
-
     Returns:
         The folder that `package://` stands for now.
-
-    Raises:
-        InputError: The tool's mesh cannot be used, or is in millimetres.
     """
     if tool.mass or tool.shapes or tool.mesh:
         add_link(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinreach.robots._grippers import TCP_OFFSET
-from kinreach.robots._ur_shapes import link_solids, shape_of
+from kinreach.robots._ur_shapes import UR_SHAPES, URShape, link_solids
 from kinreach.robots._urdf import add_joint, add_link
 
 MOUNT_YAW = math.pi / 2
@@ -65,15 +65,17 @@ UR_LENGTHS: Mapping[str, Lengths] = {
 UR_ACCELERATION = 5.0
 
 
-def ur_speeds(name: str) -> tuple[float, ...]:
-    """Largest speeds of a model's joints by its data sheet [rad/s].
+def shape_of(name: str) -> URShape:
+    """Return the shape of a model: its own, or that of the model with the most similar joints, by d4, d5 and d6."""
+    joints = {key: np.array(lengths[3:]) for key, lengths in UR_LENGTHS.items()}
+    return UR_SHAPES[min(UR_SHAPES, key=lambda own: (own != name, float(np.abs(joints[own] - joints[name]).sum())))]
 
-    Args:
-        name: Of the arm; what follows "_" does not count. Arms of other names have the highest of all.
-    """
+
+def ur_speeds(name: str) -> tuple[float, ...]:
+    """Largest speeds of a model's joints by its data sheet [rad/s]; arms of other names have the highest of all."""
     model = name.lower().partition("_")[0]
     if model in UR_LENGTHS:
-        return shape_of(model, UR_LENGTHS).speeds
+        return shape_of(model).speeds
     return (2.0 * math.pi,) * len(JOINTS)
 
 
@@ -82,9 +84,6 @@ def nominal_urdf(name: str) -> str:
 
     The limits are the data sheet's, but the elbow has half of them, as in the maker's ROS description: on the way to
     the other half wrist_1 hits the upper arm.
-
-    Args:
-        name: Key of `UR_LENGTHS`.
     """
     d1, a2, a3, d4, d5, d6 = UR_LENGTHS[name]
     y, z, quarter = (0, 1, 0), (0, 0, 1), (0, math.pi / 2, 0)
@@ -96,7 +95,7 @@ def nominal_urdf(name: str) -> str:
         ("wrist_2_link", (0, 0, 0), (0, 0, 0), z),
         ("wrist_3_link", (0, 0, d5), (0, 0, 0), y),
     )
-    shape = shape_of(name, UR_LENGTHS)
+    shape = shape_of(name)
     solids = link_solids(shape, UR_LENGTHS[name])
     masses = dict(zip([step[0] for step in steps], shape.masses, strict=True))
     robot = ET.Element("robot", name=name)

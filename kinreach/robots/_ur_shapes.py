@@ -7,12 +7,10 @@ meshes exist of UR8 Long, UR15 and UR18: they have the shapes of a UR20 in propo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi, radians
 from typing import Any
-
-import numpy as np
 
 from kinreach.robots._urdf import Solid
 
@@ -166,31 +164,15 @@ _UR10 = URShape(
     torques=_UR10E.torques,
 )
 
-#: Shapes by model; of others see `shape_of`.
+#: Shapes by model; of others see `kinreach.robots._ur.shape_of`.
 UR_SHAPES = {
     "ur3": _UR3, "ur3e": _UR3E, "ur5": _UR5, "ur5e": _UR5E, "ur8long": _UR15, "ur10": _UR10, "ur10e": _UR10E,
     "ur15": _UR15, "ur16e": _UR16E, "ur18": _UR15, "ur20": _UR20, "ur30": _UR30,
 }  # fmt: skip
 
 
-def shape_of(name: str, table: Mapping[str, Sequence[float]]) -> URShape:
-    """Return the shape of a model: its own, or that of the model with the most similar joints, by d4, d5 and d6.
-
-    Args:
-        name: Key of the table.
-        table: Lengths of all models [m].
-    """
-    joints = {key: np.array(lengths[3:]) for key, lengths in table.items()}
-    return UR_SHAPES[min(UR_SHAPES, key=lambda own: (own != name, float(np.abs(joints[own] - joints[name]).sum())))]
-
-
 def link_solids(shape: URShape, lengths: Sequence[float]) -> dict[str, tuple[Solid, ...]]:
-    """Cylinders by link, in the frames of `kinreach.robots._ur.nominal_urdf`; the first carries the link's mass.
-
-    Args:
-        shape: Of the model.
-        lengths: Its `Lengths` [m].
-    """
+    """Cylinders by link, in the frames of `kinreach.robots._ur.nominal_urdf`; the first carries the link's mass."""
     _, a2, a3, d4, d5, d6 = lengths
     low, side = shape.shoulder[0], shape.shoulder[1]
     at_shoulder, at_elbow, upper = shape.upper_arm

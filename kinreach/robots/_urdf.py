@@ -102,11 +102,7 @@ def set_origin(robot: ET.Element, joint: str, xyz: Sequence[float], rpy: Sequenc
 
 
 def set_limits(robot: ET.Element, joint: str, lower: float, upper: float) -> None:
-    """Set the lower and the upper limit of a joint [rad].
-
-    Raises:
-        InputError: Unknown joint, or it is of a kind that has no limits.
-    """
+    """Set the lower and the upper limit of a joint [rad]."""
     element = named(robot, "joint", joint)
     limit = None if element is None or element.get("type") not in _LIMITED else element.find("limit")
     if limit is None:
@@ -124,16 +120,7 @@ def add_link(
     solids: Sequence[Solid] = (),
     rgba: str = "",
 ) -> None:
-    """Add a link; its inertia is that of the first solid with the given mass [kg], spread evenly.
-
-    Args:
-        robot: Changed in place.
-        name: Of the link.
-        mass: [kg]; 0 for a link without inertia.
-        centre: Centre of mass [m]; that of the first solid by default.
-        solids: Its shapes; a mass without any is a cube of 5 cm.
-        rgba: Colour of the shapes, as URDF writes it.
-    """
+    """Add a link with a mass [kg], which is spread evenly in the first solid, a cube of 5 cm without any."""
     link = ET.SubElement(robot, "link", name=name)
     if mass > 0:
         solid = solids[0] if solids else Solid((0.05, 0.05, 0.05))
@@ -233,11 +220,7 @@ _NOT_NEGATIVE = ("value", "effort", "velocity", "damping", "friction")
 
 
 def parse_urdf(text: object) -> ET.Element:
-    """Return the `<robot>` element of a URDF text.
-
-    Raises:
-        InputError: It is too long or too deep, not XML or not a URDF, or it has a document type.
-    """
+    """Return the `<robot>` element of a URDF text."""
     if not isinstance(text, str) or len(text) > MAX_CHARACTERS:
         raise InputError(f"a URDF must be text of at most {MAX_CHARACTERS} characters, got {shown(text)}")
     depth = 0
@@ -268,16 +251,7 @@ def parse_urdf(text: object) -> ET.Element:
 
 
 def check_urdf(text: object, package_root: str | None) -> None:
-    """Refuse what is not a URDF of one arm, and what would make a reader open other files or take much memory.
-
-    Args:
-        text: The URDF.
-        package_root: Folder that `package://` stands for; None if there is none.
-
-    Raises:
-        InputError: It is too long or not XML; it declares entities; links and joints are not a tree; a number is not
-            finite, too large or of the wrong sign; a lower limit is above the upper one; a mesh is outside the package.
-    """
+    """Refuse what is not a URDF of one arm, and what would make a reader open other files or take much memory."""
     robot = parse_urdf(text)
     for element in robot.iter():
         for name, count in _NUMBERS.get(element.tag, {}).items():
@@ -410,10 +384,6 @@ class UrdfArm:
         tip: Link at the end of the arm.
         joints: Names of the joints of `q`, from the root to the tip.
         limits: Lower and upper limit of each [rad].
-
-    Raises:
-        InputError: Unknown link or joint, a joint is not between root and tip, or none moves there; a joint
-            has no range; or without `tip` two branches are equally long.
     """
 
     def __init__(
@@ -615,16 +585,7 @@ def gripper_joints(robot: ET.Element) -> list[str]:
 
 
 def check_home(name: str, robot: ET.Element, home: Mapping[str, float]) -> None:
-    """Refuse a start posture outside of the limits.
-
-    Args:
-        name: What error messages call the arm.
-        robot: The checked URDF.
-        home: Angles by the names of joints [rad].
-
-    Raises:
-        InputError: Unknown joint, or it is outside; the message names its angle and its limits.
-    """
+    """Refuse a start posture outside of the limits."""
     joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
     for joint, angle in home.items():
         check_known(f"joint of arm {name!r}", joint, joints)

@@ -41,7 +41,6 @@ class UrdfSource:
     """An arm read from a file.
 
     Attributes:
-        name: The robot's name in the URDF.
         robot: The URDF for the engines.
         package_root: Folder that `package://` stands for in it; None without meshes.
         joints: Names of the joints of `q`.
@@ -102,11 +101,7 @@ def read_urdf(
 
 
 def _parse(path: Path) -> ET.Element:
-    """Parse a URDF.
-
-    Raises:
-        InputError: It is not a URDF, or xacro, which has to be expanded first.
-    """
+    """Parse a URDF."""
     text = read_text(path, "the URDF", most=MAX_CHARACTERS)
     try:
         robot = parse_urdf(text)

@@ -53,24 +53,6 @@ class Box:
         check_number(f"the legs of the box {self.name!r}", self.legs, least=0.0, most=MAX_SIZE)
 
 
-def as_boxes(obstacles: Sequence[Box]) -> tuple[Box, ...]:
-    """Check obstacles, and that each has a name of its own.
-
-    Raises:
-        InputError: One is not a `Box`, or two have the same name.
-    """
-    boxes: Any = obstacles
-    if not isinstance(boxes, Sequence) or not all(isinstance(box, Box) for box in boxes):
-        raise InputError(
-            f"obstacles of a work cell must be a list of Box, got {shown(obstacles)}; an Obstacle is for "
-            "CollisionChecker(kin, obstacles=...)"
-        )
-    names = [box.name for box in obstacles]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise InputError(f"two obstacles are named {twice[0]!r}")
-    return tuple(obstacles)
-
-
 @dataclass(frozen=True)
 class CameraMount:
     """A camera that is fixed to a link; all points are in that link's frame [m].
@@ -120,6 +102,11 @@ class CameraMount:
 def check_name(what: str, name: object) -> None:
     if not isinstance(name, str) or not name:
         raise InputError(f"{what} must be text, got {shown(name)}")
+
+
+def check_names_differ(names: Sequence[str]) -> None:
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"two obstacles are named {twice[0]!r}")
 
 
 class GoalRegion(Protocol):
@@ -173,7 +160,6 @@ class QuadrantRegion:
         _check_range("height", self.height)
 
     def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-        """Draw `count` goal positions in the world frame [m], shape (count, 3)."""
         xy = rng.uniform(*self.across, (count, 2)) * rng.choice((-1.0, 1.0), (count, 2))
         return np.column_stack([xy, rng.uniform(*self.height, count)])
 
@@ -207,7 +193,13 @@ class Workcell:
     reached_distance: float = 0.01
 
     def __post_init__(self) -> None:
-        as_boxes(self.obstacles)
+        boxes: Any = self.obstacles
+        if not isinstance(boxes, Sequence) or not all(isinstance(box, Box) for box in boxes):
+            raise InputError(
+                f"obstacles of a work cell must be a list of Box, got {shown(boxes)}; an Obstacle is for "
+                "CollisionChecker(kin, obstacles=...)"
+            )
+        check_names_differ([box.name for box in boxes])
         touching: Any = self.touching
         if not isinstance(touching, Sequence) or not all(_is_pair(pair) for pair in touching):
             raise InputError(f"touching must be pairs of an obstacle and a link, got {shown(touching)}")
