@@ -49,14 +49,8 @@ class Moment(NamedTuple):
 class Caption:
     """Follows a scene, and writes into its frames.
 
-    Args:
-        policy: Name of the method.
-        done: What is written where an episode ended at the goal.
-
     Attributes:
         goal: Of the episode, where the scene has no ball [m], shape (3,).
-        verdict: How the episode ended; empty until then.
-        reached: Whether it ended at the goal.
     """
 
     def __init__(self, policy: str, *, done: str = "reached") -> None:
@@ -144,7 +138,6 @@ def _circled(name: str, rgb: Any, fix: BallFix | None) -> Image.Image:
 
 
 def colours() -> tuple[str, ...]:
-    """Return the colours that are written with, for the palette of a film."""
     return ("#ffffff", INK, REACHED, MISSED, FOUND, "#b8b8b8", "#dc0a08", *dict.fromkeys(METHOD_COLOURS.values()))
 
 

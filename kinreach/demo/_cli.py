@@ -30,18 +30,7 @@ HOLD = 20
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Run the demo.
-
-    Args:
-        argv: Arguments without the program's name.
-        prog: How the user called it, for messages.
-
-    Returns:
-        Exit code 0; anything else is raised.
-
-    Raises:
-        KinreachError: Bad input, a missing library, a file that cannot be written.
-    """
+    """Run the demo."""
     arguments = _arguments(argv, prog)
     task = TASKS[arguments.env]
     printed = _printed(arguments.print)
@@ -69,8 +58,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 
 def _make(task: DemoTask, mode: str | None, options: Mapping[str, Any], caption: Caption) -> gym.Env[Any, Any]:
-    """Make the environment, drawn in the render mode; a film has its own size, and the caption follows it."""
-
     def prepare(picture: ScenePicture) -> None:
         if mode == "rgb_array_list":
             picture.size, picture.drawn = SIZE, caption.follow

@@ -17,10 +17,6 @@ from kinreach.sim._posed import PosedScene
 def scene_of(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> tuple[Any, bool]:
     """Return the scene of an environment, and whether it has to follow `info`.
 
-    Args:
-        env: After its reset.
-        info: Of that.
-
     Raises:
         InputError: It has no arm, or neither a scene nor a posture `q` in its info.
     """
@@ -33,11 +29,7 @@ def scene_of(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> tuple[Any, bool
 
 
 def arm_of(env: gym.Env[Any, Any]) -> ArmDescription:
-    """Return the arm that is drawn: the believed one, if the true one differs.
-
-    Raises:
-        InputError: The environment has none.
-    """
+    """Return the arm that is drawn: the believed one, if the true one differs."""
     arm = arm_in(env)
     if arm is None:
         raise InputError(f"{_name(env)} cannot be drawn: it has no `arm`")
@@ -54,14 +46,7 @@ def _name(env: gym.Env[Any, Any]) -> str:
 
 
 class Drawn(gym.Wrapper[Any, Any, Any, Any]):
-    """Draw an environment that does not draw itself.
-
-    Args:
-        env: The environment.
-        mode: As of `ScenePicture`.
-        fps: Frames per second of simulated time.
-        prepare: Called with each new picture before anything is drawn.
-    """
+    """Draw an environment that does not draw itself."""
 
     def __init__(
         self, env: gym.Env[Any, Any], *, mode: str, fps: int, prepare: Callable[[ScenePicture], object] | None = None
@@ -85,18 +70,15 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Step, and draw."""
         result = self.env.step(action)
         self._steps += 1
         self._follow(result[4])
         return result
 
     def render(self) -> Any:
-        """Return what `ScenePicture.frame` does."""
         return None if self._picture is None else self._picture.frame()
 
     def close(self) -> None:
-        """Close the picture and the environment."""
         self._close_picture()
         super().close()
 

@@ -31,17 +31,7 @@ SWATCH = 24
 
 
 class Film(AbstractContextManager["Film"]):
-    """Collect frames; the file appears, complete, when the block ends without an error or with Ctrl-C.
-
-    Args:
-        path: A file that ends in `.gif` or `.mp4`.
-        fps: Frames per second.
-        colours: That a GIF has besides those of its first frame.
-
-    Raises:
-        InputError: Another ending.
-        OutputError: The file cannot be written.
-    """
+    """Collect frames; the file appears, complete, when the block ends without an error or with Ctrl-C."""
 
     def __init__(self, path: str | Path, *, fps: int, colours: Sequence[str] = ()) -> None:
         self.path = check_path("a film", path)

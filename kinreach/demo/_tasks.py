@@ -33,7 +33,6 @@ class DemoTask:
     """An environment that can be watched.
 
     Attributes:
-        name: Its id at Gymnasium.
         analytic: Makes its analytic policy from the environment.
         policy, steps, printed: Defaults of the command line.
         solvers: Names of solvers that can act in it.
@@ -124,10 +123,7 @@ POLICIES: Mapping[str, Callable[[DemoTask, Environment, int], Policy]] = {
 def trained_for(environment: str, arm: str | None = None, *, eyes: bool = False) -> list[str]:
     """Return names of the package's policies for an environment, of all arms or of the arm of a name.
 
-    Args:
-        environment: Its id.
-        arm: Name of the arm.
-        eyes: Those that observe pictures, instead of those that observe the goal.
+    With `eyes` those that observe pictures, instead of those that observe the goal.
     """
     found = {name: load_policy(name) for name in pretrained_names()}
     return [
@@ -145,42 +141,19 @@ def all_trained(environment: str) -> list[str]:
 
 
 def trained_policy(name: str, environment: str) -> LearnedPolicy | None:
-    """Return a policy of the package for an environment, or from a file; None where the name is of neither.
-
-    Raises:
-        InputError: The file does not hold a policy, or it is for another environment.
-    """
+    """Return a policy of the package for an environment, or from a file; None where the name is of neither."""
     known = name in all_trained(environment) or bool(Path(name).suffix)
     return load_policy(name, environment=environment) if known else None
 
 
 def options_for(name: str, environment: str) -> dict[str, Any]:
-    """Return the options that a trained policy needs (`needed_options`); none for other policies.
-
-    Args:
-        name: As `trained_policy` takes it.
-        environment: Id of the one that it was trained in.
-
-    Raises:
-        InputError: The file does not hold a policy, or it is for another environment.
-    """
+    """Return the options that a trained policy needs (`needed_options`); none for other policies."""
     policy = trained_policy(name, environment)
     return {} if policy is None else needed_options(policy)
 
 
 def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -> Policy:
-    """Return a policy by name, or a trained one: of the package, or from a file.
-
-    Args:
-        name: Of `POLICIES`, of the task's `solvers` or `methods`, or of a policy of the package; or the path of a
-            policy file.
-        task: What it will do.
-        env: Where.
-        seed: Of what it draws.
-
-    Raises:
-        InputError: The name is unknown, the file does not hold a policy, or it is for another environment.
-    """
+    """Return a policy by name, or a trained one: of the package, or from a file."""
     if name in POLICIES:
         return POLICIES[name](task, env, seed)
     if name in task.solvers:

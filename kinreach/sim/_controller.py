@@ -105,13 +105,7 @@ class Touch:
 
 
 def touches(model: Any, data: Any, obstacles: Collection[str]) -> tuple[Touch, ...]:
-    """Return the links in contact in the last computed step, deepest first, each pair once.
-
-    Args:
-        model: The scene.
-        data: Its state; contacts are read, not computed.
-        obstacles: Names of the bodies that are not links, free objects among them.
-    """
+    """Return the links in contact in the last computed step, deepest first, each pair once."""
     deepest: dict[tuple[str, str], float] = {}
     for (first, second), depth in pairs_in_contact(model, data).items():
         a, b = model.body(first).name, model.body(second).name
@@ -145,12 +139,6 @@ class JointController:
     The verdict depends almost only on the target. Of 1700 targets up to 0.2 rad (sigma) from a tool-down posture, all
     453 in collision were found impossible, and one of the others, whose path is blocked; of 600 random ones all 367 in
     collision, and 30 of the others.
-
-    Args:
-        arm: The arm.
-        model: A scene of it, from `kinreach.sim._scene`.
-        tolerance: How far from its target a joint may come to rest [rad].
-        encoder_noise: Standard deviation of the servos' readings of their joints [rad].
 
     Attributes:
         arm, model, tolerance: As given.

@@ -62,11 +62,7 @@ class Objects(NamedTuple):
         }
 
     def lowest(self, rotation: Floats) -> Floats:
-        """Return how far below its centre each object's lowest point is [m].
-
-        Args:
-            rotation: From the object to the world, shape (k, 3, 3).
-        """
+        """Return how far below its centre each object's lowest point is [m], for rotations to the world (k, 3, 3)."""
         down = np.abs(rotation[:, 2])
         cube, cylinder = down.sum(axis=1), np.sqrt(np.maximum(1.0 - down[:, 2] ** 2, 0.0)) + down[:, 2]
         return self.size * np.select([self.shape == 0, self.shape == 1], [1.0, cube], cylinder)

@@ -47,13 +47,7 @@ TOUCHED = 1e-3
 class Grasping:
     """The grippers and objects of simulations, one or a batch; each is independent of the others.
 
-    Args:
-        simulation: With free objects, of an arm with a gripper.
-
     Attributes:
-        controller: Of the simulations.
-        gripper: Of the arm.
-        count: Number of simulations.
         objects: Number of objects of each.
     """
 
@@ -99,14 +93,9 @@ class Grasping:
         plant.ctrl[rows_and_columns(ids, controller.ctrl)] = q
 
     def put(self, ids: Ids, which: int, kinds: Objects, places: Floats, yaws: Floats) -> None:
-        """Put down an object of each simulation, upright.
+        """Put an object of each of k simulations down, upright, turned about the vertical by a yaw [rad].
 
-        Args:
-            ids: Simulations, shape (k,).
-            which: Which of their objects.
-            kinds: Their shapes, sizes, masses and frictions.
-            places: Where they touch the table, in the world [m], shape (k, 3).
-            yaws: Turns about the vertical [rad], shape (k,).
+        It touches the table at its place, in the world [m], shape (k, 3); `which` is its index.
         """
         self._make(ids, which, kinds)
         pose = self._plant.qpos[ids, self._rows[which]]
@@ -158,7 +147,6 @@ class Grasping:
         return self.controller.move(self._plant, ids, targets, two_phase=False)
 
     def diverged(self, ids: Ids) -> Flags:
-        """Return which became unstable since they were last reset or put back."""
         return self._plant.diverged(ids)
 
     def states(self, ids: Ids) -> Floats:
@@ -166,7 +154,6 @@ class Grasping:
         return self._plant.states(ids)
 
     def put_back(self, ids: Ids, states: Floats) -> None:
-        """Put simulations back into states, at rest."""
         self._plant.put_back(ids, states)
 
     def copy_from(self, other: Grasping) -> None:

@@ -47,12 +47,7 @@ IDEAL = Imperfections()
 
 
 def as_imperfections(given: Imperfections | Mapping[str, float] | None) -> Imperfections:
-    """Check imperfections, given as such or by name; None is an ideal arm.
-
-    Raises:
-        UnknownNameError: Unknown imperfection.
-        InputError: They are neither, or a value is out of range.
-    """
+    """Check imperfections, given as such or by name; None is an ideal arm."""
     if given is None:
         return IDEAL
     if isinstance(given, Imperfections):
@@ -74,12 +69,6 @@ def encoder_errors(sigma: float, start: Floats, target: Floats, periods: int) ->
 
     The generator follows from where the move starts and ends: the same move is the same again, alone or in a batch,
     and no other move has the same noise.
-
-    Args:
-        sigma: Standard deviation [rad].
-        start: Posture [rad], shape (n,).
-        target: Posture [rad], shape (n,).
-        periods: Of the controller.
     """
     words: Any = np.concatenate([start, target]).view(np.uint32)
     return sigma * np.random.default_rng(words.tolist()).standard_normal((periods, len(target)))

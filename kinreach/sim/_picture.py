@@ -28,11 +28,6 @@ CLOSING = 5.0
 class SceneViewer:
     """A window on a simulation; to be closed.
 
-    Args:
-        model: A scene (`mujoco.MjModel`).
-        data: Its state, which `sync` shows.
-        camera: Name of the camera whose view the window begins with.
-
     Raises:
         InstallationError: No screen, or no library that opens a window.
     """
@@ -113,11 +108,6 @@ class Scene(Protocol):
 
 class ScenePicture:
     """Frames of a simulation's scene.
-
-    Args:
-        scene: What is drawn.
-        mode: `"human"`, `"rgb_array"`, `"rgb_array_list"` or `"depth_array"`.
-        fps: Frames per second of simulated time, in the viewer and in a list of frames.
 
     Attributes:
         size: Width and height of a frame [pixels]; to be set before the first one.

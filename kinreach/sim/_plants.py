@@ -98,31 +98,25 @@ class SinglePlant:
 
     @property
     def time(self) -> Floats:
-        """Simulated time [s], shape (1,)."""
         return np.array([self.data.time])
 
     def states(self, ids: Ids) -> Floats:
-        """Copy states; see `Plant.states`."""
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, self.data, state, _STATE)
         return state[None]
 
     def put(self, ids: Ids, states: Floats) -> None:
-        """Put the simulation into a state; see `Plant.put`."""
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, states[0], _STATE)
 
     def put_back(self, ids: Ids, states: Floats) -> None:
-        """Put the simulation back; see `Plant.put_back`."""
         self.put(ids, states)
         self.data.qvel[:] = self.data.qacc_warmstart[:] = 0.0
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
-        """Return whether the simulation was unstable; see `Plant.diverged`."""
         return np.array([any(self.data.warning[kind].number for kind in _UNSTABLE)])
 
     def model_of(self, index: int) -> Any:
-        """Return the model; see `Plant.model_of`."""
         return self.model
 
     def own(self, name: str) -> NDArray[Any]:
@@ -135,7 +129,6 @@ class SinglePlant:
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
-        """Simulate forward; see `Plant.follow`."""
         for setpoint in setpoints[:, 0]:
             self.data.ctrl[servos] = setpoint
             mujoco.mj_step(self.model, self.data, substeps)
@@ -147,7 +140,6 @@ class BatchPlant:
     """Many simulations, stepped by MuJoCo's batch.
 
     Attributes:
-        batch: MuJoCo's batch.
         mocap: Places of what is moved from outside [m], shape (count, bodies, 3).
     """
 
@@ -166,7 +158,6 @@ class BatchPlant:
 
     @property
     def time(self) -> Floats:
-        """Simulated time [s], shape (count,)."""
         return self._time
 
     def home(self, ids: Ids) -> None:
@@ -174,27 +165,22 @@ class BatchPlant:
         self.batch.reset(ids=ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE)
 
     def states(self, ids: Ids) -> Floats:
-        """Copy states; see `Plant.states`."""
         states: Floats = self.batch.state[ids]
         return states
 
     def put(self, ids: Ids, states: Floats) -> None:
-        """Put simulations into states; see `Plant.put`."""
         self.batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
         self.batch.state[ids] = states
 
     def put_back(self, ids: Ids, states: Floats) -> None:
-        """Put simulations back; see `Plant.put_back`."""
         self.put(ids, states)
         self.qvel[ids] = self._warmstart[ids] = 0.0
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
-        """Return which simulations were unstable; see `Plant.diverged`."""
         unstable: NDArray[np.bool_] = self.batch.warning[ids][:, _UNSTABLE, _NUMBER].any(axis=1)
         return unstable
 
     def model_of(self, index: int) -> Any:
-        """Return the model of one; see `Plant.model_of`."""
         if not self._fields:
             return self.model
         if self._one is None:
@@ -214,7 +200,6 @@ class BatchPlant:
         self.batch.set_const(ids)
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
-        """Simulate forward, in one call; see `Plant.follow`."""
         periods, count = setpoints.shape[:2]
         control = np.empty((count, periods, substeps, self.ctrl.shape[1]))
         control[:] = self.ctrl[ids, None, None]

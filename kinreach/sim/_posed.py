@@ -20,12 +20,7 @@ PERIOD = 0.02
 class PosedScene:
     """An arm, its work cell and the ball, drawn where they are put; nothing moves by itself.
 
-    Args:
-        arm: The arm.
-        model: A scene of it (`mujoco.MjModel`); default is that of `scene_model`, with visuals.
-
     Attributes:
-        arm, model: As given.
         data: MuJoCo's state.
         watch: Called in the course of `go`.
     """
@@ -52,9 +47,6 @@ class PosedScene:
             q: [rad], shape (n,).
             ball: Its centre in the world [m], shape (3,); by default it stays.
             time: Of the scene [s]; by default it stays.
-
-        Raises:
-            InputError: Wrong shape, or not finite.
         """
         self.data.qpos[self._qpos] = as_vector("q", q, len(self.arm.joints))
         if ball is not None:

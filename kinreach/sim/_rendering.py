@@ -14,7 +14,6 @@ import platform
 import sys
 from collections.abc import Sequence
 from functools import cache
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,11 +31,7 @@ _PROBE_SIZE = 8
 
 
 def camera_id(model: Any, name: str) -> int:
-    """Return the number of a camera of a scene.
-
-    Raises:
-        UnknownNameError: Unknown camera.
-    """
+    """Return the number of a camera of a scene."""
     check_known("camera", name, [model.camera(i).name for i in range(model.ncam)])
     found: int = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
     return found
@@ -45,10 +40,7 @@ def camera_id(model: Any, name: str) -> int:
 class FrameRenderer:
     """Draws frames of one size of one model; to be closed, or used as a context manager.
 
-    Args:
-        model: A scene, from `kinreach.sim._scene`.
-        width, height: Size of the frames [pixels].
-        shadows: Draw shadows and reflections, two to five times slower.
+    With shadows and reflections a frame takes two to five times as long.
 
     Attributes:
         model, width, height: As given.
@@ -77,22 +69,12 @@ class FrameRenderer:
             self._renderer.scene.flags[flag] = shadows
 
     def rgb(self, data: Any, camera: str) -> NDArray[np.uint8]:
-        """Draw a colour picture of a state (`mujoco.MjData`), shape (height, width, 3).
-
-        Raises:
-            UnknownNameError: Unknown camera.
-            DrawingError: The graphics library failed.
-        """
+        """Draw a colour picture of a state (`mujoco.MjData`), shape (height, width, 3)."""
         self._renderer.disable_depth_rendering()
         return self._draw(data, camera)
 
     def depth(self, data: Any, camera: str) -> NDArray[np.float32]:
-        """Draw the depth of each pixel along a camera's optical axis [m], shape (height, width).
-
-        Raises:
-            UnknownNameError: Unknown camera.
-            DrawingError: The graphics library failed.
-        """
+        """Draw the depth of each pixel along a camera's optical axis [m], shape (height, width)."""
         self._renderer.enable_depth_rendering()
         return self._draw(data, camera)
 
@@ -116,15 +98,12 @@ class FrameRenderer:
         return frame
 
     def close(self) -> None:
-        """Free the graphics memory."""
         self._renderer.close()
 
     def __enter__(self) -> FrameRenderer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

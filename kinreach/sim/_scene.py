@@ -49,18 +49,11 @@ def build_scene(
     imperfections: Imperfections = IDEAL,
     objects: int = 0,
 ) -> Any:
-    """Return the scene of an arm, ready to compile or to edit further.
+    """Return the scene of an arm, a `mujoco.MjSpec`, ready to compile or to edit further.
 
-    Args:
-        arm: The arm and its work cell.
-        timestep: Step of the simulation [s].
-        visual: Draw the links by the URDF's visual meshes, the table's legs and camera housings, without mass or
-            contact. Otherwise links are drawn by their collision shapes, which is faster.
-        imperfections: Of the arm; friction, damping and payload are in the scene.
-        objects: Number of free objects (`kinreach.sim._free_objects`); with one, the ball that marks a goal is hidden.
-
-    Returns:
-        A `mujoco.MjSpec`.
+    With `visual` it draws the links by the URDF's visual meshes, the table's legs and camera housings, without mass or
+    contact; otherwise links by their collision shapes, which is faster. With one of `objects`, free ones
+    (`kinreach.sim._free_objects`), the ball that marks a goal is hidden.
 
     Raises:
         InputError: An unusable or missing mesh, or an arm that MuJoCo refuses.

@@ -103,12 +103,6 @@ class SetpointPlanner:
     A servo with stiffness k and damping b moves an inertia M along q(t) with the setpoint q + b/k q' + M/k q''. M is
     that at the target: an error on the way is gone on arrival. Only elementwise arithmetic is used, so that a plan does
     not depend, to the bit, on what else is planned with it.
-
-    Args:
-        arm: The arm, whose limits of speed and acceleration are kept.
-        model: A scene of it.
-        qpos, dof, servos: Where the arm's joints are in MuJoCo's `qpos`, `qvel` and `ctrl`.
-        period: Time between two setpoints [s].
     """
 
     def __init__(self, arm: ArmDescription, model: Any, *, qpos: Any, dof: Any, servos: Any, period: float) -> None:

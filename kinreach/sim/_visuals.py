@@ -152,11 +152,7 @@ def add_camera(spec: Any, mount: CameraMount, *, housing: bool) -> None:
 
 
 def add_visual_meshes(spec: Any, arm: ArmDescription) -> None:
-    """Draw links by their visual meshes, if they have any.
-
-    Raises:
-        InputError: A mesh cannot be used.
-    """
+    """Draw links by their visual meshes, if they have any."""
     shapes: dict[str, dict[tuple[float, ...], list[LinkShape]]] = defaultdict(lambda: defaultdict(list))
     for shape in link_shapes(arm, meshes_only=True):
         shapes[shape.link][tuple((np.array(shape.rgba) ** _GAMMA).tolist())].append(shape)

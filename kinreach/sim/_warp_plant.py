@@ -33,11 +33,6 @@ class WarpPlant:
     States are kept in double precision and computed in single. All simulations are stepped; only the states of those
     that are asked for are updated.
 
-    Args:
-        model: The scene (`mujoco.MjModel`).
-        count: Number of simulations.
-        device: Of Warp, such as `"cuda:0"` or `"cpu"`; a GPU where there is one if None.
-
     Raises:
         InstallationError: MuJoCo Warp is not installed.
         InputError: Unknown device.
@@ -69,11 +64,9 @@ class WarpPlant:
 
     @property
     def time(self) -> Floats:
-        """Simulated time [s], shape (count,)."""
         return self._time
 
     def home(self, ids: Ids) -> None:
-        """Put some into the scene's keyframe, at time 0."""
         for name, array in self._arrays.items():
             array[ids] = self._start[name]
         self.mocap[ids] = self._start["mocap_pos"]
@@ -81,12 +74,10 @@ class WarpPlant:
         self._diverged[ids] = False
 
     def states(self, ids: Ids) -> Floats:
-        """Copy states; see `Plant.states`."""
         parts = [array[ids] for array in self._arrays.values()]
         return np.concatenate([*parts, self.mocap[ids].reshape(len(ids), -1), self._time[ids, None]], axis=1)
 
     def put(self, ids: Ids, states: Floats) -> None:
-        """Put simulations into states; see `Plant.put`."""
         widths = [array.shape[1] for array in self._arrays.values()]
         *parts, mocap, time = np.split(states, np.cumsum([*widths, self.mocap[0].size]), axis=1)
         for array, part in zip(self._arrays.values(), parts, strict=True):
@@ -96,20 +87,16 @@ class WarpPlant:
         self._diverged[ids] = False
 
     def put_back(self, ids: Ids, states: Floats) -> None:
-        """Put simulations back; see `Plant.put_back`."""
         self.put(ids, states)
         self.qvel[ids] = self._arrays["qacc_warmstart"][ids] = 0.0
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
-        """Return which simulations were unstable; see `Plant.diverged`."""
         return self._diverged[ids]
 
     def model_of(self, index: int) -> Any:
-        """Return the model; see `Plant.model_of`."""
         return self.model
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
-        """Simulate forward; see `Plant.follow`."""
         data, rows = self._data, rows_and_columns(ids, servos)
         with self._warp.ScopedDevice(self.device):
             for name, array in self._arrays.items():

@@ -51,12 +51,7 @@ def red_mask(rgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 
 def red_circles(mask: NDArray[np.bool_], radii: tuple[float, float]) -> list[Circle]:
-    """Circles around what is red, those with most votes first.
-
-    Args:
-        mask: From `red_mask`.
-        radii: Smallest and largest radius [pixels].
-    """
+    """Circles around what is red, those with most votes first; `radii` are the smallest and the largest [pixels]."""
     u, v, width, height = cv2.boundingRect(mask.astype(np.uint8))
     if width == 0:
         return []

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,9 +43,6 @@ def goal_camera_poses(arm: ArmDescription) -> Floats:
     """Poses of the goal cameras in the world with the arm in its start pose, optical frames, shape (cameras, 4, 4).
 
     Computed from the description by Pinocchio, cached and read-only.
-
-    Raises:
-        InputError: No camera of the arm measures the goal.
     """
     if not arm.goal_cameras:
         raise InputError(f"no camera of arm {arm.name!r} measures the goal; give it a CameraMount with observed=True")
@@ -117,12 +113,6 @@ def in_image(views: Floats) -> Floats:
 
     u = x/z and v = y/z are normalised image coordinates: with the camera's intrinsics the column is cx + fx u, the row
     cy + fy v. A ball that was not found keeps its zeros, and what is not in front of a camera has u = v = 0.
-
-    Args:
-        views: Views [m], shape (..., 3 * cameras).
-
-    Returns:
-        u, v and depth [m] in each camera, shape (..., 3 * cameras).
     """
     points = views.reshape(*views.shape[:-1], -1, 3)
     depth = points[..., 2:]
@@ -131,16 +121,7 @@ def in_image(views: Floats) -> Floats:
 
 
 def goals_in_world(arm: ArmDescription, views: Floats, found: NDArray[np.bool_]) -> Floats:
-    """Do as `goal_in_world` for many goals; NaN where no camera found the ball.
-
-    Args:
-        arm: The arm.
-        views: Views [m], shape (k, 3 * cameras).
-        found: Which camera found the ball, shape (k, cameras).
-
-    Returns:
-        Positions in the world [m], shape (k, 3).
-    """
+    """Do as `goal_in_world` for many views (k, 3 * cameras): shape (k, 3), NaN where no camera found the ball."""
     T = goal_camera_poses(arm)
     points = np.einsum("nij,knj->kni", T[:, :3, :3], views.reshape(len(views), -1, 3)) + T[:, :3, 3]
     total = np.where(found[:, :, None], points, 0.0).sum(axis=1)
@@ -250,9 +231,7 @@ class CameraGoalView:
     def __enter__(self) -> CameraGoalView:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
