@@ -180,23 +180,16 @@ class URClient:
         """
         state = self.read()
         if state.robot_mode != RobotMode.RUNNING:
-            raise RobotError(
-                f"the robot at {self.address} is not ready: robot mode {state.robot_mode}; power it on and release the "
-                "brakes"
-            )
+            raise self._error(f"is not ready: robot mode {state.robot_mode}; power it on and release the brakes")
         if state.safety_mode not in (SafetyMode.NORMAL, SafetyMode.REDUCED):
-            raise RobotError(
-                f"the robot at {self.address} is stopped: safety mode {state.safety_mode}; release it first"
-            )
+            raise self._error(f"is stopped: safety mode {state.safety_mode}; release it first")
         if state.runtime_state != RuntimeState.STOPPED:
-            raise RobotError(f"the robot at {self.address} runs a program already; end that one first")
+            raise self._error("runs a program already; end that one first")
         off = np.abs(state.actual_q - program.start)
         if not off.max() <= AT_START:
             joint = int(off.argmax())
-            raise RobotError(
-                f"the robot at {self.address} does not stand where the program begins: {JOINTS[joint]} is "
-                f"{off[joint]:.3f} rad off; plan again"
-            )
+            way = f"{JOINTS[joint]} is {off[joint]:.3f} rad off"
+            raise self._error(f"does not stand where the program begins: {way}; plan again")
 
     def run(self, program: Program, *, watch: Callable[[RobotState], object] | None = None) -> Recording:
         """Send a program and wait for its end. Ctrl-C stops the robot at once, and is raised again when it stands.
@@ -244,9 +237,7 @@ class URClient:
             if watch is not None:
                 watch(states[-1])
             if not began and monotonic() > deadline:
-                raise RobotError(
-                    f"the robot at {self.address} did not begin{self._reason(': ')}; is it in remote control?"
-                )
+                raise self._error(f"did not begin{self._reason(': ')}; is it in remote control?")
 
     def _be_patient(self, seconds: float) -> None:
         self._silence = seconds
@@ -257,7 +248,7 @@ class URClient:
         while np.abs(states[-1].actual_qd).max() > 0.001 or states[-1].runtime_state == RuntimeState.PLAYING:
             states.append(self.next_state())
             if monotonic() > deadline:
-                raise RobotError(f"the robot at {self.address} still moves: use its emergency stop")
+                raise self._error("still moves: use its emergency stop")
 
     def _reason(self, before: str = "") -> str:
         """The robot's last message on the script port about its program."""
@@ -295,7 +286,7 @@ class URClient:
         """Set up RTDE at the rate of the controller."""
         self._send(Kind.PROTOCOL_VERSION, struct.pack(">H", PROTOCOL))
         if self._wait_for(Kind.PROTOCOL_VERSION) != b"\x01":
-            raise RobotError(f"the robot at {self.address} has no RTDE protocol {PROTOCOL}; its software is too old")
+            raise self._error(f"has no RTDE protocol {PROTOCOL}; its software is too old")
         self._send(Kind.CONTROLLER_VERSION)
         version = self._wait_for(Kind.CONTROLLER_VERSION)
         rate = 500.0 if len(version) == 16 and struct.unpack_from(">I", version)[0] >= 5 else 125.0
@@ -308,16 +299,14 @@ class URClient:
                 break
             names = [name for name in names if name not in missing]
         if len(types) != len(names) or set(_VARIABLES) - set(names) - set(_OPTIONAL):
-            raise RobotError(f"the robot at {self.address} does not know {', '.join(missing) or 'what is asked for'}")
+            raise self._error(f"does not know {', '.join(missing) or 'what is asked for'}")
         try:
             recipe = Recipe(names, types)
         except KeyError as error:
-            raise RobotError(
-                f"the robot at {self.address} has a type {shown(error.args[0])}, which RTDE has not"
-            ) from None
+            raise self._error(f"has a type {shown(error.args[0])}, which RTDE has not") from None
         self._send(Kind.START)
         if self._wait_for(Kind.START) != b"\x01":
-            raise RobotError(f"the robot at {self.address} refuses to send its state")
+            raise self._error("refuses to send its state")
         return recipe
 
     def _send(self, kind: Kind, payload: bytes = b"") -> None:
@@ -344,6 +333,9 @@ class URClient:
             except OSError as error:
                 raise self._lost(error) from None
             self._buffer += data
+
+    def _error(self, what: str) -> RobotError:
+        return RobotError(f"the robot at {self.address} {what}")
 
     def _lost(self, error: OSError) -> RobotError:
         return RobotError(f"the connection to the robot at {self.address} is lost: {error.strerror or error}")

@@ -154,17 +154,13 @@ def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-
 BRANCHES = 4
 
 
+@np.errstate(over="ignore", invalid="ignore")  # points at astronomic distances are just out of reach
 def solve_positions(p: Floats, g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[Floats, NDArray[np.bool_]]:
     """As `solve_position`, by the same formulas, for many points, shape (3, count).
 
     Returns:
         q [rad] in [-pi, pi], shape (3, 4, count), NaN where not valid; and valid, shape (4, count).
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # points at astronomic distances are just out of reach
-        return _solve(p, g, tol)
-
-
-def _solve(p: Floats, g: YawPlanarGeometry, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
     x, y, z = p
     r = np.hypot(x, y)
     near = r <= abs(g.offset)

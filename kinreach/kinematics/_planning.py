@@ -95,7 +95,8 @@ def plan_path(
     goals = as_waypoints(np.atleast_2d(as_floats("goals", goals)), kin.n, name="goals")
     seed = check_count("seed", seed, least=0, most=MAX_SEED)
     deadline = time.monotonic() + check_number("timeout", timeout, above=0.0, most=3600.0)
-    _check_free(motion, start, "the start")
+    if reason := _why_not(motion, start):
+        raise PathError(f"the start is not free: {reason}", q=start)
     goals = _free_goals(motion, start, goals)
     for goal in goals:
         if motion.motion_free(start, goal):
@@ -129,12 +130,6 @@ def as_waypoints(waypoints: ArrayLike, n: int, *, name: str = "waypoints") -> Fl
         raise InputError(f"{name} must have shape (m, {n}) with m at least 1, got {path.shape}")
     check_entries(name, path, MAX_ANGLE)
     return path
-
-
-def _check_free(motion: MotionCheck, q: Floats, name: str) -> None:
-    reason = _why_not(motion, q)
-    if reason:
-        raise PathError(f"{name} is not free: {reason}", q=q)
 
 
 def _why_not(motion: MotionCheck, q: Floats) -> str:

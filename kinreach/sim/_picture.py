@@ -96,14 +96,7 @@ class Scene(Protocol):
 
     model: Any
     data: Any
-
-    @property
-    def watch(self) -> Callable[[], object] | None:
-        """Called in the course of a motion."""
-        ...
-
-    @watch.setter
-    def watch(self, watch: Callable[[], object] | None) -> None: ...
+    watch: Callable[[], object] | None
 
 
 class ScenePicture:

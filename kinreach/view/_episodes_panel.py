@@ -143,15 +143,10 @@ class EpisodesPanel(Panel):
         self._observation.disabled, self._backend.disabled = not observes, BACKEND not in known.choices
 
     def _pressed(self, what: str) -> None:
-        if what == PLAY:
-            self.run()
-        elif what == PAUSE:
-            self.pause()
-        elif what == STEP:
-            self.step()
+        if what == START:
+            self._scrubbed(0)
         else:
-            self.pause()
-            self.go(0)
+            {PLAY: self.run, PAUSE: self.pause, STEP: self.step}[what]()
 
     def _scrubbed(self, index: int) -> None:
         self.pause()

@@ -73,17 +73,10 @@ class ErrorMap:
 
 
 class RealArm:
-    """A UR by its data sheet and by its calibration.
+    """Kinematics of a UR by its data sheet and by its calibration, from the world to the arm's own tip."""
 
-    Args:
-        tip: Short name of the tip frame; default is the arm's own.
-
-    Attributes:
-        nominal, real: Kinematics, from the world to the tip.
-    """
-
-    def __init__(self, nominal: ArmDescription, real: ArmDescription, *, tip: str | None = None) -> None:
-        arms = [ArmKinematics.of(arm, tip=tip, base="world") for arm in (nominal, real)]
+    def __init__(self, nominal: ArmDescription, real: ArmDescription) -> None:
+        arms = [ArmKinematics.of(arm, base="world") for arm in (nominal, real)]
         for arm in arms:
             if not isinstance(arm, URKinematics):
                 raise InputError(f"only a UR has a factory calibration, got the arm {nominal.name!r}")

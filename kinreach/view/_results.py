@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -144,9 +144,10 @@ def _trials(rows: csv.DictReader[str], methods: Collection[str]) -> tuple[Floats
     goals: dict[int, Floats] = {}
     ends: dict[int, dict[str, End]] = {}
     for row in rows:
-        for index, method, goal, end in _trial(row, methods):
+        if row["method"] in methods:
+            index, goal, end = _trial(row)
             goals.setdefault(index, goal)
-            ends.setdefault(index, {})[method] = end
+            ends.setdefault(index, {})[row["method"]] = end
         if len(goals) > MAX_GOALS:
             raise InputError(f"it has more than {MAX_GOALS} goals")
     if not goals:
@@ -155,17 +156,14 @@ def _trials(rows: csv.DictReader[str], methods: Collection[str]) -> tuple[Floats
     return np.array([goals[index] for index in order]), tuple(ends[index] for index in order)
 
 
-def _trial(row: Mapping[str, str], methods: Collection[str]) -> Iterator[tuple[int, str, Floats, End]]:
-    """Index of the goal, method, goal and end of a row, if the method is in the summary."""
-    if row["method"] in methods:
-        (index,) = _vector(row, "goal_index", MAX_DISTANCE, size=1)
-        distance = _vector(row, "distance", MAX_DISTANCE, size=1) if row["distance"] else np.array([np.nan])
-        known = [name for name in ("tip", "q") if row.get(name)]
-        tip = _vector(row, "tip", MAX_DISTANCE, size=3) if "tip" in known else None
-        q = _vector(row, "q", MAX_ANGLE) if "q" in known else None
-        reached = row["reached"] in ("1", "True")
-        end = End(reached, float(distance[0]), row.get("impossible_reason") or "", tip, q)
-        yield int(index), row["method"], _vector(row, "goal", MAX_DISTANCE, size=3), end
+def _trial(row: Mapping[str, str]) -> tuple[int, Floats, End]:
+    """Index of the goal, the goal, and the end of a row."""
+    (index,) = _vector(row, "goal_index", MAX_DISTANCE, size=1)
+    distance = _vector(row, "distance", MAX_DISTANCE, size=1) if row["distance"] else np.array([np.nan])
+    tip = _vector(row, "tip", MAX_DISTANCE, size=3) if row.get("tip") else None
+    q = _vector(row, "q", MAX_ANGLE) if row.get("q") else None
+    end = End(row["reached"] in ("1", "True"), float(distance[0]), row.get("impossible_reason") or "", tip, q)
+    return int(index), _vector(row, "goal", MAX_DISTANCE, size=3), end
 
 
 def _vector(row: Mapping[str, str], name: str, most: float, *, size: int | None = None) -> Floats:

@@ -76,7 +76,6 @@ class Posture:
         reason: Why not, one sentence; empty if it can be used.
         q: Joint angles [rad], shape (n,); None if the branch does not reach.
         pairs: Names of links and boxes that touch.
-        stiffness: `slowest_motion` in it [m/rad].
         distance: From the posture before [rad].
         lack: What is missing if the branch of a UR does not reach, else None.
     """
@@ -87,7 +86,6 @@ class Posture:
     reason: str = ""
     q: Floats | None = None
     pairs: tuple[Pair, ...] = ()
-    stiffness: float = 0.0
     distance: float = np.inf
     lack: Shortfall | None = None
 
@@ -282,10 +280,11 @@ class TargetModel:
         for branch, q in self._found(goal, seed):
             found.add(branch)
             yield self._judged(branch, q, seed)
-        for branch, lack in self._missing(goal).items():
-            if branch not in found:
-                name = branch_name(self.kinematics, branch)
-                yield Posture(branch, name, State.UNREACHED, _why_short(lack), lack=lack)
+        if isinstance(self.kinematics, URKinematics):
+            for branch, lack in self.kinematics.shortfalls(_frame(goal)).items():
+                if branch not in found:
+                    name = branch_name(self.kinematics, branch)
+                    yield Posture(branch, name, State.UNREACHED, _why_short(lack), lack=lack)
 
     def complete(self, goal: Goal) -> bool:
         """Return whether all postures for a goal are found."""
@@ -297,7 +296,11 @@ class TargetModel:
         """Branches and principal angles of postures that reach, without limits."""
         kinematics = self.kinematics
         if not self.complete(goal):
-            yield from self._searched(goal, seed)
+            kept: list[Floats] = []
+            for result in self._ends(goal, seed):
+                if result.success and not any(np.abs(result.q - q).max() < SAME for q in kept):
+                    yield len(kept), result.q
+                    kept.append(result.q)
             return
         if isinstance(kinematics, URKinematics | SixAxisKinematics):
             if isinstance(goal, AxisGoal):
@@ -309,15 +312,8 @@ class TargetModel:
         for row in solutions.found:
             yield row[BRANCH], np.array(row[ANGLES])
 
-    def _searched(self, goal: Goal, seed: Floats) -> Iterator[tuple[int, Floats]]:
-        """Postures of an arm without a closed form, searched from fixed starts."""
-        kept: list[Floats] = []
-        for result in self._ends(goal, seed):
-            if result.success and not any(np.abs(result.q - q).max() < SAME for q in kept):
-                yield len(kept), result.q
-                kept.append(result.q)
-
     def _ends(self, goal: Goal, seed: Floats) -> list[IKResult]:
+        """Ends of searches from fixed starts."""
         rng, kinematics = np.random.default_rng(0), self.kinematics
         starts = [seed, self.home, *rng.uniform(kinematics.lower, kinematics.upper, (STARTS - 2, kinematics.n))]
         return [self._search.solve(goal, start) for start in starts]
@@ -330,7 +326,8 @@ class TargetModel:
             way = nearest[:3, 3] - T[:3, 3]
             for deeper in DEEPER:
                 nearest[:3, 3] = T[:3, 3] + way * (1.0 + deeper / np.linalg.norm(way))
-                found = [self._judged(branch, q, seed) for branch, q in self._found(self._like(goal, nearest), seed)]
+                near = PoseGoal(nearest) if isinstance(goal, PoseGoal) else AxisGoal(nearest[:3, 3], nearest[:3, 2])
+                found = [self._judged(branch, q, seed) for branch, q in self._found(near, seed)]
                 if found:
                     best = min(found, key=lambda posture: (posture.state is not State.USABLE, posture.distance))
                     return self._approached(goal, best.q, least=True)  # type: ignore[arg-type]
@@ -340,23 +337,16 @@ class TargetModel:
     def _approached(self, goal: Goal, q: Floats, *, least: bool) -> Approach:
         return Approach(q, *goal_error(goal, self.kinematics.fk(q)), least)
 
-    def _like(self, goal: Goal, T: Floats) -> Goal:
-        return PoseGoal(T) if isinstance(goal, PoseGoal) else AxisGoal(T[:3, 3], T[:3, 2])
-
-    def _missing(self, goal: Goal) -> dict[int, Shortfall]:
-        return self.kinematics.shortfalls(_frame(goal)) if isinstance(self.kinematics, URKinematics) else {}
-
     def _judged(self, branch: int, q: Floats, seed: Floats) -> Posture:
         name = branch_name(self.kinematics, branch)
         wound = nearest_winding(q.tolist(), seed.tolist(), self.lower.tolist(), self.upper.tolist())
         if wound is None:
-            return Posture(branch, name, State.LIMITS, self._why_outside(q), q, (), self.slowest_motion(q), np.inf)
+            return Posture(branch, name, State.LIMITS, self._why_outside(q), q)
         q = np.array(wound)
         pairs = () if self.checker is None else self.checker.contacts(q)
         reason = f"collision: {listed([self._touch(pair) for pair in pairs])}" if pairs else ""
         state = State.COLLIDES if pairs else State.USABLE
-        distance = float(np.linalg.norm(q - seed))
-        return Posture(branch, name, state, reason, q, pairs, self.slowest_motion(q), distance)
+        return Posture(branch, name, state, reason, q, pairs, float(np.linalg.norm(q - seed)))
 
     def _touch(self, pair: Pair) -> str:
         """A contact in words, boxes last."""

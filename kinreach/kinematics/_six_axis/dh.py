@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -75,10 +75,6 @@ class DenavitHartenberg:
                 step[0, 3] = self.a[joint]
                 T = T @ step
         return T @ self.after
-
-    def moved(self, before: Floats, after: Floats) -> DenavitHartenberg:
-        """Return the same arm with another base and another tip."""
-        return replace(self, before=before, after=after)
 
 
 def _screws(A: Floats, angle: float) -> tuple[float, float, float, float, float, float]:

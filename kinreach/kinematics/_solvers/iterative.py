@@ -152,15 +152,8 @@ class _Candidate(NamedTuple):
     miss: float
 
     def result(self, status: Status, reason: str = "", *, iterations: int, restarts: int) -> IKResult:
-        return IKResult(
-            q=self.q,
-            status=status,
-            position_error=self.position_error,
-            orientation_error=self.orientation_error,
-            reason=reason,
-            iterations=iterations,
-            restarts=restarts,
-        )
+        errors = self.position_error, self.orientation_error
+        return IKResult(self.q, status, *errors, reason, iterations=iterations, restarts=restarts)
 
 
 class IterativeSolver(ABC):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -40,7 +40,11 @@ class QPSolver(SteppingSolver):
     name: ClassVar[str] = "qp"
 
     def _prepare(self) -> None:
-        self._solve_qp = _import_solve_qp()
+        try:  # only this solver needs it
+            from qpsolvers import solve_qp
+        except ImportError as error:
+            raise InstallationError(f"{error}; the QP solver needs: pip install 'qpsolvers[daqp]'") from error
+        self._solve_qp = solve_qp
 
     def _descender(self, goal: Goal) -> Descend:
         task = GoalTask(self.kin, goal, self.tolerance)
@@ -69,11 +73,3 @@ class QPSolver(SteppingSolver):
             return Descent(q, self.max_iterations)
 
         return descend
-
-
-def _import_solve_qp() -> Any:
-    try:  # only this solver needs it
-        from qpsolvers import solve_qp
-    except ImportError as error:
-        raise InstallationError(f"{error}; the QP solver needs: pip install 'qpsolvers[daqp]'") from error
-    return solve_qp
