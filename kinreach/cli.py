@@ -154,6 +154,11 @@ def _as_flag(keyword: re.Match[str]) -> str:
     return f"--{flag.replace('_', '-')}{keyword[3] if keyword[2] else ' '}"
 
 
+def say(text: str) -> None:
+    """Print text on stdout at once, with control characters escaped."""
+    print(printable(text), flush=True)
+
+
 def complain(text: str) -> None:
     """Print text as one line on stderr, with control characters escaped, if it can be written."""
     line = printable(" ".join(text.split()))

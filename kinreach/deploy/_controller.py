@@ -106,7 +106,6 @@ class Controller:
     """The controller of one UR and its arm in MuJoCo. Time passes only in `tick`.
 
     Attributes:
-        arm: As given.
         simulation: The arm in MuJoCo.
         cycle: Time between two ticks [s].
         tcp: Tool centre point on the flange (4, 4).

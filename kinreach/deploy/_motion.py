@@ -55,13 +55,7 @@ class Segment:
 
 
 class JointLine(Segment):
-    """`movej`: a straight line in joint space; the joint with the longest way has the speed and the acceleration.
-
-    Args:
-        start, end: Postures [rad], shape (n,).
-        speed: [rad/s].
-        acceleration: [rad/s^2].
-    """
+    """`movej`: a straight line in joint space; speed and acceleration are those of the joint with the longest way."""
 
     def __init__(self, start: Floats, end: Floats, speed: float, acceleration: float) -> None:
         length = float(np.abs(end - start).max())

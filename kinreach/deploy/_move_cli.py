@@ -11,7 +11,7 @@ import numpy as np
 
 from kinreach._checks import Floats, check_number, check_path, printable
 from kinreach._files import replacing, write_text
-from kinreach.cli import Parser
+from kinreach.cli import Parser, say
 from kinreach.deploy._client import RobotState, URClient
 from kinreach.deploy._controller import FINISHED, Controller, Recording, check_is_ur, tcp_of
 from kinreach.deploy._planning import SPEED, Leg, plan
@@ -53,10 +53,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         return 0
     with URClient(arguments.robot, rtde_port=ports[0], script_port=ports[1]) as robot:
         state = robot.read()
-        _say(job.same_arm(state, arguments.robot))
+        say(job.same_arm(state, arguments.robot))
         program = job.tried(state.actual_q, script, picture)
         if not (arguments.yes or _agreed(arguments.robot)):
-            _say("nothing was sent")
+            say("nothing was sent")
             return 1
         return job.moved(robot, program)
 
@@ -93,24 +93,24 @@ class _Job:
         """
         kin = self.kinematics
         legs, program, done = self._planned(start)
-        _say(f"{self.arm.title}: tip {kin.tip} in {kin.base}, degrees")
-        _say(f"from     {_degrees(start)}")
+        say(f"{self.arm.title}: tip {kin.tip} in {kin.base}, degrees")
+        say(f"from     {_degrees(start)}")
         for leg in legs:
-            _say(_described(leg))
+            say(_described(leg))
         if done.status != FINISHED or done.reason:
             raise InputError(f"the dry run did not come to its end, nothing is sent: {done.reason}")
         for line in self._measured(done):
-            _say(line)
+            say(line)
         if script is not None:
             write_text(script, program.text)
-            _say(f"wrote    {script}")
+            say(f"wrote    {script}")
         if picture is not None:
             from kinreach._plots._motion import draw_motion
 
             figure = draw_motion(done.commanded, kin.velocity_limit, f"{self.arm.title}, tried in MuJoCo")
             with replacing(picture) as temporary:
                 figure.savefig(temporary, facecolor="white", format="png")
-            _say(f"picture  {picture}")
+            say(f"picture  {picture}")
         return program
 
     def _planned(self, start: Floats) -> tuple[list[Leg], Program, Recording]:
@@ -186,7 +186,7 @@ class _Job:
             except KeyboardInterrupt:
                 raise KeyboardInterrupt("stopped; the robot stands") from None
         off = 1000 * np.abs(done.measured.q - done.commanded.q).max()
-        _say(
+        say(
             f"moved    {done.commanded.duration:.2f} s; joints at most {off:.1f} mrad from what was commanded; ends "
             f"{self._miss(pose(robot.read().tcp_pose))} from the goal"
         )
@@ -250,10 +250,6 @@ def _stopped_by_signals() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _say(text: str) -> None:
-    print(printable(text), flush=True)
 
 
 def _parser(prog: str) -> Parser:

@@ -7,8 +7,8 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from kinreach._checks import check_number, printable
-from kinreach.cli import Parser
+from kinreach._checks import check_number
+from kinreach.cli import Parser, say
 from kinreach.deploy._controller import check_is_ur, rate_of
 from kinreach.deploy._rtde import RTDE_PORT, SCRIPT_PORT
 from kinreach.deploy._server import SimulatedUR
@@ -34,13 +34,13 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     speed = check_number("--speed", arguments.speed, above=0.0, most=1e6)
     robot = SimulatedUR(
         arm, q=start, address=arguments.address, rtde_port=arguments.rtde_port, script_port=arguments.script_port,
-        speed=speed, log=_say,
+        speed=speed, log=say,
     )  # fmt: skip
-    _say(f"{robot.address}: RTDE {robot.rtde_port}, script port {robot.script_port}, {rate_of(arm)} Hz")
-    _say(arm.title)
+    say(f"{robot.address}: RTDE {robot.rtde_port}, script port {robot.script_port}, {rate_of(arm)} Hz")
+    say(arm.title)
     print(_ABOUT, flush=True)
     if sys.stdin is not None and sys.stdin.isatty():
-        _say("Enter releases a protective stop, Ctrl-C ends.")
+        say("Enter releases a protective stop, Ctrl-C ends.")
         threading.Thread(target=_release_by_enter, args=(robot,), daemon=True).start()
     try:
         robot.serve()
@@ -52,10 +52,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 def _release_by_enter(robot: SimulatedUR) -> None:
     while select.select([sys.stdin], [], [])[0] and sys.stdin.readline():
         robot.release()
-
-
-def _say(text: str) -> None:
-    print(printable(text), flush=True)
 
 
 def _parser(prog: str) -> Parser:

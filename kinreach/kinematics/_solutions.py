@@ -240,20 +240,10 @@ class IKBatchNearest:
 def nearest_winding(
     q: Sequence[float], seed: Sequence[float], lower: Sequence[float], upper: Sequence[float], *, slack: float = SLACK
 ) -> list[float] | None:
-    """Compute the posture equal to `q` modulo full turns that is nearest to `seed` within the limits.
+    """Compute the posture equal to `q` modulo full turns that is nearest to `seed` within the limits [rad].
 
     Joints do not interact here, so taking the best turn of each joint is exact for any norm that grows with
-    every joint's distance; nothing is enumerated.
-
-    Args:
-        q: Posture [rad].
-        seed: Posture to stay near to [rad].
-        lower: Lower limits [rad].
-        upper: Upper limits [rad].
-        slack: How far a joint may be past them [rad].
-
-    Returns:
-        The shifted posture, or None where a joint has no turn within its limits.
+    every joint's distance; nothing is enumerated. A joint may be past its limits by `slack`; None if one has no turn.
     """
     shifted = []
     for value, wanted, low, high in zip(q, seed, lower, upper, strict=True):

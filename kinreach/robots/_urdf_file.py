@@ -43,9 +43,6 @@ class UrdfSource:
     Attributes:
         robot: The URDF for the engines.
         package_root: Folder that `package://` stands for in it; None without meshes.
-        joints: Names of the joints of `q`.
-        tip: Link at the end.
-        tips: Frames that may be asked for as the tip.
         missing_shapes: Why collision shapes are missing; empty if none is.
         notes: What the reader left out, a line each.
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+from contextlib import suppress
 from typing import Any
 
 from kinreach.errors import InstallationError
@@ -17,21 +18,18 @@ def _load() -> Any:
     Physics needs no graphics: in that case the import is repeated without. Which library draws is decided when the
     first frame is asked for (`kinreach.sim._rendering`), and only then is a missing one an error.
     """
-    try:
-        return importlib.import_module("mujoco")
-    except Exception as error:  # MuJoCo lets AttributeError, OSError and RuntimeError of the graphics libraries pass
-        wanted = os.environ.get(_GRAPHICS)
-        if wanted is None:
-            raise InstallationError(
-                f"cannot import mujoco: {error}; install it with: pip install mujoco==4.0.0"
-            ) from error
-    os.environ[_GRAPHICS] = "disable"
+    wanted = os.environ.get(_GRAPHICS)
+    if wanted is not None:
+        with suppress(Exception):  # MuJoCo lets AttributeError, OSError and RuntimeError of the graphics libraries pass
+            return importlib.import_module("mujoco")
+        os.environ[_GRAPHICS] = "disable"
     try:
         return importlib.import_module("mujoco")
     except Exception as error:
         raise InstallationError(f"cannot import mujoco: {error}; install it with: pip install mujoco==4.0.0") from error
     finally:
-        os.environ[_GRAPHICS] = wanted
+        if wanted is not None:
+            os.environ[_GRAPHICS] = wanted
 
 
 def _without_log_file(module: Any) -> Any:

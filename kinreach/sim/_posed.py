@@ -41,13 +41,7 @@ class PosedScene:
         return q
 
     def put(self, q: ArrayLike, *, ball: ArrayLike | None = None, time: float | None = None) -> None:
-        """Put the arm into a posture, within its limits or not.
-
-        Args:
-            q: [rad], shape (n,).
-            ball: Its centre in the world [m], shape (3,); by default it stays.
-            time: Of the scene [s]; by default it stays.
-        """
+        """Put the arm into a posture (n,) [rad], within its limits or not; ball [m] and time [s] stay if not given."""
         self.data.qpos[self._qpos] = as_vector("q", q, len(self.arm.joints))
         if ball is not None:
             self.data.mocap_pos[self._ball] = as_vector("ball", ball, 3, most=MAX_DISTANCE)

@@ -43,7 +43,6 @@ class FrameRenderer:
     With shadows and reflections a frame takes two to five times as long.
 
     Attributes:
-        model, width, height: As given.
         frames: Number of drawn frames.
 
     Raises:

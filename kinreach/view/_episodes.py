@@ -174,11 +174,7 @@ class Recording:
             env.close()
 
     def program(self, arm: str) -> str:
-        """Write Python code that plays the episode.
-
-        Args:
-            arm: An expression for the arm, such as `"'ur5'"`.
-        """
+        """Write Python code that plays the episode; `arm` is an expression such as `"'ur5'"`."""
         known = playable(self.name)
         names = [f"arm={arm}"] if ARM in known.choices else []
         given = "".join(f", {option}" for option in (*names, *(f"{k}={v!r}" for k, v in self.made_with.items())))

@@ -186,11 +186,7 @@ class EpisodesPanel(Panel):
             self._show_cameras(episode, seen)
 
     def _asked(self) -> Recording:
-        """The chosen episode.
-
-        Raises:
-            InputError: A module is named, which only the command line may load.
-        """
+        """The chosen episode."""
         environment, file = self._environment.value, self._file.value.strip()
         if ":" in file and file != self._setup.policy:
             raise InputError(f"a module is named on the command line, not here: kinreach view --policy {file}")

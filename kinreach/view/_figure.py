@@ -39,10 +39,7 @@ class Piece:
 
 
 class Figure:
-    """The drawn links of an arm.
-
-    Args:
-        simple: Draw the collision shapes, which have a tenth of the triangles.
+    """The drawn links of an arm; `simple` draws the collision shapes, which have a tenth of the triangles.
 
     Attributes:
         links: Names of the links, in the order of `poses`.

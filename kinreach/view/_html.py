@@ -142,12 +142,7 @@ def _entry(sign: str, colour: str, title: str, detail: str, *, does: str = "", a
 
 
 def gauge(stiffness: float, what: str) -> str:
-    """Draw a posture's distance from singularity.
-
-    Args:
-        stiffness: `TargetModel.slowest_motion` [m/rad].
-        what: The nearest singularity; empty if not known.
-    """
+    """Draw a posture's distance from singularity, by `TargetModel.slowest_motion` [m/rad], and name the nearest one."""
     share = min(1.0, stiffness / FULL)
     colour = _RED if stiffness < VERY_LOW else _ORANGE if stiffness < LOW else _GREEN
     near = f" Nearest singularity: {escape(what)}." if what else ""

@@ -48,8 +48,7 @@ def add_unseen(
 class Entry:
     """Numbers that the user and the page both write: unread ones of the user are not overwritten.
 
-    Args:
-        react: Called when `take` has a value.
+    `react` is called when `take` has a value.
     """
 
     def __init__(self, handle: Any, react: Callable[[], None]) -> None:

@@ -27,11 +27,7 @@ class Contact:
 
 
 class MujocoScene:
-    """The drawn bodies of a model, without the floor.
-
-    Args:
-        simple: Draw the collision meshes, which have a tenth of the triangles.
-    """
+    """The drawn bodies of a model, without the floor; `simple` draws collision meshes, a tenth of the triangles."""
 
     def __init__(self, model: Any, *, simple: bool = False) -> None:
         self._model = model

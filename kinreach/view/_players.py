@@ -80,11 +80,7 @@ def playable_names() -> tuple[str, ...]:
 
 
 def playable(name: str) -> Playable:
-    """Look up an environment.
-
-    Args:
-        name: Its id; for `module:id` the module is imported first.
-    """
+    """Look up an environment by its id; for `module:id` the module is imported first."""
     module, _, name = name.rpartition(":")
     if module:
         load_module("environment", module, f"{module}:{name}")

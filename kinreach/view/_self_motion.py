@@ -27,8 +27,7 @@ NONE = "none"
 class SelfMotionFolder(Branch):
     """The curves of one pose: a folder of inputs, and lines in the scene.
 
-    Args:
-        react: Called when the user has chosen a curve or a place on it; `take` has the posture.
+    `react` is called when the user has chosen a curve or a place on it; `take` has the posture.
     """
 
     def __init__(self, client: Any, root: str, kinematics: SevenAxisKinematics, react: Callable[[], None]) -> None:

@@ -114,12 +114,7 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
 
 
 class CalibratedSolver(NearClosedForm):
-    """Every posture of a calibrated UR, of its flange in the chain's base.
-
-    Attributes:
-        chain: The arm.
-        fit: The closest arm with a closed form.
-    """
+    """Every posture of a calibrated UR, of its flange in the chain's base."""
 
     def __init__(self, placements: Floats, start: URGeometry) -> None:
         super().__init__(placements)
@@ -229,9 +224,7 @@ class CalibratedSolver(NearClosedForm):
     def _near_singular(self, T: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether a pose within the fit's bounds is singular, except where both postures of the elbow are found.
 
-        Args:
-            T: Poses, shape (count, 4, 4).
-            valid: Which branches the fitted arm has for them, shape (8, count).
+        `valid` has the branches that the fitted arm has for the poses, shape (8, count).
         """
         g, turned = self.fit.geometry, self.fit.orientation
         near = np.zeros(len(T), dtype=np.bool_)
@@ -313,11 +306,6 @@ class CalibratedSolver(NearClosedForm):
 
 class _ElbowCircle:
     """The elbow's triangle for one shoulder and one wrist of the fitted arm, for many poses.
-
-    Args:
-        entries: The flange in the DH base, shape (12, count).
-        branch: Index of one of the two branches.
-        g: Lengths of the arm [m].
 
     Attributes:
         r: Distance of the wrist centre from the first axis [m].

@@ -281,13 +281,7 @@ def _nearest_on_arc(eta: float, arc: tuple[float, float]) -> float:
 def _arc_in_reach(distance: float, radius: float, stretched: float, folded: float) -> tuple[float, float]:
     """Return the bounds of the absolute angles at which a point on a circle is in reach of two links [rad].
 
-    The angle is 0 at the point farthest from the links' root.
-
-    Args:
-        distance: From the root to the centre of the circle [m].
-        radius: Of the circle [m].
-        stretched: The links' longest reach [m].
-        folded: Their shortest reach [m].
+    The angle is 0 at the point farthest from the links' root, which is at a distance from the circle's centre.
     """
     scale = 2.0 * distance * radius
     if scale < 1e-12:

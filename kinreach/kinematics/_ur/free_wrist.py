@@ -30,14 +30,6 @@ def free_wrist_within(
 ) -> list[Row]:
     """Find for each branch with a free wrist_3 the posture within the limits whose q6 is nearest to the seed's.
 
-    Args:
-        rows: Pose of the flange in the DH base frame, three rows of four numbers.
-        g: Link lengths [m].
-        lower: Lower joint limits [rad], shape (6,).
-        upper: Upper joint limits [rad], shape (6,).
-        seed: Posture whose windings are preferred [rad], shape (6,).
-        tol: As for `closed_form.solve_pose`.
-
     Returns:
         The solutions, at most eight; none for a branch of which no member is within the limits.
     """

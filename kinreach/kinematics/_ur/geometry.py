@@ -85,10 +85,6 @@ def ur_fk(q: Sequence[float], g: URGeometry) -> Rows:
 
     With X along the arm's plane, Z normal to it, and q234 the pitch of the forearm's end,
     the flange's columns are n = c6 (c5 X + s5 Z) + s6 Y, o = c6 Y - s6 (c5 X + s5 Z), a = c5 Z - s5 X.
-
-    Args:
-        q: Six joint angles [rad].
-        g: Link lengths.
     """
     q1, q2, q3, q4, q5, q6 = q
     s1, c1 = math.sin(q1), math.cos(q1)

@@ -223,17 +223,21 @@ class URKinematics(ClosedFormKinematics):
         start = self._posture_or_none(seed)
         goal = AxisGoal(position, axis)  # type: ignore[arg-type]
         tol = check_tolerance(tol)
-        if self._reach is None:
+        if not self._wrist_3_turns_tip:
             return self._at_turns(goal, start, limits=limits, tol=tol)
-        p = self._T_dh_base[:3, :3] @ goal.position + self._T_dh_base[:3, 3]
-        a = self._T_dh_base[:3, :3] @ goal.axis
-        pitch, q6 = (
-            (0.0, 0.0) if start is None else (float(start[SHOULDER_LIFT : WRIST_1 + 1].sum()), float(start[WRIST_3]))
-        )
+        q6 = 0.0 if start is None else float(start[WRIST_3])
         if limits:  # wrist_3 is free, so what the limits ask of it costs no solution
             q6 = min(max(q6, self._low[WRIST_3]), self._high[WRIST_3])
-        found, miss = solve_axis(p.tolist(), a.tolist(), self.geometry, reach=self._reach, tol=tol, pitch=pitch, q6=q6)
+        found, miss = self._solve_axis(goal, start, q6, tol)
         return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
+
+    def _solve_axis(self, goal: AxisGoal, start: Floats | None, q6: float, tol: float) -> tuple[list[Row], int]:
+        """As `solve_axis`, where wrist_3 turns the tip."""
+        p = self._T_dh_base[:3, :3] @ goal.position + self._T_dh_base[:3, 3]
+        a = self._T_dh_base[:3, :3] @ goal.axis
+        pitch = 0.0 if start is None else float(start[SHOULDER_LIFT : WRIST_1 + 1].sum())
+        reach: Any = self._reach
+        return solve_axis(p.tolist(), a.tolist(), self.geometry, reach=reach, tol=tol, pitch=pitch, q6=q6)
 
     @property
     def _wrist_3_turns_tip(self) -> bool:
@@ -421,33 +425,12 @@ class CalibratedURKinematics(URKinematics):
         InputError: The arm is not a UR, not even one out of adjustment.
     """
 
-    def axis_solutions(
-        self,
-        position: ArrayLike,
-        axis: ArrayLike,
-        *,
-        seed: ArrayLike | None = None,
-        limits: bool = True,
-        tol: float = 1e-7,
-    ) -> IKSolutions:
-        """As `URKinematics.axis_solutions`.
-
-        What turns about the tool's axis is wrist_3 alone: joints 1 to 5 are those of any pose with this point and
-        direction.
-        """
-        start = self._posture_or_none(seed)
-        goal = AxisGoal(position, axis)  # type: ignore[arg-type]
-        tol = check_tolerance(tol)
-        if not self._wrist_3_turns_tip:
-            return self._at_turns(goal, start, limits=limits, tol=tol)
+    def _solve_axis(self, goal: AxisGoal, start: Floats | None, q6: float, tol: float) -> tuple[list[Row], int]:
+        """Only wrist_3 turns about the tool's axis: joints 1 to 5 are those of any pose with this direction."""
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = rotation_to(goal.axis), goal.position
-        q6 = 0.0 if start is None else float(start[WRIST_3])
-        if limits:
-            q6 = min(max(q6, self._low[WRIST_3]), self._high[WRIST_3])
         found, miss = self._solve_pose(self._flange_rows(T), None, limits=False, tol=tol)
-        turned = [(*row[:-1], q6) for row in found]
-        return self._solutions(turned, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
+        return [(*row[:-1], q6) for row in found], miss
 
     @property
     def _wrist_3_turns_tip(self) -> bool:
