@@ -265,7 +265,6 @@ class SimulatedUR:
         return int(server.getsockname()[1])
 
     def _publish(self) -> None:
-        """Send data packages to the clients that are due."""
         ur, values = self.controller, {}
         due = [client for client in self._clients if isinstance(client, _RtdeClient) and client.is_due(ur.time)]
         for client in due:

@@ -70,8 +70,6 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Name:
-    """A variable."""
-
     name: str
 
 
@@ -108,8 +106,6 @@ class Call:
 
 @dataclass(frozen=True)
 class Assignment:
-    """A variable gets a value."""
-
     name: str
     value: Expression
     line: int
@@ -117,8 +113,6 @@ class Assignment:
 
 @dataclass(frozen=True)
 class Choice:
-    """`if` and `else`."""
-
     condition: Expression
     then: tuple[Statement, ...]
     otherwise: tuple[Statement, ...]
@@ -131,14 +125,11 @@ Statement = Assignment | Call | Choice
 
 @dataclass(frozen=True)
 class Script:
-    """A program."""
-
-    name: str
+    name: str  # empty for a single statement
     body: tuple[Statement, ...]
 
 
 def parse(text: str) -> Script:
-    """Read a program."""
     if len(text) > MAX_CHARACTERS:
         raise ScriptError(1, f"a program may have {MAX_CHARACTERS} characters, got {len(text)}")
     return _Parser(text).program()

@@ -102,7 +102,6 @@ def set_origin(robot: ET.Element, joint: str, xyz: Sequence[float], rpy: Sequenc
 
 
 def set_limits(robot: ET.Element, joint: str, lower: float, upper: float) -> None:
-    """Set the lower and the upper limit of a joint [rad]."""
     element = named(robot, "joint", joint)
     limit = None if element is None or element.get("type") not in _LIMITED else element.find("limit")
     if limit is None:
@@ -350,7 +349,6 @@ def _check_numbers(what: str, text: str, count: int, name: str) -> None:
 
 
 def _check_file(name: str, package_root: str | None) -> None:
-    """Refuse a file outside the package."""
     path = PurePosixPath(name.removeprefix(PACKAGE))
     inside = name.startswith(PACKAGE) and not path.is_absolute() and ".." not in path.parts and name.isprintable()
     if package_root is None or not inside:

@@ -98,7 +98,6 @@ def read_urdf(
 
 
 def _parse(path: Path) -> ET.Element:
-    """Parse a URDF."""
     text = read_text(path, "the URDF", most=MAX_CHARACTERS)
     try:
         robot = parse_urdf(text)

@@ -175,7 +175,6 @@ class JointController:
         return outside
 
     def joints_outside_limits(self, q: Floats) -> tuple[str, ...]:
-        """Return the names of the joints that are outside their limits."""
         return tuple(name for name, out in zip(self.arm.joints, self.outside_limits(q), strict=True) if out)
 
     def refuse_outside_limits(self, q: Floats) -> None:

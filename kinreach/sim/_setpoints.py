@@ -174,7 +174,6 @@ class Following:
 
     @property
     def substeps(self) -> int:
-        """Timesteps between two setpoints."""
         return max(1, round(CONTROL_PERIOD / self.timestep))
 
     @property

@@ -210,7 +210,6 @@ class Grid:
         self._grid = scene.add_grid("/grid", 6.0, 6.0, position=(0.0, 0.0, floor), cell_size=0.25, section_size=1.0)
 
     def colour(self, *, dark: bool) -> None:
-        """Choose colours for a light or a dark background."""
         self._grid.cell_color, self._grid.section_color = DARK_GRID if dark else GRID
 
 

@@ -55,7 +55,6 @@ class EpisodesPanel(Panel):
         return not self._still.is_set()
 
     def show(self, visible: bool) -> None:
-        """Show or hide it, and pause."""
         with self._lock:
             self.pause()
             super().show(visible)
@@ -186,7 +185,6 @@ class EpisodesPanel(Panel):
             self._show_cameras(episode, seen)
 
     def _asked(self) -> Recording:
-        """The chosen episode."""
         environment, file = self._environment.value, self._file.value.strip()
         if ":" in file and file != self._setup.policy:
             raise InputError(f"a module is named on the command line, not here: kinreach view --policy {file}")
@@ -286,7 +284,6 @@ class EpisodesPanel(Panel):
             self._cameras.visible = True
 
     def _play(self, still: threading.Event, episode: Episode) -> None:
-        """Play in real time, in a thread of its own."""
         while not still.wait(episode.pause_after(self.at)):
             with self._lock:
                 if still.is_set() or self.episode is not episode:

@@ -121,6 +121,5 @@ def _skeleton(kinematics: ArmKinematics) -> list[LinkShape]:
 
 
 def _carried(model: Any, joint: int) -> str:
-    """The link that a joint moves."""
     frames = (frame for frame in model.frames if frame.type == pin.BODY and frame.parentJoint == joint)
     return str(min(frames, key=lambda frame: float(np.linalg.norm(frame.placement.translation))).name)

@@ -100,7 +100,6 @@ def legend(answer: Answer, *, shown: int, joints: Sequence[str], chosen: bool = 
 
 
 def branch_colour(branch: int) -> Colour:
-    """Return the colour of a branch's ghost."""
     return BRANCH_COLOURS[branch % len(BRANCH_COLOURS)]
 
 
@@ -248,7 +247,6 @@ def small(text: str) -> str:
 
 
 def code(text: str) -> str:
-    """Write a program with a button that copies it."""
     return block(
         f'<button class="kr-copy" data-copy="{escape(text)}">Copy</button>'
         f'<pre class="kinreach-code">{escape(text)}</pre>'

@@ -39,5 +39,4 @@ def length(value: float) -> str:
 
 
 def listed(words: Sequence[str]) -> str:
-    """Join words as in a sentence."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

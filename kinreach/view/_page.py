@@ -25,7 +25,6 @@ WIDTH, HEIGHT = 1600, 1000
 
 
 def panels(setup: Setup) -> dict[str, type[Panel]]:
-    """Return the parts of the page for an arm, by name."""
     kinds: dict[str, type[Panel]] = {TARGET: TargetPanel}
     if (setup.nominal or setup.arm).name in UR_LENGTHS:
         kinds[REAL_ARM] = RealArmPanel
@@ -129,7 +128,6 @@ class Page:
         self._grid.colour(dark=dark)
 
     def show_program(self) -> None:
-        """Open a window with a program for what is on the screen."""
         gui = self.client.gui
         with gui.add_modal("What is on the screen, as a program") as modal:
             gui.add_html(html.code(self.shown.program()))

@@ -41,7 +41,6 @@ class Miss:
 
     @property
     def distance(self) -> float:
-        """Its length [m]."""
         return float(np.linalg.norm(self.vector))
 
     @property

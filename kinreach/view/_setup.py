@@ -48,7 +48,6 @@ class Setup:
 
     @property
     def first(self) -> str:
-        """The first part on the screen."""
         if self.results is not None:
             return RESULTS
         return TARGET if self.policy is None and self.environment is None else EPISODES

@@ -172,7 +172,6 @@ class SensorNoise:
 
 
 def check_noise(noise: Any) -> None:
-    """Check that a value is a `SensorNoise` or None."""
     if noise is not None and not isinstance(noise, SensorNoise):
         raise InputError(f"noise must be a SensorNoise or None, got {shown(noise)}")
 
