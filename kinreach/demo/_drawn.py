@@ -49,7 +49,7 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
     """Draw an environment that does not draw itself."""
 
     def __init__(
-        self, env: gym.Env[Any, Any], *, mode: str, fps: int, prepare: Callable[[ScenePicture], object]
+        self, env: gym.Env[Any, Any], *, mode: str, fps: int, prepare: Callable[[ScenePicture], object] | None = None
     ) -> None:
         super().__init__(env)
         self._prepare = prepare
@@ -63,7 +63,8 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
         self._close_picture()
         self._scene, self._follows = scene_of(self.env, info)
         self._picture = ScenePicture(self._scene, mode=self._mode, fps=self._fps)
-        self._prepare(self._picture)
+        if self._prepare is not None:
+            self._prepare(self._picture)
         self._steps = 0
         self._follow(info)
         return observation, info

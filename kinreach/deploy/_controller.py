@@ -74,8 +74,7 @@ def check_is_ur(arm: ArmDescription) -> None:
 def tcp_of(arm: ArmDescription) -> Floats:
     """Return the pose of a UR's default tip on its flange (4, 4)."""
     flange, tip = (ArmKinematics(arm, tip=name) for name in (FLANGE, arm.default_tip))
-    T: Floats = np.linalg.inv(flange.fk(arm.home)) @ tip.fk(arm.home)
-    return T
+    return np.linalg.inv(flange.fk(arm.home)) @ tip.fk(arm.home)
 
 
 def payload_of(arm: ArmDescription) -> tuple[float, tuple[float, ...]] | None:
@@ -454,8 +453,7 @@ class Controller:
 
     def _tool(self, q: Floats) -> Floats:
         """Position of the tool centre point [m], shape (3,)."""
-        position: Floats = (self.kinematics.fk(q) @ self.tcp)[:3, 3]
-        return position
+        return (self.kinematics.fk(q) @ self.tcp)[:3, 3]
 
     def _servoj(self, call: Call, values: Mapping[str, Any]) -> Generator[None, None, None]:
         duration = values["t"]
@@ -491,8 +489,7 @@ class _Drive:
 
     @property
     def speeds(self) -> Floats:
-        speeds: Floats = self._data.qvel[self._dof].copy()
-        return speeds
+        return self._data.qvel[self._dof].copy()
 
     def step(self, q: Floats, qd: Floats, qdd: Floats, duration: float) -> None:
         """Simulate for a duration [s] with a posture [rad], speeds [rad/s] and accelerations [rad/s^2] as setpoint."""

@@ -210,8 +210,7 @@ class Chain:
         """The next joint's frames: x + i y of a frame turns by exp(-i q)."""
         plane = frame.view(np.complex128)[:, :, 0]
         np.multiply(plane, turns[:, joint, None], out=plane)
-        turned: Floats = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
-        return turned
+        return (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
 
 
 def miss(reached: Floats, T: Floats) -> Floats:
@@ -241,7 +240,7 @@ def _solved(A: Floats, b: Floats) -> Floats:
     try:
         return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
     except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.pinv(A) @ b, dtype=np.float64)
+        return np.linalg.pinv(A) @ b
 
 
 def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = STEPS) -> tuple[Floats, Floats]:
@@ -563,7 +562,7 @@ def _nearly_real(values: NDArray[Any], most: float) -> tuple[NDArray[np.int64], 
 
 def _scaled(rows: NDArray[Any], by: NDArray[Any]) -> Floats:
     """Real parts of rows (m, k) over numbers (m,), except those that are 0."""
-    return np.asarray((rows / np.where(by == 0.0, 1.0, by)[:, None]).real)
+    return (rows / np.where(by == 0.0, 1.0, by)[:, None]).real
 
 
 def _in_doubt(found: int, angles: Floats, imaginary: Floats) -> bool:

@@ -103,7 +103,7 @@ class IdentifiedArm:
 
     def positions(self, q: Floats) -> Floats:
         """Compute positions of the tip in postures (m, n) [m], shape (m, 3); for few faster than the chain."""
-        return np.asarray(self._frames(q)[-1][:, :3, 3])
+        return self._frames(q)[-1][:, :3, 3]
 
     def doubt(self, q: Floats) -> float:
         """Compute the standard deviation of the tip's coordinates over postures (m, n) [m]."""
@@ -130,7 +130,7 @@ def moved_frames(placements: Floats, errors: Floats) -> Floats:
     half = np.sinc(angle / (2.0 * np.pi))
     moved[:, :3, :3] += np.sinc(angle / np.pi) * K + 0.5 * half * half * K @ K
     moved[:, :3, 3] = errors[:, :3]
-    return np.asarray(placements @ moved)
+    return placements @ moved
 
 
 def frames_of(placements: Floats, q: Floats) -> list[Floats]:
@@ -164,7 +164,7 @@ def joint_slopes(J: Floats, terms: Floats) -> Floats:
     """How the tips move with the factors of joint terms (m, n, k), shape (3 m, k), from the `slopes` there."""
     m, n, k = terms.shape
     turns = J[:, 5 : 6 * n : 6].reshape(m, 3, n)  # a joint turns about its frame's z axis
-    return np.asarray((turns @ terms).reshape(3 * m, k))
+    return (turns @ terms).reshape(3 * m, k)
 
 
 def _cross(vectors: Floats) -> Floats:

@@ -91,7 +91,7 @@ class NearClosedForm(ABC):
 
     def _stays(self, found: Floats, start: Floats, branch: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
         """Which postures (6, k) are still on the branch of their start (6, k)."""
-        return np.asarray(np.abs(found - start).max(axis=0, initial=0.0) < FAR)
+        return np.abs(found - start).max(axis=0, initial=0.0) < FAR
 
 
 def no_postures(count: int) -> tuple[Floats, NDArray[np.bool_]]:

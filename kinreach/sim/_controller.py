@@ -171,8 +171,7 @@ class JointController:
 
     def outside_limits(self, q: Floats) -> NDArray[np.bool_]:
         """Return which joints are outside their limits, for one posture or many, shape (..., n)."""
-        outside: NDArray[np.bool_] = (q < self.lower - SLACK) | (q > self.upper + SLACK)
-        return outside
+        return (q < self.lower - SLACK) | (q > self.upper + SLACK)
 
     def joints_outside_limits(self, q: Floats) -> tuple[str, ...]:
         return tuple(name for name, out in zip(self.arm.joints, self.outside_limits(q), strict=True) if out)

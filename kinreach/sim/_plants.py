@@ -165,8 +165,7 @@ class BatchPlant:
         self.batch.reset(ids=ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE)
 
     def states(self, ids: Ids) -> Floats:
-        states: Floats = self.batch.state[ids]
-        return states
+        return self.batch.state[ids]
 
     def put(self, ids: Ids, states: Floats) -> None:
         self.batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
@@ -177,8 +176,7 @@ class BatchPlant:
         self.qvel[ids] = self._warmstart[ids] = 0.0
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
-        unstable: NDArray[np.bool_] = self.batch.warning[ids][:, _UNSTABLE, _NUMBER].any(axis=1)
-        return unstable
+        return self.batch.warning[ids][:, _UNSTABLE, _NUMBER].any(axis=1)
 
     def model_of(self, index: int) -> Any:
         if not self._fields:

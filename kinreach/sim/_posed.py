@@ -37,8 +37,7 @@ class PosedScene:
     @property
     def q(self) -> Floats:
         """Posture [rad], shape (n,)."""
-        q: Floats = self.data.qpos[self._qpos]
-        return q
+        return self.data.qpos[self._qpos]
 
     def put(self, q: ArrayLike, *, ball: ArrayLike | None = None, time: float | None = None) -> None:
         """Put the arm into a posture (n,) [rad], within its limits or not; ball [m] and time [s] stay if not given."""

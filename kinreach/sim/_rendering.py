@@ -32,8 +32,7 @@ _PROBE_SIZE = 8
 
 def camera_id(model: Any, name: str) -> int:
     check_known("camera", name, [model.camera(i).name for i in range(model.ncam)])
-    found: int = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
-    return found
+    return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
 
 
 class FrameRenderer:

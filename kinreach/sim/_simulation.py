@@ -146,14 +146,12 @@ class ArmSimulation:
     @property
     def q(self) -> Floats:
         """Posture [rad], shape (n,)."""
-        q: Floats = self.data.qpos[self.controller.qpos].copy()
-        return q
+        return self.data.qpos[self.controller.qpos].copy()
 
     @property
     def ball_position(self) -> Floats:
         """Centre of the ball [m], shape (3,)."""
-        position: Floats = self.data.mocap_pos[self._ball].copy()
-        return position
+        return self.data.mocap_pos[self._ball].copy()
 
     @property
     def tip_position(self) -> Floats:

@@ -45,8 +45,7 @@ def box_colour(name: str) -> Colour:
 
 def instance_colours(colours: ArrayLike) -> Floats:
     """Convert colours, 0 to 255, for batched meshes: viser decodes no sRGB there."""
-    shares: Floats = (np.asarray(colours) / 255.0) ** 2.2
-    return shares
+    return (np.asarray(colours) / 255.0) ** 2.2
 
 
 def overview(client: Any, arm: ArmDescription) -> None:

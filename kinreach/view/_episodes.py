@@ -271,5 +271,4 @@ def _terms(info: Mapping[str, Any]) -> Mapping[str, Any]:
     """The reward's terms; also from entries `reward_…`."""
     prefix = "reward_"
     numbers = {name.removeprefix(prefix): value for name, value in info.items() if name.startswith(prefix)}
-    terms: Mapping[str, Any] = info.get("reward_terms", numbers)
-    return terms
+    return info.get("reward_terms", numbers)

@@ -36,8 +36,7 @@ class Miss:
     @property
     def vector(self) -> Floats:
         """From the tip by the data sheet to the real one, in the world [m], shape (3,)."""
-        vector: Floats = self.real[:3, 3] - self.meant[:3, 3]
-        return vector
+        return self.real[:3, 3] - self.meant[:3, 3]
 
     @property
     def distance(self) -> float:
@@ -67,8 +66,7 @@ class ErrorMap:
     @property
     def known(self) -> Floats:
         """The errors that are not NaN [m], shape (k,)."""
-        known: Floats = self.distances[np.isfinite(self.distances)]
-        return known
+        return self.distances[np.isfinite(self.distances)]
 
 
 class RealArm:

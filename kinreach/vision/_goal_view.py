@@ -240,5 +240,4 @@ def _world_to_cameras(arm: ArmDescription) -> list[list[float]]:
     """The upper three rows of the transforms from the world to each camera, stacked."""
     T = goal_camera_poses(arm)
     R = np.swapaxes(T[:, :3, :3], 1, 2)
-    rows: list[list[float]] = np.concatenate([R, -(R @ T[:, :3, 3:])], axis=2).reshape(-1, 4).tolist()
-    return rows
+    return np.concatenate([R, -(R @ T[:, :3, 3:])], axis=2).reshape(-1, 4).tolist()

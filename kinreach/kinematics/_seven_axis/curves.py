@@ -66,8 +66,7 @@ class SelfMotion:
         if s == self.length[before]:
             return self.q[before].copy()
         start = self.q[before] + (s - self.length[before]) * self.tangent[before]
-        found: Floats = self._tracer.corrected(start[None], self._T, self.tangent[before][None])[0][0]
-        return found
+        return self._tracer.corrected(start[None], self._T, self.tangent[before][None])[0][0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +240,7 @@ def within_limits(
 def _wound(angles: Floats, low: float, high: float) -> Floats:
     """Angles of one joint along a curve [rad], wound into its limits: with a jump only where they forbid to go on."""
     if high - low < TURN:
-        return np.asarray(low + np.mod(angles - low, TURN))
+        return low + np.mod(angles - low, TURN)
     shift = -TURN * np.rint((angles[0] - 0.5 * (low + high)) / TURN)
     wound = np.empty_like(angles)
     for index, angle in enumerate(angles):

@@ -73,8 +73,8 @@ class _Sweep:
         """Poses of the six-axis arm for values of the held joint, shape (m, 4, 4)."""
         turns, A = turns_about_z(values), self._placements
         if self.held == 0:
-            return np.asarray(np.linalg.inv(A[0] @ turns) @ T)
-        return np.asarray(T @ np.linalg.inv(turns @ A[JOINTS]))
+            return np.linalg.inv(A[0] @ turns) @ T
+        return T @ np.linalg.inv(turns @ A[JOINTS])
 
 
 class SelfMotionTracer:
@@ -212,12 +212,12 @@ class SelfMotionTracer:
         side = np.zeros((len(q), JOINTS, 1))
         side[:, 6] = 1.0
         t = np.linalg.solve(A + NUDGE * np.eye(JOINTS), side)[..., 0]
-        return np.asarray(t / np.linalg.norm(t, axis=1)[:, None])
+        return t / np.linalg.norm(t, axis=1)[:, None]
 
     def _tangent(self, q: Floats, T: Floats) -> Floats:
         """Unit tangents of curves at postures (m, 7), in the direction that all curves have."""
         t = np.linalg.svd(self._loop.step(q, T[None])[1])[2][:, 6]
-        return np.asarray(self._sense(q, t, T)[:, None] * t)
+        return self._sense(q, t, T)[:, None] * t
 
     def _sense(self, q: Floats, tangent: Floats, T: Floats) -> Floats:
         """1 where tangents at postures (m, 7) have the direction that all curves have, else -1."""
@@ -321,13 +321,13 @@ class SelfMotionTracer:
 def _limited(steps: NDArray[Any]) -> Floats:
     """Steps (m, 7), none of a joint longer than `MAX_JOINT_STEP`."""
     longest = np.maximum(np.abs(steps).max(axis=1), MAX_JOINT_STEP)
-    return np.asarray(steps * (MAX_JOINT_STEP / longest)[:, None])
+    return steps * (MAX_JOINT_STEP / longest)[:, None]
 
 
 def _close(q: Floats, others: Floats) -> Floats:
     """How close postures (m, 7) and (k, 7) are on the torus: the sums of the differences' cosines, shape (m, k)."""
     waves, other_waves = (np.hstack([np.cos(each), np.sin(each)]) for each in (q, others))
-    return np.asarray(waves @ other_waves.T)
+    return waves @ other_waves.T
 
 
 def _each_once(q: Floats) -> Floats:

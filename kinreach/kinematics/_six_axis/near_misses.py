@@ -63,7 +63,7 @@ def reached_beside(chain: Chain, T: Floats, starts: Floats) -> Floats:
             along = np.broadcast_to(v[:, None], around.shape)
             q, size = _on_curves(chain, T, begin + INSIDE[:, None] * (end - begin), around, along)
     best = np.nan_to_num(np.abs(size), nan=np.inf).argmin(axis=1)
-    return np.asarray(q[np.arange(len(q)), best])
+    return q[np.arange(len(q)), best]
 
 
 def _on_curves(chain: Chain, T: Floats, q: Floats, u: Floats, v: Floats) -> tuple[Floats, Floats]:

@@ -62,7 +62,7 @@ class WristReach:
         return self._squares(q)
 
     def _squares(self, q: Floats) -> Floats:
-        return np.asarray(((self._chain.fk(q)[:, :, 3] - self._shoulder) ** 2).sum(axis=1))
+        return ((self._chain.fk(q)[:, :, 3] - self._shoulder) ** 2).sum(axis=1)
 
 
 def _nearest_on_z(frame: Floats) -> float:

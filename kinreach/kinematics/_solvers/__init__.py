@@ -50,8 +50,7 @@ def new_solver(name: str, kinematics: ArmKinematics) -> Solver:
     check_known("solver", name, SOLVERS)
     if name == "closed-form" and not kinematics.knows_all_postures:
         raise InputError(f"the arm {kinematics.arm.name!r} has no closed form; its solvers are placo, lm and qp")
-    solver: Solver = getattr(importlib.import_module(__name__), SOLVERS[name])(kinematics)
-    return solver
+    return getattr(importlib.import_module(__name__), SOLVERS[name])(kinematics)
 
 
 def __getattr__(name: str) -> Any:

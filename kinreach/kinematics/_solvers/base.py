@@ -76,5 +76,4 @@ class ClosedFormSolver:
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture nearest to the seed that reaches the goal and is accepted."""
-        result: IKResult = self.kin.solve(goal, seed, accept=accept)
-        return result
+        return self.kin.solve(goal, seed, accept=accept)

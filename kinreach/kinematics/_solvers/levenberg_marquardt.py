@@ -39,8 +39,7 @@ class LevenbergMarquardtSolver(IterativeSolver):
 
         def step_from(e: Floats, J: Floats) -> Floats:
             A = J.T.dot(J) + (0.5 * DAMPING * e.dot(e) + DAMPING_BIAS) * identity
-            dq: Floats = dposv(A, J.T.dot(e))[1]
-            return dq
+            return dposv(A, J.T.dot(e))[1]
 
         def descend(q: Floats) -> Descent:
             for step in range(self.max_iterations):

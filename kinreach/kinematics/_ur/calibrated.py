@@ -146,7 +146,7 @@ class CalibratedSolver(NearClosedForm):
         return self._refinement.near(q, row, self._refinement.wanted(T))
 
     def _stays(self, found: Floats, start: Floats, branch: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
-        return np.asarray(self._index(found)[0] == branch)
+        return self._index(found)[0] == branch
 
     def _every(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
         lists = self.general.solve(T, tol=tol)
@@ -195,12 +195,11 @@ class CalibratedSolver(NearClosedForm):
 
     def way_into_reach(self, T: Floats) -> Floats:
         """`kinreach.kinematics._ur.reach.way_into_reach` of the fitted arm for a pose (4, 4), in its frame."""
-        return np.asarray(self._left[:3, :3].T @ way_into_reach(self._fitted_rows(T), self.fit.geometry))
+        return self._left[:3, :3].T @ way_into_reach(self._fitted_rows(T), self.fit.geometry)
 
     def _fitted_rows(self, T: Floats) -> Rows:
         """A pose in the DH base of the fitted arm, and of its flange."""
-        rows: Rows = (self._left @ T @ self._right)[:3].tolist()
-        return rows
+        return (self._left @ T @ self._right)[:3].tolist()
 
     def branches_of(self, q: Floats) -> list[int]:
         """Return the index of each posture (k, 6) of one pose, all different."""

@@ -86,7 +86,7 @@ def way_into_reach(rows: Rows, g: URGeometry) -> Floats:
         square = (shifts**2).sum(axis=-1)
         middle = np.take_along_axis(tried, square.min(axis=0).argmin(axis=1)[:, None], axis=1)[:, 0]
         step *= 2.0 / (FINER - 1)
-    return np.asarray(shifts.reshape(-1, 3)[square.argmin()])
+    return shifts.reshape(-1, 3)[square.argmin()]
 
 
 def _shifts(rows: Rows, g: URGeometry, angles: Floats) -> Floats:
