@@ -62,6 +62,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
 
 
 def rate_of(arm: ArmDescription) -> int:
+    """Return the control cycles of a UR's controller per second."""
     return 125 if arm.name.split("_")[0] in CB3 else 500
 
 
@@ -104,8 +105,11 @@ class Recording:
 class Controller:
     """The controller of one UR and its arm in MuJoCo. Time passes only in `tick`.
 
+    The arm's default tip is the tool centre point until a program sets one. `log` gets each line of its log.
+
     Attributes:
         simulation: The arm in MuJoCo.
+        kinematics: Of the flange, in the controller's frame `base`, with the arm's own calibration.
         cycle: Time between two ticks [s].
         tcp: Tool centre point on the flange (4, 4).
         target_q, target_qd, target_qdd: Commands of the joints [rad], [rad/s], [rad/s^2], shape (6,).

@@ -35,7 +35,7 @@ HOME = "home"
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Plan, try, and write or send a motion."""
+    """Plan, try, and write or send a motion; return 1 if the user does not agree to send it."""
     arguments = _parser(prog).parse_args(argv)
     script, picture = _output("--script", arguments.script), _output("--picture", arguments.picture)
     if arguments.robot is not None and arguments.start is not None:

@@ -339,7 +339,7 @@ class General6R:
         return len(np.unique(pose[back])) / len(q)
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """Compute starts of Newton's method for poses (m, 4, 4): all eigenvalues' (k, 6), and the pose of each (k,)."""
+        """Compute starts of Newton's method (k, 6) for poses (m, 4, 4) from all eigenvalues, and the pose of each."""
         regular = self._regular(T)
         pose, q, *_ = self._candidates(regular, *self.CHOICES[0], self.PHASES[0], most=MAX_REDUNDANT_CANDIDATE)
         return q, pose

@@ -141,7 +141,7 @@ class JointController:
     collision, and 30 of the others.
 
     Attributes:
-        arm, model, tolerance: As given.
+        tolerance: How far from its target a joint may come to rest [rad].
         lower, upper: Joint limits [rad], shape (n,).
         qpos, ctrl: Where the arm's joints are in MuJoCo's `qpos` and `ctrl`.
         obstacles: Names of the bodies that are not links.

@@ -75,7 +75,7 @@ class Doubt:
 
     Attributes:
         found: Whether it may.
-        off: As given.
+        off: How far they are off [m, rad].
         free: Joints (0 is the first) that took the seed's value.
     """
 

@@ -35,7 +35,10 @@ FALLS = 0.5
 
 
 def reached_beside(chain: Chain, T: Floats, starts: Floats) -> Floats:
-    """Compute starts of Newton's method (k, 6) where curves through postures (m, 6) that almost reach a pose do."""
+    """Follow curves through postures (m, 6) that almost reach a pose; return where the curves reach it (k, 6).
+
+    They are starts of Newton's method.
+    """
     curves = []
     for _ in range(ROUNDS):
         if not len(starts):
