@@ -16,6 +16,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -146,7 +147,7 @@ def calibrated_urdf(text: str, calibration: Calibration, *, base: str, tip: str)
     for link in (base, tip):
         check_known("link of the URDF", link, frames)
     start = FLIP @ np.linalg.inv(frames[base])
-    nominal = _at_zero(nominal_placements(calibration.model))
+    nominal = _nominal_frames(calibration.model)
     if np.abs(start @ frames[tip] - nominal[-1]).max() > 1e-6:
         raise InputError(f"the URDF {shown(robot.get('name'))} is not that of a {calibration.model} by its data sheet")
     joints = {joint.get("name"): joint for joint in robot.findall("joint")}
@@ -274,7 +275,7 @@ def _number(name: str, value: Any, most: float, unit: str) -> float:
 
 def _placements(placed: _Placed, model: str) -> Floats:
     """Compute the chain whose frames are as near to the data sheet's as the axes allow, shape (7, 4, 4)."""
-    wanted = _at_zero(nominal_placements(model))
+    wanted = _nominal_frames(model)
     frames, frame = [], np.eye(4)
     for step, axis, near in zip(placed.steps[:6], placed.axes, wanted[:6], strict=True):
         frame = frame @ step
@@ -336,13 +337,9 @@ def _better_model(placed: _Placed, model: str) -> str:
     return f"; it fits {' or '.join(fitting)}" if fitting else ""
 
 
-def _at_zero(placements: Floats) -> Floats:
-    """Frames of a chain with all joints at 0, shape (7, 4, 4)."""
-    frames, frame = [], np.eye(4)
-    for step in placements:
-        frame = frame @ step
-        frames.append(frame)
-    return np.array(frames)
+def _nominal_frames(model: str) -> Floats:
+    """Frames of the data sheet's joints and tool0, all joints at 0, shape (7, 4, 4)."""
+    return np.array([*accumulate(nominal_placements(model), np.matmul, initial=np.eye(4))][1:])
 
 
 def _link_frames(robot: ET.Element) -> dict[str, Floats]:

@@ -189,6 +189,7 @@ MAX_CHARACTERS, MAX_LINKS, MAX_NUMBER = 2**23, 500, 1e9
 #: Deepest nesting of elements, and the shortest axis.
 MAX_DEPTH, MIN_AXIS = 100, 1e-6
 PACKAGE = "package://"
+WORLD = "world"
 #: Mesh files that a URDF may name, by their ends.
 MESHES = (".stl", ".obj", ".dae")
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
@@ -321,11 +322,8 @@ def _check_tree(robot: ET.Element) -> None:
 
 def _check_limits(joint: ET.Element) -> None:
     """Refuse a lower limit above the upper one; a missing one is 0."""
-    limit = joint.find("limit")
-    if limit is None or joint.get("type") not in _LIMITED:
-        return
-    lower, upper = (float(limit.get(name, "0")) for name in ("lower", "upper"))
-    if lower > upper:
+    lower, upper = limits_of(joint)
+    if joint.get("type") in _LIMITED and lower > upper:
         name = shown(joint.get("name"))
         raise InputError(f"joint {name} of the URDF has its lower limit above the upper one: {lower:g} > {upper:g}")
 
@@ -419,7 +417,7 @@ class UrdfArm:
                     f"arm {name!r}: joint {joint!r} slides or mimics another; use placo.KinematicsSolver, which moves "
                     "such joints, or leave it out of joints="
                 )
-        self.limits = [_limits(self._joints[joint]) for joint in self.joints]
+        self.limits = [limits_of(self._joints[joint]) for joint in self.joints]
         for joint, (lower, upper) in zip(self.joints, self.limits, strict=True):
             if lower == upper:
                 raise InputError(
@@ -525,16 +523,12 @@ class UrdfArm:
 
     def _last_turning(self, link: str, held: Collection[str]) -> str:
         """The last joint that turns before a link; empty if none does."""
-        turning = [joint.get("name", "") for joint in self._path(link) if self._turns(joint, held)]
-        return turning[-1] if turning else ""
+        path = reversed(self._path(link))
+        return next((joint.get("name", "") for joint in path if self._turns(joint, held)), "")
 
     def _moved_by(self, link: str) -> str:
-        """The last joint before a link; empty if none moves it, or if the last one is not a joint of `q`."""
-        for joint in reversed(self._path(link)):
-            if joint.get("type") in _MOVED:
-                name = joint.get("name", "")
-                return name if name in self.joints else ""
-        return ""
+        """The last joint that moves a link; empty if none does."""
+        return next((joint.get("name", "") for joint in reversed(self._path(link)) if joint.get("type") in _MOVED), "")
 
     def _path(self, link: str) -> list[ET.Element]:
         """The joints from the root to a link."""
@@ -587,14 +581,15 @@ def check_home(name: str, robot: ET.Element, home: Mapping[str, float]) -> None:
     joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
     for joint, angle in home.items():
         check_known(f"joint of arm {name!r}", joint, joints)
-        low, high = _limits(joints[joint])
+        low, high = limits_of(joints[joint])
         if not low - LIMIT_DIGITS <= angle <= high + LIMIT_DIGITS:
             raise InputError(
                 f"arm {name!r}: home has joint {joint!r} at {angle:g} rad, outside its limits {low:g} to {high:g}"
             )
 
 
-def _limits(joint: ET.Element) -> tuple[float, float]:
+def limits_of(joint: ET.Element) -> tuple[float, float]:
+    """Return lower and upper limit of a joint [rad, m]; one that is missing is 0."""
     if joint.get("type") == "continuous":
         return -math.pi, math.pi
     return _value(joint, "limit", "lower"), _value(joint, "limit", "upper")
@@ -610,6 +605,3 @@ def _length(placed: ET.Element | None) -> float:
     """How far what has an `<origin>` is from its parent's origin [m]."""
     origin = None if placed is None else placed.find("origin")
     return 0.0 if origin is None else math.hypot(*map(float, origin.get("xyz", "0 0 0").split()))
-
-
-WORLD = "world"

@@ -26,6 +26,7 @@ from kinreach.robots._urdf import (
     add_joint,
     check_urdf,
     gripper_joints,
+    limits_of,
     named,
     numbers,
     parse_urdf,
@@ -148,12 +149,11 @@ def _hold(robot: ET.Element, joints: Sequence[str], held: Mapping[str, float]) -
 
 
 def _place(joint: ET.Element, held: Mapping[str, float]) -> float:
-    name, limit = joint.get("name", ""), joint.find("limit")
+    name = joint.get("name", "")
     if name in held:
         return check_number(f"the place of joint {name!r}", held[name])
-    if limit is None or joint.get("type") == "continuous":
-        return 0.0
-    return min(max(0.0, float(limit.get("lower", "0"))), float(limit.get("upper", "0")))
+    lower, upper = limits_of(joint)
+    return min(max(0.0, lower), upper)
 
 
 def _fix(joint: ET.Element, place: float) -> None:

@@ -76,11 +76,7 @@ class Grasping:
         self._kinds = [kinds._replace(shape=kinds.shape.astype(np.intp)) for kinds in unlike_any]
         self._table = np.zeros(self.count)
         self._substeps = max(1, round(CONTROL_PERIOD / model.opt.timestep))
-
-    @property
-    def period(self) -> float:
-        """Time between two setpoints [s]."""
-        return self._substeps * float(self.controller.model.opt.timestep)
+        self._period = self._substeps * float(model.opt.timestep)
 
     def reset(self, ids: Ids, q: Floats) -> None:
         """Put arms at rest into postures [rad], shape (k, n), the gripper open as at the start."""
@@ -122,25 +118,23 @@ class Grasping:
 
     def drive(self, ids: Ids, openings: Floats, seconds: float) -> None:
         """Move the fingers evenly to openings [m], shape (k,), while the arms keep their setpoints."""
-        start = self._plant.ctrl[rows_and_columns(ids, self._servos)]
-        share = np.linspace(0.0, 1.0, 1 + max(1, round(seconds / self.period)))[1:, None, None]
-        self._follow(ids, self._servos, start + share * (openings[:, None] / 2 - start))
+        self._lead(ids, self._servos, openings[:, None] / 2, seconds)
 
     def rest(self, ids: Ids, seconds: float) -> None:
         """Simulate with unchanged setpoints."""
-        now = self._plant.ctrl[rows_and_columns(ids, self._servos)]
-        self._follow(ids, self._servos, np.repeat(now[None], max(1, round(seconds / self.period)), axis=0))
+        self._lead(ids, self._servos, self._plant.ctrl[rows_and_columns(ids, self._servos)], seconds)
 
     def steer(self, ids: Ids, postures: Floats, openings: Floats, seconds: float) -> None:
         """Move the setpoints of arms and fingers evenly to postures [rad] and openings [m]."""
         servos = np.concatenate([self._all_servos[self.controller.ctrl], self._all_servos[self._servos]])
-        start = self._plant.ctrl[np.ix_(ids, servos)]
         end = np.concatenate([postures, np.repeat(openings[:, None] / 2, 2, axis=1)], axis=1)
-        share = np.linspace(0.0, 1.0, 1 + max(1, round(seconds / self.period)))[1:, None, None]
-        self._follow(ids, servos, start + share * (end - start))
+        self._lead(ids, servos, end, seconds)
 
-    def _follow(self, ids: Ids, servos: Any, setpoints: Floats) -> None:
-        self._plant.follow(ids, servos, setpoints, self._substeps)
+    def _lead(self, ids: Ids, servos: Any, end: Floats, seconds: float) -> None:
+        """Simulate while the setpoints of some servos move evenly to their end."""
+        start = self._plant.ctrl[rows_and_columns(ids, servos)]
+        share = np.linspace(0.0, 1.0, 1 + max(1, round(seconds / self._period)))[1:, None, None]
+        self._plant.follow(ids, servos, start + share * (end - start), self._substeps)
 
     def move(self, ids: Ids, targets: Floats) -> Any:
         """Move arms, all joints at once; see `JointController.move`."""

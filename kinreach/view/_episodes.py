@@ -233,7 +233,7 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
             self.episode.steps.append(Step(reward, terms, distance, str(info.get("impossible_reason", ""))))
             self._reward = 0.0
         if self._follows:
-            self._pose(info)
+            put(self._scene, info, time=len(self.episode.steps) / FPS)
         self._take()
 
     def _begin(self, info: Mapping[str, Any]) -> None:
@@ -246,9 +246,6 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         self.episode = Episode(
             MujocoScene(self._scene.model, simple=self._simple), arm_of(self.env), goal=goal, facts=facts
         )
-
-    def _pose(self, info: Mapping[str, Any]) -> None:
-        put(self._scene, info, time=len(self.episode.steps) / FPS)
 
     def _moving(self) -> None:
         if self._scene.data.time >= self._due:
