@@ -187,12 +187,8 @@ def singular_postures(kin: ArmKinematics, scale: float, *, seed: int = 0) -> Sin
     """Find singular postures next to random ones by turning a joint to where the smallest singular value is least.
 
     With up to six joints one turn is enough. An arm with more is singular where several joints are at certain angles:
-    they are turned one after the other, and postures count from `NEARLY_SINGULAR` on.
-
-    Args:
-        kin: The arm.
-        scale: Unit of lengths [m], such as the reach.
-        seed: Of the random postures.
+    they are turned one after the other, and postures count from `NEARLY_SINGULAR` on. `scale` is the unit of lengths
+    [m], such as the reach.
     """
     spare = kin.n > POSE_JOINTS
     ways = [tuple(range(kin.n)) * ROUNDS] if spare else [(joint,) for joint in range(kin.n)]
@@ -249,14 +245,7 @@ def goal_of(kin: ArmKinematics, q: Floats) -> PoseGoal | PositionGoal:
 
 
 def solved(kin: ArmKinematics, solver: Solver, postures: Floats, singular: Floats) -> Solved:
-    """Try a solver on the poses of postures, from the start posture.
-
-    Args:
-        kin: The arm.
-        solver: Of that arm.
-        postures: Random ones [rad], shape (m, n).
-        singular: Singular ones [rad], shape (k, n).
-    """
+    """Try a solver on the poses of random postures (m, n) and of singular ones (k, n), from the start posture."""
     done, times, errors = [], [], [0.0]
     for q in (*postures, *singular):
         goal = goal_of(kin, q)

@@ -35,12 +35,9 @@ def add_surroundings(parser: argparse.ArgumentParser, frame: str) -> None:
 
 
 def surrounded(kinematics: ArmKinematics, arguments: argparse.Namespace, *, cell: bool) -> ArmDescription:
-    """Return an arm with what `add_surroundings` puts around it; a table replaces the arm's work cell.
+    """Return an arm with what `add_surroundings` puts around it, boxes in the frame of its kinematics.
 
-    Args:
-        kinematics: Of the arm, in the frame of the boxes.
-        arguments: Parsed.
-        cell: Keep the arm's work cell.
+    Its own work cell is kept only with `cell`, and not beside a table.
     """
     arm = kinematics.arm
     around = arm.workcell if cell else Workcell()

@@ -111,11 +111,7 @@ def decouples(dh: DenavitHartenberg) -> bool:
 
 
 class DecoupledArm:
-    """Every posture of a decoupled six-axis arm for a pose.
-
-    Args:
-        dh: The arm's parameters, of an arm that `decouples`.
-    """
+    """Every posture for a pose, of a six-axis arm that `decouples`."""
 
     def __init__(self, dh: DenavitHartenberg) -> None:
         self.dh = dh
