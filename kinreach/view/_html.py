@@ -23,6 +23,7 @@ from kinreach.view._results import Results
 from kinreach.view._target import Answer, Finish, Posture, State
 
 _GREEN, _RED, _ORANGE = "#37a34b", "#e03131", "#e8910c"
+_CROSS = '<span class="kr-bad">✗</span>'
 #: Groups of buttons that texts press. Of `POINT_AT` the first is for nothing, of `POSTURE` and `POINT_AT` there are
 #: `MAX_POSTURES` others: a calibrated UR has up to sixteen postures.
 SHOW, DO, COLOURS, POSTURE, POINT_AT, METHOD = "show", "do", "colours", "posture", "point at", "method"
@@ -95,7 +96,7 @@ def legend(answer: Answer, *, shown: int, joints: Sequence[str], chosen: bool = 
             rows.append(_row(index, posture, posture.q, word=word, joints=joints))
     for reason, postures in unreached.items():
         names = "<br>".join(escape(posture.name) for posture in postures)
-        rows.append(_entry("✗", _RED, names, _reason(reason)))
+        rows.append(_entry(_CROSS, names, _reason(reason)))
     return block(f'<div class="kinreach-postures">{"".join(rows)}</div>')
 
 
@@ -121,8 +122,8 @@ def _row(index: int, posture: Posture, q: Floats, *, word: str, joints: Sequence
     )
     does = f'{_press(POSTURE, index)} data-point="{POINT_AT} {index + 1}" role="button" tabindex="0"'
     does += f' title="{"Follow the nearest again" if word == "kept" else "Draw this one solid"}"'
-    colour = css(branch_colour(posture.branch)) if usable else _RED
-    return _entry("●" if usable else "✗", colour, name, detail, does=does, after=copy)
+    mark = _dot(css(branch_colour(posture.branch))) if usable else _CROSS
+    return _entry(mark, name, detail, does=does, after=copy)
 
 
 def _press(name: str, index: int) -> str:
@@ -133,11 +134,12 @@ def _reason(text: str) -> str:
     return f'<div class="kr-bad" style="font-size:12px">{escape(text)}</div>'
 
 
-def _entry(sign: str, colour: str, title: str, detail: str, *, does: str = "", after: str = "") -> str:
-    return (
-        f'<div class="kr-entry" {does}><span style="color:{colour}">{sign}</span>'
-        f"<div><div>{title}</div>{detail}</div>{after}</div>"
-    )
+def _dot(colour: str) -> str:
+    return f'<span style="color:{colour}">●</span>'
+
+
+def _entry(mark: str, title: str, detail: str, *, does: str = "", after: str = "") -> str:
+    return f'<div class="kr-entry" {does}>{mark}<div><div>{title}</div>{detail}</div>{after}</div>'
 
 
 def gauge(stiffness: float, what: str) -> str:
@@ -177,8 +179,7 @@ def ends(results: Results, index: int, chosen: str) -> str:
     names = list(results.colours)
     rows = [
         _entry(
-            "●",
-            css(results.colours[name]),
+            _dot(css(results.colours[name])),
             f"<b>{escape(name)}</b>" if name == chosen else escape(name),
             "" if end.reached else _reason(end.reason or "not reached"),
             does=f'{_press(METHOD, names.index(name))} role="button" tabindex="0" title="Draw this one"',

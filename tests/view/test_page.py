@@ -1,6 +1,7 @@
 """The page in a browser: what is dragged and typed is answered, and what is drawn is what the server says."""
 
 import io
+import re
 import threading
 import time
 
@@ -119,7 +120,16 @@ def test_a_posture_is_pointed_at_clicked_and_copied(browser_page):
     row.hover()
     wait_for(tab, lambda: panel.pointed == index)
     tab.context.grant_permissions(["clipboard-read", "clipboard-write"])
-    row.get_by_role("button", name="Copy the joint angles").click()
+    button = row.get_by_role("button", name="Copy the joint angles")
+    color = button.evaluate(
+        """button => new Promise(done => {
+            const seen = () => done(getComputedStyle(button).color);
+            new MutationObserver(seen).observe(button, { attributeFilter: ["class"] });
+            button.click();
+        })"""
+    )
+    red, green, _ = map(int, re.findall(r"\d+", color))
+    assert green > red + 50  # for a moment
     wait_for(tab, lambda: tab.evaluate("navigator.clipboard.readText()") == str(posture.q.tolist()))
     assert panel.solid != index
     row.click()
