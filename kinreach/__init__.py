@@ -6,6 +6,7 @@ all on the same goals. Imports point one way, downwards:
     kinreach.view         a page in the browser: `python -m kinreach.view`
     kinreach.demo         an environment to watch, or to film: `python -m kinreach.demo`
     kinreach.compare      all methods on equal terms, with statistics: `python -m kinreach.compare`
+    kinreach.plots        the style of the figures
     kinreach.baselines    policies, recipes, training and evaluation
     kinreach.envs         the tasks, as Gymnasium environments
     kinreach.vision       cameras, and the ball found in their pictures

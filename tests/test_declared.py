@@ -19,13 +19,13 @@ import gymnasium as gym
 import pytest
 
 import kinreach
-from kinreach._plots._methods import METHOD_COLOURS
 from kinreach.baselines._recipes.button import BUTTON_RECIPES
 from kinreach.baselines._recipes.lift import LIFT_RECIPES
 from kinreach.baselines._recipes.reach import REACH_RECIPES
 from kinreach.cli import COMMANDS
 from kinreach.compare._task import _OWN, get_task
 from kinreach.demo._tasks import TASKS
+from kinreach.plots._methods import METHOD_COLOURS
 from kinreach.robots import get_arm
 from kinreach.robots._description import no_package
 from kinreach.robots._tools import TOOLS

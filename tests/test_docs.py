@@ -255,12 +255,13 @@ def test_the_reference_lists_every_name():
         names = getattr(package, "__all__", [name for name in vars(package) if name.endswith("Error")])
         assert sorted(listed) == sorted(names), page.stem
         checked += len(listed)
-    assert 70 <= checked <= 100  # errors included
+    assert 70 <= checked <= 110  # errors included
 
 
 FACES = (
     "kinreach", "kinreach.baselines", "kinreach.compare", "kinreach.deploy", "kinreach.envs", "kinreach.errors",
-    "kinreach.kinematics", "kinreach.robots", "kinreach.sim", "kinreach.thesis", "kinreach.view", "kinreach.vision",
+    "kinreach.kinematics", "kinreach.plots", "kinreach.robots", "kinreach.sim", "kinreach.thesis",
+    "kinreach.view", "kinreach.vision",
 )  # fmt: skip
 
 
@@ -278,7 +279,7 @@ def programs() -> Iterator[tuple[str, str]]:
 
 
 def test_users_import_from_faces():
-    """And only what a face exports; the figures of the notebooks share the style of the package's own."""
+    """And only what a face exports: pages, examples, notebooks with their figures, and CONTRIBUTING."""
     wrong, names = [], set()
     for file, code in programs():
         for node in ast.walk(ast.parse(code)):
@@ -288,8 +289,6 @@ def test_users_import_from_faces():
             elif isinstance(node, ast.ImportFrom):
                 imported = {(node.module, alias.name) for alias in node.names}
             for module, name in {pair for pair in imported if pair[0].split(".")[0] == "kinreach"}:
-                if module.startswith("kinreach._plots.") and (ROOT / "notebooks/figures" / file).exists():
-                    continue
                 if module not in FACES or (name and name not in importlib.import_module(module).__all__):
                     wrong.append(f"{file}: {module} {name}")
                 names.add((module, name))
@@ -306,7 +305,7 @@ def test_faces_export_what_a_page_or_an_example_uses():
         f"{face}.{name}": name for face in FACES[1:] for name in getattr(importlib.import_module(face), "__all__", ())
     }
     assert [path for path, name in exported.items() if name not in words] == []
-    assert 70 <= len(exported) <= 90
+    assert 70 <= len(exported) <= 95
 
 
 def test_code_is_narrow():

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from kinreach._plots._style import INK
 from kinreach.kinematics import ArmKinematics
+from kinreach.plots._style import INK
 from kinreach.robots import ArmDescription, Tool, get_arm
 from kinreach.robots._shapes import link_shapes
 

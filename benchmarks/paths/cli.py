@@ -18,11 +18,11 @@ from benchmarks.paths.problems import KINDS, MARGIN, Problem, generated, ur5e, v
 from benchmarks.speed.report import table
 from kinreach._checks import check_count, check_path
 from kinreach._files import make_writable, replacing, write_text
-from kinreach._plots._methods import colours_of
-from kinreach._plots._style import new_figure, plain
 from kinreach._provenance import machine, versions
 from kinreach.cli import Parser
 from kinreach.kinematics import ArmKinematics, CollisionChecker
+from kinreach.plots._methods import colours_of
+from kinreach.plots._style import new_figure, plain
 
 OUT = "results/paths"
 PACKAGES = ("kinreach", "ompl", "pin", "numpy")

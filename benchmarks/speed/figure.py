@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from benchmarks.speed.sections import Chart, Section
-from kinreach._plots._methods import METHOD_COLOURS, PALETTE, colours_of, method_colours
-from kinreach._plots._style import FAINT, INK, key, label_ends, new_figure, plain, text_colour, verbatim
+from kinreach.plots._methods import METHOD_COLOURS, PALETTE, colours_of, method_colours
+from kinreach.plots._style import FAINT, INK, key, label_ends, new_figure, plain, text_colour, verbatim
 
 #: Width of a figure, height of a panel without its dots, of a dot, and of a panel with lines [inches].
 WIDTH, FRAME, DOT, LINES = 8.0, 1.0, 0.27, 3.4

@@ -127,7 +127,7 @@ def draw(path: Path) -> None:
     """Both cameras' pictures of a typical goal, the found circle and its 3-D error drawn in, as a PNG file."""
     from matplotlib.patches import Circle
 
-    from kinreach._plots._style import new_figure
+    from kinreach.plots._style import new_figure
 
     simulation = ArmSimulation("ur5")
     simulation.place_ball(PICTURE_GOAL)

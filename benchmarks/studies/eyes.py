@@ -14,13 +14,13 @@ import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach._files import replacing
-from kinreach._plots._methods import PALETTE
 from kinreach._registration import SINGLE
 from kinreach.baselines._evaluation import HELD_OUT
 from kinreach.baselines._eyes import picture_names
 from kinreach.baselines._policies import load_policy, needed_options
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
+from kinreach.plots._methods import PALETTE
 from notebooks.figures import draw_pictures
 
 PROG = "python -m benchmarks.studies.eyes"

@@ -23,13 +23,13 @@ import numpy as np
 from benchmarks.studies.tables import head, line, share
 from kinreach._checks import check_count
 from kinreach._files import replacing
-from kinreach._plots._style import INK, new_figure
 from kinreach._registration import LIFT
 from kinreach.baselines._grasp_policy import GraspPolicy
 from kinreach.baselines._loop import rollout_batch
 from kinreach.baselines._policies import load_policy, needed_options
 from kinreach.cli import Parser, finish
 from kinreach.kinematics._solvers import SOLVERS, new_solver
+from kinreach.plots._style import INK, new_figure
 
 PROG = "python -m benchmarks.studies.lift_range"
 RANGE = {

@@ -198,7 +198,7 @@ def draw(studio: Studio, path: Path) -> None:
     """What the front camera sees in each situation and what was found, as a PNG file."""
     from matplotlib.patches import Circle
 
-    from kinreach._plots._style import INK, new_figure
+    from kinreach.plots._style import INK, new_figure
 
     shown = [situation for situation in SITUATIONS if situation.ball]
     goal = np.array(PICTURE_GOAL)

@@ -33,7 +33,6 @@ from benchmarks.studies.tables import head, line, share
 from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
 from kinreach._checks import check_count
 from kinreach._files import make_writable, replacing
-from kinreach._plots._style import INK, new_figure
 from kinreach.baselines import load_policy
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._evaluation import evaluate
@@ -44,6 +43,7 @@ from kinreach.compare._task import get_task
 from kinreach.envs._moving import AGE, DELAY, FRAMES, PATHS
 from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.kinematics import UR5Kinematics
+from kinreach.plots._style import INK, new_figure
 from kinreach.robots import get_arm
 
 PROG = "python -m benchmarks.studies.moving_ball"

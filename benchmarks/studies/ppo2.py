@@ -27,8 +27,6 @@ from benchmarks.studies.reward_parts import PARTS
 from benchmarks.studies.side_by_side import Networks, Stack, Trained, train_stack
 from benchmarks.studies.tables import head, line, spread
 from kinreach._files import make_writable, replacing, write_text
-from kinreach._plots._methods import PALETTE
-from kinreach._plots._style import FAINT, key, label_ends, new_figure, plain
 from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._evaluation import HELD_OUT, VALIDATION
@@ -37,6 +35,8 @@ from kinreach.baselines._loop import rollout_batch
 from kinreach.baselines._policy_file import save_policy
 from kinreach.baselines._rewards import own
 from kinreach.cli import Parser, finish
+from kinreach.plots._methods import PALETTE
+from kinreach.plots._style import FAINT, key, label_ends, new_figure, plain
 from kinreach.robots import get_arm
 from kinreach.thesis import REACHED_DISTANCE
 

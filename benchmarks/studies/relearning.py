@@ -31,8 +31,6 @@ from benchmarks.studies.tables import head, line
 from kinreach._checks import Floats, check_count
 from kinreach._files import replacing
 from kinreach._jobs import add_options
-from kinreach._plots._methods import METHOD_COLOURS
-from kinreach._plots._style import FAINT, FONT_SIZE, key, label_ends, new_figure, text_colour
 from kinreach._statistics import bootstrap_intervals, mean
 from kinreach.baselines._adaptive_ppo import AdaptiveRate, Exploration
 from kinreach.baselines._algorithms import normal_scores
@@ -42,6 +40,8 @@ from kinreach.baselines._policy_file import Network
 from kinreach.baselines._random_arms import ur5
 from kinreach.cli import Parser, finish
 from kinreach.envs._reach.task import goal_block
+from kinreach.plots._methods import METHOD_COLOURS
+from kinreach.plots._style import FAINT, FONT_SIZE, key, label_ends, new_figure, text_colour
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 PROG = "python -m benchmarks.studies.relearning"

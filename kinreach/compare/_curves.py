@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from kinreach._plots._style import key, label_ends, name_label, new_figure, plain, text_colour
 from kinreach._statistics import Trial, bootstrap_intervals, median, number, wilson_interval
 from kinreach.compare._figures import Value, by_method, colours_in, origin
 from kinreach.compare._task import Draw
+from kinreach.plots._style import key, label_ends, name_label, new_figure, plain, text_colour
 
 
 def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:

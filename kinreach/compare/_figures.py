@@ -16,11 +16,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from kinreach._files import replacing
-from kinreach._plots._maps import draw_error_maps
-from kinreach._plots._methods import PALETTE
-from kinreach._plots._style import FAINT, INK, key, name_label, new_figure, plain, text_colour, verbatim
 from kinreach._statistics import Trial, median, number, p95
 from kinreach.compare._task import Draw
+from kinreach.plots._maps import draw_error_maps
+from kinreach.plots._methods import PALETTE
+from kinreach.plots._style import FAINT, INK, key, name_label, new_figure, plain, text_colour, verbatim
 
 #: Of the files.
 DPI = 160

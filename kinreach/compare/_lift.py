@@ -9,7 +9,6 @@ import gymnasium as gym
 import numpy as np
 from matplotlib.figure import Figure
 
-from kinreach._plots._style import name_label, new_figure
 from kinreach._registration import LIFT
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, thousandfold
 from kinreach.baselines._grasp_policy import GraspPolicy
@@ -19,6 +18,7 @@ from kinreach.compare._methods import policy_method
 from kinreach.compare._task import SOLVER, Method, Task
 from kinreach.envs._lift.task import HEIGHT, HOLD, MULTI
 from kinreach.kinematics._solvers import new_solver
+from kinreach.plots._style import name_label, new_figure
 
 #: Stages at which a grasp can fail, in their order.
 CAUSES = ("seen", "reached", "closed", "slipped", "dropped")

@@ -9,8 +9,6 @@ import gymnasium as gym
 import numpy as np
 from matplotlib.figure import Figure
 
-from kinreach._plots._maps import view_from_the_robot
-from kinreach._plots._style import INK, name_label, new_figure, text_colour
 from kinreach._registration import MOVING
 from kinreach._statistics import QUANTILES, RATE, Column, Trial, number, thousandfold
 from kinreach.compare._button import decision_ms
@@ -21,6 +19,8 @@ from kinreach.compare._methods.interception import FirstSight, Interception, Las
 from kinreach.compare._task import CONTROLLER, Method, Replay, Task
 from kinreach.envs import _moving as ball
 from kinreach.kinematics import ArmKinematics
+from kinreach.plots._maps import view_from_the_robot
+from kinreach.plots._style import INK, name_label, new_figure, text_colour
 
 #: Title of the second table.
 TIME_TABLE = "Distances and times"

@@ -12,9 +12,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from kinreach._checks import Floats
-from kinreach._plots._methods import METHOD_COLOURS
-from kinreach._plots._style import INK
 from kinreach._statistics import number
+from kinreach.plots._methods import METHOD_COLOURS
+from kinreach.plots._style import INK
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import OBJECT
 from kinreach.sim._picture import CAMERA, Scene

@@ -105,7 +105,7 @@ class _Job:
             write_text(script, program.text)
             say(f"wrote    {script}")
         if picture is not None:
-            from kinreach._plots._motion import draw_motion
+            from kinreach.plots._motion import draw_motion
 
             figure = draw_motion(done.commanded, kin.velocity_limit, f"{self.arm.title}, tried in MuJoCo")
             with replacing(picture) as temporary:

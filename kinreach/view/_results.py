@@ -13,8 +13,8 @@ import numpy as np
 
 from kinreach._checks import MAX_ANGLE, MAX_DISTANCE, Floats, check_path, shown
 from kinreach._files import read_text
-from kinreach._plots._methods import method_colours
 from kinreach.errors import InputError
+from kinreach.plots._methods import method_colours
 from kinreach.robots import arm_names
 
 #: Names of the files; a trial has about 700 bytes.

@@ -4,7 +4,7 @@ Notebooks run in their own folder and import `figures`; from the repository's fo
 functions do not check their arguments.
 """
 
-from kinreach._plots._maps import draw_error_maps
+from kinreach.plots import draw_error_maps
 
 from .learning import (
     draw_discounted_rewards,

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._plots._methods import PALETTE, colours_of
-from kinreach._plots._style import FAINT, INK, key, label_ends, new_figure, plain
+from kinreach.plots import FAINT, INK, PALETTE, colours_of, key, label_ends, new_figure
 from kinreach.thesis import REACHED_DISTANCE
 
 #: One seed: increasing positions on the horizontal axis, and the values there.
@@ -206,9 +205,9 @@ def _log_axis(axes: Axes) -> None:
     """Make the vertical axis logarithmic with plain numbers, and label 2 and 5 where it spans less than two decades."""
     axes.set_yscale("log")
     low, high = axes.get_ylim()
-    axes.yaxis.set_major_formatter(FuncFormatter(plain))
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0) if high < 100 * low else ()))
-    axes.yaxis.set_minor_formatter(FuncFormatter(plain))
+    axes.yaxis.set_minor_formatter("{x:g}")
     axes.tick_params(axis="y", which="minor", length=0, labelsize=9, labelcolor=INK)
 
 

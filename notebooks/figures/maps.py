@@ -9,16 +9,16 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Rectangle
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._plots._maps import Area, outline, view_from_the_robot
-from kinreach._plots._methods import PALETTE, colours_of
-from kinreach._plots._style import INK, MAGNITUDE, key, name_label, new_figure
+from kinreach.plots import INK, PALETTE, colours_of, key, new_figure
 
 Floats = NDArray[np.float64]
 
 #: The thesis's rewards of a posture that is impossible, near the goal, and at it.
+#: Bounds of x and y [m].
+Area = tuple[tuple[float, float], tuple[float, float]]
 IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD = -100.0, 10.0, 20.0
 _IMPOSSIBLE, _NEAR, _REACHED = "#bdbdbd", PALETTE[4], PALETTE[1]
 #: Colour steps of the reward where the tip is not at the goal.
@@ -58,19 +58,21 @@ def draw_reward_maps(
         title, size=(0.8 + (height - 1.2) * sum(widths) + 0.75 * len(maps), height), columns=len(maps), widths=widths,
         note=text, grid="none",
     )  # fmt: skip
-    cmap = ListedColormap([*colormaps[MAGNITUDE](np.linspace(0, 1, len(_FAR) - 1)), _NEAR, _REACHED])
+    cmap = ListedColormap([*colormaps["cividis"](np.linspace(0, 1, len(_FAR) - 1)), _NEAR, _REACHED])
     norm = BoundaryNorm([*_FAR, NEAR_REWARD + 0.5, REACHED_REWARD + 0.5], cmap.N)
     drawn: Any = None
     for ax, (name, (x, y, r)) in zip(axes, panels.items(), strict=True):
         ax.pcolormesh(y, x, np.where(r == IMPOSSIBLE_REWARD, 0.0, np.nan), cmap=ListedColormap([_IMPOSSIBLE]))
         possible = np.where(r == IMPOSSIBLE_REWARD, np.nan, np.maximum(r, 0.0))
         drawn = ax.pcolormesh(y, x, possible, cmap=cmap, norm=norm)
-        view_from_the_robot(ax, x, y)
+        ax.set(xlim=(y[-1], y[0]), ylim=(x[0], x[-1]), aspect="equal", xlabel="y [m]", ylabel="x [m]")
+        ax.spines["bottom"].set_visible(False)
         ax.locator_params(nbins=5)
         if area is not None and x[0] <= area[0][0] and area[0][1] <= x[-1]:
-            outline(ax, area, colour="white")
+            (x0, x1), (y0, y1) = area
+            ax.add_patch(Rectangle((y0, x0), y1 - y0, x1 - x0, fill=False, ec="white", lw=1.2, ls="--"))
         ax.plot(goal[1], goal[0], marker="+", ms=9, mew=1.4, color=INK)
-        ax.set_title(name_label(name), loc="left", fontsize=9.5, weight="bold", color=INK)
+        ax.set_title(name, loc="left", fontsize=9.5, weight="bold", color=INK)
     bar = figure.colorbar(drawn, ax=axes, label="reward r", aspect=18)
     bar.outline.set_visible(False)
     middles = (norm.boundaries[-3:-1] + norm.boundaries[-2:]) / 2
@@ -101,7 +103,7 @@ def draw_paths(
     for ax, view, (xlabel, ylabel) in zip(axes, (_from_above, _from_the_side), labels, strict=True):
         for name, path in paths.items():
             line = view(np.asarray(path))
-            ax.plot(*line.T, color=colours[name], lw=1.5, marker="o", ms=2.0, label=name_label(name))
+            ax.plot(*line.T, color=colours[name], lw=1.5, marker="o", ms=2.0, label=name)
             ax.plot(*line[-1], color=colours[name], marker="s", ms=6)
         ax.add_patch(Circle(tuple(view(np.asarray(target))), radius, fill=False, ec=INK, lw=1.4, zorder=3))
         ax.set(xlabel=xlabel, ylabel=ylabel)

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, PercentFormatter
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._plots._methods import colours_of
-from kinreach._plots._style import FAINT, INK, key, label_ends, name_label, new_figure, plain
+from kinreach.plots import FAINT, INK, colours_of, key, label_ends, new_figure
 from kinreach.thesis import REACHED_POSTURE_ERROR
 
 from .maps import IMPOSSIBLE_REWARD
@@ -68,7 +67,7 @@ def draw_success(
         ax.errorbar(at, share, error, color=colours[name], lw=1.6, elinewidth=1, marker="o", ms=4)
         ends[name] = (at[at_end], share[at_end])
     ax.set(xscale="log", xlim=(x[0] / 1.16, x[-1] * 1.16), ylim=(-3, 103), xlabel=xlabel)
-    ax.set_xticks(x, [plain(tick) for tick in x])
+    ax.set_xticks(x, [f"{tick:g}" for tick in x])
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.tick_params(which="minor", length=0)
     if side == "left":
@@ -110,12 +109,12 @@ def draw_error_bands(
         ax.plot(x, middle, color=colours[name], lw=1.8, marker="o", ms=4)
         ends[name] = (x[0], middle[0])
     ax.set(xscale="log", yscale="log", xlim=(x[0] / 1.09, x[-1] * 1.09), xlabel=xlabel, ylabel=ylabel)
-    ax.set_xticks(x, [plain(tick) for tick in x])
+    ax.set_xticks(x, [f"{tick:g}" for tick in x])
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.tick_params(which="minor", length=0)
     ax.yaxis.tick_right()
     ax.yaxis.set_label_position("right")
-    ax.yaxis.set_major_formatter(FuncFormatter(plain))
+    ax.yaxis.set_major_formatter("{x:g}")
     legend = "line: median · band: 90 % of the goals"
     if limit is not None:
         ax.axhline(limit, color=INK, lw=1.2, ls="--", zorder=1)
@@ -177,7 +176,7 @@ def _draw_explored(ax: Axes, millimetres: Floats, means: Mapping[str, Floats]) -
         ax.plot(millimetres, line, color=colours[name], lw=1.6)
         ax.plot(millimetres[best], line[best], "o", color=colours[name], ms=6, clip_on=False, zorder=4)
         ax.annotate(
-            name_label(name), (millimetres[best], line[best]), xytext=(4, 6), textcoords="offset points", fontsize=9,
+            name, (millimetres[best], line[best]), xytext=(4, 6), textcoords="offset points", fontsize=9,
             weight="bold", color=colours[name],
         )  # fmt: skip
     top = max(float(line.max()) for line in means.values())
@@ -202,7 +201,7 @@ def draw_posture_errors(errors: Mapping[str, ArrayLike], *, title: str, widest: 
     for name, sample in errors.items():
         ax.hist(
             sample, list(edges), weights=np.full(np.shape(sample), 1 / np.size(sample)), histtype="stepfilled",
-            color=colours[name], alpha=0.55, label=name_label(name),
+            color=colours[name], alpha=0.55, label=name,
         )  # fmt: skip
     ax.axvline(REACHED_POSTURE_ERROR, color=INK, lw=1.2, ls="--")
     ax.set(xlim=(0, widest), xlabel="posture error $r_e$ [rad]", ylabel="share of the steps")

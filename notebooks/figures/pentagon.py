@@ -25,9 +25,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Wedge
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._plots._methods import PALETTE
-from kinreach._plots._style import FAINT, INK, new_figure
 from kinreach.kinematics import UR5Kinematics
+from kinreach.plots import FAINT, INK, PALETTE, new_figure
 from kinreach.robots import CameraMount
 from kinreach.thesis import pentagon_angles
 

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._plots._methods import PALETTE
-from kinreach._plots._style import INK, MAGNITUDE, new_figure
+from kinreach.plots import INK, PALETTE, new_figure
 
 #: In colours, uint8 (height, width, 3), or with one number for each pixel, (height, width).
 Picture = NDArray[Any]
@@ -46,7 +45,7 @@ def draw_pictures(
     figure, axes = new_figure(title, size=size, rows=rows, columns=columns, note=note, bare=True)
     for ax, (name, picture) in zip(axes, pictures.items(), strict=False):
         unit = units.get(name)
-        drawn = ax.imshow(picture, cmap=MAGNITUDE if unit else "gray", interpolation="antialiased")
+        drawn = ax.imshow(picture, cmap="cividis" if unit else "gray", interpolation="antialiased")
         ax.set_title(name, loc="left", fontsize=9.5, weight="bold", color=INK)
         if unit:
             bar = figure.colorbar(drawn, ax=ax, label=unit, shrink=0.8, aspect=25, pad=0.01)

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import NullFormatter
 from numpy.typing import ArrayLike
 
-from kinreach._plots._methods import PALETTE, colours_of
-from kinreach._plots._style import FAINT, INK, label_ends, new_figure, plain
+from kinreach.plots import FAINT, INK, PALETTE, colours_of, label_ends, new_figure
 from kinreach.thesis import REACHED_DISTANCE, distance_reward
 
 
@@ -61,7 +60,7 @@ def draw_reward_sections(
         xlabel="distance d from the tcp to the goal [mm]",
         ylabel="reward r",
     )
-    ax.xaxis.set_major_formatter(FuncFormatter(plain))
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.yaxis.tick_right()
     ax.yaxis.set_label_position("right")

@@ -10,12 +10,12 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from kinreach._plots._methods import METHOD_COLOURS
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
 from kinreach.demo._caption import FOUND, MISSED, REACHED, Caption, Moment
 from kinreach.demo._drawn import Drawn
+from kinreach.plots._methods import METHOD_COLOURS
 from kinreach.robots import get_arm
 
 

@@ -9,12 +9,12 @@ from matplotlib.spines import Spine
 from matplotlib.text import Text
 from matplotlib.ticker import ScalarFormatter
 
-from kinreach._plots._maps import draw_error_maps
-from kinreach._plots._motion import draw_motion
-from kinreach._plots._style import key, label_ends, new_figure
-from kinreach._plots._workspace import draw_workspace
 from kinreach.kinematics import URKinematics
 from kinreach.kinematics._trajectory import Trajectory
+from kinreach.plots._maps import draw_error_maps
+from kinreach.plots._motion import draw_motion
+from kinreach.plots._style import key, label_ends, new_figure
+from kinreach.plots._workspace import draw_workspace
 from tests import kept
 
 #: Kind of artist -> what is kept of it.

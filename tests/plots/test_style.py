@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from kinreach._plots._maps import draw_error_maps
-from kinreach._plots._methods import METHOD_COLOURS, OTHERS, PALETTE, colours_of, method_colours
-from kinreach._plots._style import FAINT, GRID, INK, LEADER, label_ends, new_figure, plain, spread, text_colour
 from kinreach.compare._methods import colours as task_colours
 from kinreach.compare._task import get_task, task_names
+from kinreach.plots._maps import draw_error_maps
+from kinreach.plots._methods import METHOD_COLOURS, OTHERS, PALETTE, colours_of, method_colours
+from kinreach.plots._style import FAINT, GRID, INK, LEADER, label_ends, new_figure, plain, spread, text_colour
 from tests.cases import slow
 
 #: What colours look like to people without red, green or blue cones (Machado, Oliveira, Fernandes 2009, severity 1).

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from kinreach._plots._workspace import draw_workspace
 from kinreach.kinematics import URKinematics
 from kinreach.kinematics import _check as check
+from kinreach.plots._workspace import draw_workspace
 
 
 @pytest.mark.parametrize("seed", [0, 7])

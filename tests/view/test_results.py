@@ -6,8 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
-from kinreach._plots._methods import method_colours
 from kinreach.errors import InputError
+from kinreach.plots._methods import method_colours
 from kinreach.view import _html as html
 from kinreach.view._results import read_results
 from kinreach.view._snippet import results_program

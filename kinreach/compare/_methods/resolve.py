@@ -12,7 +12,6 @@ import gymnasium as gym
 
 from kinreach._checks import check_known, shown
 from kinreach._objects import load_object
-from kinreach._plots._methods import method_colours
 from kinreach._provenance import digest
 from kinreach._registration import LIFT
 from kinreach.baselines._loop import Policy, as_policy
@@ -23,6 +22,7 @@ from kinreach.compare._task import POLICY, SOLVER, Method, Task, policy_version
 from kinreach.envs._reach.task import CAMERA
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics._solvers import Solver
+from kinreach.plots._methods import method_colours
 from kinreach.robots import ArmDescription
 
 #: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.

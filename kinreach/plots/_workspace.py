@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from kinreach._plots._style import MAGNITUDE, name_label, new_figure
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics import _check as check
+from kinreach.plots._style import MAGNITUDE, name_label, new_figure
 
 
 def draw_workspace(kinematics: ArmKinematics, believed: ArmKinematics | None = None, *, seed: int = 0) -> Figure:

@@ -8,8 +8,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from kinreach._checks import Floats
-from kinreach._plots._style import label_ends, name_label, new_figure
 from kinreach.kinematics._trajectory import Trajectory
+from kinreach.plots._style import label_ends, name_label, new_figure
 
 
 def draw_motion(trajectory: Trajectory, speed_limit: Floats, title: str) -> Figure:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from zlib import crc32
 
+#: Colours of lines that stand for anything but a method, in their order.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 #: Method -> its colour. Only methods that no figure shows together share one.
 METHOD_COLOURS = {

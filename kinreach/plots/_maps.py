@@ -13,8 +13,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._plots._methods import PALETTE
-from kinreach._plots._style import FAINT, INK, MAGNITUDE, name_label, new_figure, plain
+from kinreach.plots._methods import PALETTE
+from kinreach.plots._style import FAINT, INK, MAGNITUDE, name_label, new_figure, plain
 
 #: Bounds of x and y [m].
 Area = tuple[tuple[float, float], tuple[float, float]]

@@ -11,7 +11,6 @@ import numpy as np
 
 from kinreach._checks import check_count, check_path, printable
 from kinreach._files import replacing
-from kinreach._plots._workspace import draw_workspace
 from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
@@ -22,6 +21,7 @@ from kinreach.kinematics._closed_form import POSE_JOINTS
 from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
+from kinreach.plots._workspace import draw_workspace
 from kinreach.robots._flags import add_arm_flags, arm_of, print_notes
 
 #: Poses to solve by default, and the most singular ones.

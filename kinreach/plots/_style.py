@@ -14,7 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
+#: Colour of texts and of lines that explain.
 INK = "#222222"
+#: Colour of remarks and of lines in the background.
 FAINT = "#6b6b6b"
 GRID = "#e4e4e4"
 #: Colour map of magnitudes: uniform in lightness, and the same for colour-blind readers.
