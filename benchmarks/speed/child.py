@@ -43,14 +43,14 @@ def run_child(arguments: Sequence[str], *, cwd: Path | None = None) -> ChildRun:
         cwd: Where it runs.
 
     Raises:
-        KinreachError: It did not end well; the message is the last that it said.
+        KinreachError: It did not end well; the message is the last line of its output.
     """
     paths = [str(Path(kinreach.__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
     surroundings = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-    with tempfile.TemporaryFile() as said, tempfile.TemporaryFile() as complaints:
+    with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as complaints:
         start = time.perf_counter()
         process = subprocess.Popen(
-            [sys.executable, *arguments], stdin=subprocess.DEVNULL, stdout=said, stderr=complaints, cwd=cwd,
+            [sys.executable, *arguments], stdin=subprocess.DEVNULL, stdout=output, stderr=complaints, cwd=cwd,
             env=surroundings,
         )  # fmt: skip
         try:
@@ -63,9 +63,9 @@ def run_child(arguments: Sequence[str], *, cwd: Path | None = None) -> ChildRun:
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode != 0:
             lines = _text(complaints).split("\n")
-            words = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+            words = next((line.strip() for line in reversed(lines) if line.strip()), "it wrote nothing")
             raise KinreachError(f"python {' '.join(arguments)} ended with {process.returncode}: {words}")
-        return ChildRun(wall, usage.ru_utime + usage.ru_stime, _text(said))
+        return ChildRun(wall, usage.ru_utime + usage.ru_stime, _text(output))
 
 
 def peak_memory(code: str) -> float | None:

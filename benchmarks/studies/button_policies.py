@@ -43,7 +43,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def cells(trainings: Trainings) -> tuple[str, ...]:
-    """What a row says, in the order of the headings.
+    """The cells of a row, in the order of the headings.
 
     Steps are those of the episodes in which the button was pressed. Those are other targets for every seed, so that the
     medians have no interval in common.

@@ -236,7 +236,7 @@ def _robot_row(robot: str, oracle: Mapping[str, Floats], poses: int, seed: int) 
 
 
 def _eaik_says() -> str:
-    """What EAIK says to a calibrated arm."""
+    """Return EAIK's class of a calibrated arm, or its error."""
     try:
         eaik_of(arm_of(ROBOTS[0]))
     except ImportError:

@@ -189,7 +189,7 @@ def reached(fault: Damage, q: Floats, balls: Floats) -> tuple[int, float]:
 
 
 def found_before(kind: str, seed: int, count: int, folder: str) -> Tried:
-    """What `tried` says, from its file if there is one."""
+    """The result of `tried`, from its file if there is one."""
     return kept(Path(folder), {"kind": kind, "fault": seed, "balls": count}, lambda: tried(kind, seed, count))
 
 
@@ -228,11 +228,11 @@ def tuned(policy: LearnedPolicy, q: Floats, seen: Floats, balls: Floats) -> Floa
 def share_of_faults(shares: Sequence[float]) -> str:
     """The mean share of several faults in percent, with its 95 % interval over them unless all are equal."""
     percent = 100.0 * np.array(shares)
-    said = f"{percent.mean():.1f}"
+    middle = f"{percent.mean():.1f}"
     if np.ptp(percent) == 0.0:
-        return said
+        return middle
     ((low, high),) = bootstrap_intervals(percent, (mean,))
-    return f"{said} [{low:.1f}, {high:.1f}]"
+    return f"{middle} [{low:.1f}, {high:.1f}]"
 
 
 def off_by(distances: Sequence[float]) -> str:

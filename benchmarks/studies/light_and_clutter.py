@@ -210,16 +210,16 @@ def draw(studio: Studio, path: Path) -> None:
         image = studio.take(situation, "front", goal, np.random.default_rng(PICTURE_SEED))
         ax.imshow(image.rgb)
         ax.set(xlim=(u - 80, u + 80), ylim=(v + 70, v - 70))
-        said = []
+        lines = []
         for (pipeline, colour), width in zip(COLOURS.items(), (2.2, 1.2), strict=True):
             fix = find_ball(image.rgb, image.depth, studio.intrinsics["front"], RADIUS, pipeline=pipeline)
             if fix is None:
-                said.append(f"{pipeline}: not found")
+                lines.append(f"{pipeline}: not found")
                 continue
-            said.append(f"{pipeline}: {1e3 * np.linalg.norm(fix.position - truth):.1f} mm off")
+            lines.append(f"{pipeline}: {1e3 * np.linalg.norm(fix.position - truth):.1f} mm off")
             ax.add_patch(Circle((fix.circle.u, fix.circle.v), fix.circle.r, fill=False, color=colour, linewidth=width))
         ax.set_title(situation.name, fontsize=9, weight="bold", color=INK, loc="left", pad=27)
-        ax.annotate("\n".join(said), (0, 1.02), xycoords="axes fraction", fontsize=8.5, color=INK, va="bottom")
+        ax.annotate("\n".join(lines), (0, 1.02), xycoords="axes fraction", fontsize=8.5, color=INK, va="bottom")
     rest = axes[len(shown) :]
     if rest:
         for place, (pipeline, colour) in enumerate(COLOURS.items()):

@@ -247,8 +247,8 @@ def _killed(result: Any, mutant: Mutant) -> bool:
 
 
 def _line(row: dict[str, Any]) -> str:
-    said = row["killed_by"] or f"SURVIVES the {'covering tests' if row['scope'] == 'covering' else 'fast suite'}"
-    return f"{row['id']:<42} {said}"
+    verdict = row["killed_by"] or f"SURVIVES the {'covering tests' if row['scope'] == 'covering' else 'fast suite'}"
+    return f"{row['id']:<42} {verdict}"
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> list[str]:

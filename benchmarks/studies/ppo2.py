@@ -458,8 +458,8 @@ def pooled(found: Sequence[Mapping[str, float]]) -> str:
         kinds = dict.fromkeys(tuple(row[flag] for flag in flags) for row in whole)
         for kind in kinds if len(kinds) > 1 else ():
             group = [row["distance"] for row in whole if tuple(row[flag] for flag in flags) == kind]
-            said = (f"{_WORDS[flag][0]}: {_word(flag, value)}" for flag, value in zip(flags, kind, strict=True))
-            lines.append(line(", ".join(said), len(group), spread(group, 0)))
+            words = (f"{_WORDS[flag][0]}: {_word(flag, value)}" for flag, value in zip(flags, kind, strict=True))
+            lines.append(line(", ".join(words), len(group), spread(group, 0)))
     return "\n".join(lines) if len(lines) > 1 else ""
 
 
@@ -472,7 +472,7 @@ def _by_cell(
     headings: Sequence[str],
     values: Callable[[Sequence[Mapping[str, float]]], Sequence[str]],
 ) -> str:
-    """A row for each reading: what tells it apart, how many seeds, and what is said of them."""
+    """A row for each reading: its settings, the number of seeds, and their results."""
     if not all(row["ends"] for row in found):
         headings = [STEPS_THERE if heading == GOALS_REACHED else heading for heading in headings]
     shown = [name for name in FLAGS if len({row[name] for row in found}) > 1]
@@ -508,11 +508,11 @@ def draw(runs: Path, name: str, file: Path) -> None:
             continue
         looks = np.array([json.loads(file.read_text(encoding="utf-8"))["looks"] for file in files])
         steps, distances = looks[0, :, 0] / 1e6, looks[..., 1]
-        said = ", ".join(f"{_WORDS[flag][0]}: {_word(flag, getattr(cell, flag))}" for flag in differ)
+        words = ", ".join(f"{_WORDS[flag][0]}: {_word(flag, getattr(cell, flag))}" for flag in differ)
         axes.fill_between(steps, distances.min(axis=0), distances.max(axis=0), color=colour, alpha=0.15, linewidth=0)
         middle = np.median(distances, axis=0)
         axes.plot(steps, middle, color=colour, marker="o", ms=4, lw=1.6)
-        ends[said or cell.name], colours[said or cell.name] = (steps[-1], middle[-1]), colour
+        ends[words or cell.name], colours[words or cell.name] = (steps[-1], middle[-1]), colour
     axes.axhline(1e3 * REACHED_DISTANCE, color=FAINT, lw=1.2, ls="--")
     axes.set(yscale="log", xlabel="million steps")
     axes.set_xlim(right=max((float(x) for x, _ in ends.values()), default=None))

@@ -70,8 +70,8 @@ class Row:
         each = [self.unit * float(self.statistic(one.astype(float))) for one in values]
         bounds = trainings_interval(values, self.statistic, least=self.least, most=self.most)
         low, high = (f"{self.unit * bound:.{self.digits}f}" for bound in bounds)
-        said = (f"{value:.{self.digits}f}" for value in each)
-        return line(self.what, self.thesis, *said, f"{np.mean(each):.{self.digits}f} [{low}, {high}]")
+        numbers = (f"{value:.{self.digits}f}" for value in each)
+        return line(self.what, self.thesis, *numbers, f"{np.mean(each):.{self.digits}f} [{low}, {high}]")
 
 
 def possible(log: Mapping[str, Any], rows: Any) -> float:

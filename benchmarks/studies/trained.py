@@ -41,8 +41,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--observation", help="default: geometric, or pixels where a policy sees pictures")
     parser.add_argument("--exposure", type=float, help="pictures are up to so much brighter or darker")
     arguments = parser.parse_args(argv)
-    said = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
-    given = {name: value for name, value in said.items() if value is not None}
+    flags = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
+    given = {name: value for name, value in flags.items() if value is not None}
     reach = [name for name, recipe in RECIPES.items() if recipe.environment != BUTTON]
     recipes = arguments.recipes.split(",") if arguments.recipes else reach
     rows = (
@@ -54,14 +54,14 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _fixed(recipe: str) -> dict[str, Any]:
-    """The options that a recipe is evaluated with unless told otherwise."""
+    """The options that a recipe is evaluated with by default."""
     options = RECIPES[recipe].options
     fixed = {"backend": "kinematic"} if "backend" in options else {}
     return {**fixed, **{name: value for name, value in options.items() if name == "collisions"}}
 
 
 def cells(trainings: Trainings) -> tuple[str, ...]:
-    """What a row says, in the order of the headings; what has no interval is of all seeds together."""
+    """The cells of a row, in the order of the headings; what has no interval is of all seeds together."""
     reached, mm = trainings.reached, 1e3 * trainings.measured("distance")
     high, worst = p95(mm.ravel()), median(mm, axis=1).max()
     return (

@@ -1,4 +1,4 @@
-"""All trainings (seeds) of a recipe, evaluated on the same goals, and what a row of a table says of them."""
+"""All trainings (seeds) of a recipe, evaluated on the same goals, and their row in a table."""
 
 from __future__ import annotations
 
@@ -170,8 +170,8 @@ def with_interval(
     low, high = trainings_interval(values, statistic, least=0.0, resamples=RESAMPLES)
     middle = float(np.mean(statistic(values, axis=1)))
     decimals = decimals_for(unit * middle) if decimals is None else decimals
-    said, first, last = (f"{unit * value:.{decimals}f}" for value in (middle, low, high))
-    return f"{said} [{first}, {last}]"
+    middle_text, first, last = (f"{unit * value:.{decimals}f}" for value in (middle, low, high))
+    return f"{middle_text} [{first}, {last}]"
 
 
 def print_table(

@@ -205,7 +205,7 @@ def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
         run = json.loads(read_text(folder / RUN, "the run", most=MAX_RUN))
         _ = float(run["seconds"]), float(run["cpu_seconds"])
     except (OSError, ValueError, KeyError, TypeError):
-        raise InputError(f"{folder} holds a policy, and no {RUN} that says of which run; {otherwise}") from None
+        raise InputError(f"{folder} holds a policy, and no {RUN} with its recipe and seed; {otherwise}") from None
     if differences := _differences(run, identity):
         raise InputError(f"{folder} holds a finished run with {differences}; {otherwise}")
     return True

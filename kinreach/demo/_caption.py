@@ -96,8 +96,8 @@ class Caption:
         draw.rounded_rectangle((MARGIN, MARGIN, MARGIN + 300, MARGIN + height), 8, fill="white")
         draw.ellipse((MARGIN + 14, MARGIN + 17, MARGIN + 28, MARGIN + 31), fill=self.colour)
         draw.text((MARGIN + 38, MARGIN + 10), self.name, font=_font(22, bold=True), fill=INK)
-        said = "" if moment is None else f"distance {number(1e3 * moment.distance)} mm"
-        draw.text((MARGIN + 14, MARGIN + 44), said, font=_font(22), fill=INK)
+        distance = "" if moment is None else f"distance {number(1e3 * moment.distance)} mm"
+        draw.text((MARGIN + 14, MARGIN + 44), distance, font=_font(22), fill=INK)
         if self.verdict:
             colour = REACHED if self.reached else MISSED
             draw.text((MARGIN + 14, MARGIN + 78), self.verdict, font=_font(22, bold=True), fill=colour)

@@ -170,7 +170,7 @@ class Program:
         """The program in URScript."""
         body = [f"    {line}" for line in self._motion()]
         off = " or ".join(f"norm(q[{joint}] - start[{joint}]) > {AT_START}" for joint in range(6))
-        told = "The arm is not at the start posture of this program. Nothing was moved."
+        warning = "The arm is not at the start posture of this program. Nothing was moved."
         lines = [
             f"def {NAME}():",
             *(f"  # {line}" for line in self._header()),
@@ -180,7 +180,7 @@ class Program:
             "  q = get_actual_joint_positions()",
             f"  if {off}:",
             f"    write_output_integer_register({REGISTER}, {NOT_AT_START})",
-            f'    popup("{told}", title="kinreach", warning=True)',
+            f'    popup("{warning}", title="kinreach", warning=True)',
             "    sleep(0.1)",  # a client that reads the state every cycle sees that it ran
             "  else:",
             f"    write_output_integer_register({REGISTER}, {BEGUN})",

@@ -165,8 +165,8 @@ def package(kind: Kind, payload: bytes = b"") -> bytes:
 
 
 def error_message(text: str) -> bytes:
-    said, source = text.encode("ascii", "replace")[:255], b"kinreach"
-    return package(Kind.TEXT_MESSAGE, bytes([len(said)]) + said + bytes([len(source)]) + source + bytes([ERROR]))
+    message, source = text.encode("ascii", "replace")[:255], b"kinreach"
+    return package(Kind.TEXT_MESSAGE, bytes([len(message)]) + message + bytes([len(source)]) + source + bytes([ERROR]))
 
 
 def packages_in(buffer: bytearray) -> Iterator[tuple[int, bytes]]:

@@ -124,7 +124,7 @@ def with_damage(folder):
         (None, {"threads": 2}, "threads 1, not 2"),
         (None, {"export": True}, "without model.zip"),
         (with_other_numpy, {}, f"versions.numpy '2.3.4', not '{np.__version__}'"),
-        (with_damage, {}, "no run.json that says of which run"),
+        (with_damage, {}, "no run.json with its recipe and seed"),
     ],
 )
 def test_another_finished_run_is_not_touched(change, options, message, uninterrupted, tmp_path, monkeypatch):

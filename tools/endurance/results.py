@@ -53,9 +53,9 @@ def fuzzing(count: int) -> Outcome:
         check=False,
     )
     demand(done.returncode == 0, f"exit code {done.returncode}: {done.stdout[-2000:]}{done.stderr[-1000:]}")
-    said = _SUMMARY.search(done.stdout)
-    demand(said, f"no count of cases: {done.stdout[-1000:]}")
-    cases, tests, refused = map(int, said.groups())  # type: ignore[union-attr]
+    summary = _SUMMARY.search(done.stdout)
+    demand(summary, f"no count of cases: {done.stdout[-1000:]}")
+    cases, tests, refused = map(int, summary.groups())  # type: ignore[union-attr]
     demand(cases >= LEAST * len(modules), f"only {cases} cases of {len(modules)} modules")
     return Outcome(cases, "cases", f"{tests} tests, {refused:,} refused, the others right")
 

@@ -83,13 +83,13 @@ def coordinate_axis(kin: ArmKinematics, joint: int) -> int:
 def silent() -> Iterator[None]:
     """Swallow what compiled code prints on the standard streams (ur-analytic-ik warns once per rejected branch)."""
     kept = [os.dup(1), os.dup(2)]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+    null = os.open(os.devnull, os.O_WRONLY)
     try:
-        os.dup2(nowhere, 1)
-        os.dup2(nowhere, 2)
+        os.dup2(null, 1)
+        os.dup2(null, 2)
         yield
     finally:
         os.dup2(kept[0], 1)
         os.dup2(kept[1], 2)
-        for descriptor in (*kept, nowhere):
+        for descriptor in (*kept, null):
             os.close(descriptor)

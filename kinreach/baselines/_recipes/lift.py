@@ -25,7 +25,7 @@ LIFT_RECIPES = (
     replace(
         PPO_MULTI,
         name="ppo-lift-multi",
-        summary="PPO in steps of 40 ms; in training the closed form says which way to go.",
+        summary="PPO in steps of 40 ms; in training the closed form gives the direction.",
         environment=LIFT,
         steps=1_300_000,
         num_envs=128,

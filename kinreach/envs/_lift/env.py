@@ -93,8 +93,8 @@ class LiftEnv(ArmEnv):
     Success: the object's lowest point is 0.10 m above the table for 0.5 s, and it touches both fingers and neither the
     table nor anything else that stands around. Single steps: the episode terminates with success or after `attempts`
     actions; before another attempt the arm goes home and looks again. Small steps: it terminates with success, or when
-    the arm collides by more than 1 mm; it is truncated after `max_steps`. A simulation that diverges ends it, and
-    `info["impossible_reason"]` says so.
+    the arm collides by more than 1 mm; it is truncated after `max_steps`. A simulation that diverges ends it;
+    `info["impossible_reason"]` then begins with "diverged".
 
     ## Info
     From `reset` on:
