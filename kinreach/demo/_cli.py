@@ -30,7 +30,7 @@ HOLD = 20
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Run the demo."""
+    """Show or film episodes of an environment; return the exit code."""
     arguments = _arguments(argv, prog)
     task = TASKS[arguments.env]
     printed = _printed(arguments.print)

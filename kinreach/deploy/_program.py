@@ -89,7 +89,7 @@ class Move:
 
     @property
     def text(self) -> str:
-        """The line of URScript."""
+        """The line of URScript that makes this move."""
         target = list_text(self.target) if self.command == "movej" else f"p{list_text(self.target)}"
         numbers = (self.acceleration, self.speed, self.blend)
         return f"{self.command}({target}, a={{}}, v={{}}, r={{}})".format(*map(number_text, numbers))
@@ -167,7 +167,7 @@ class Program:
 
     @property
     def text(self) -> str:
-        """The program in URScript."""
+        """The program in URScript, as a UR runs it."""
         body = [f"    {line}" for line in self._motion()]
         off = " or ".join(f"norm(q[{joint}] - start[{joint}]) > {AT_START}" for joint in range(6))
         warning = "The arm is not at the start posture of this program. Nothing was moved."

@@ -180,7 +180,7 @@ class SimulatedUR:
         self._released.set()
 
     def drop(self, client: _Client) -> None:
-        """End a connection."""
+        """Close the connection of a client and forget it."""
         if client in self._clients:
             self._clients.remove(client)
             self._selector.unregister(client.socket)

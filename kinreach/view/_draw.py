@@ -128,7 +128,7 @@ class Solid(Branch):
 
 
 class SolidArm(Solid):
-    """One arm."""
+    """One arm as one solid, moved by its joint angles."""
 
     def __init__(
         self, scene: Any, root: str, figure: Figure, *, colour: Colour | None = None, opacity: float | None = None

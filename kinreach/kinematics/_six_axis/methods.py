@@ -255,7 +255,7 @@ class NearlyDecoupled(NearClosedForm):
 
 
 class Elimination:
-    """Any other arm."""
+    """Postures of an arm without a closed form, by elimination."""
 
     branches, rank = MAX_POSTURES, 0
 
