@@ -15,19 +15,13 @@ from kinreach.envs._moving import MovingEpisodes
 
 @dataclass(frozen=True)
 class Exploration:
-    """Standard deviation of the actions over a training run: log-linear from `first` to `last`, then held.
-
-    Attributes:
-        first, last: Standard deviations.
-        until: Share of the training after which `last` is held.
-    """
+    """Standard deviation of actions in a training: log-linear from `first` to `last`, held after its share `until`."""
 
     first: float
     last: float
     until: float
 
     def scaled(self, factor: float) -> Exploration:
-        """Return the schedule in other units."""
         return replace(self, first=factor * self.first, last=factor * self.last)
 
     def at(self, progress: float) -> float:
@@ -43,17 +37,10 @@ def share_left(progress: float, decay: float) -> float:
 
 @dataclass(frozen=True)
 class AdaptiveRate:
-    """A learning rate that is adjusted after every update.
+    """A learning rate that is adjusted after every update, within `lowest` and `highest`.
 
-    It is divided by `factor` if the Kullback-Leibler divergence was over 1.5 times its target, and multiplied if it
+    It is divided by `factor` if the Kullback-Leibler divergence was over 1.5 times `target_kl`, and multiplied if it
     was under 2/3 of it; over the last `decay` of the training it falls to zero linearly.
-
-    Attributes:
-        first: Initial rate.
-        target_kl: Target of an update's divergence.
-        factor: Of one adjustment.
-        lowest, highest: Bounds.
-        decay: Share of the training over which the rate falls.
     """
 
     first: float
@@ -64,7 +51,6 @@ class AdaptiveRate:
     decay: float = 0.0
 
     def after(self, rate: float, divergence: float) -> float:
-        """Return the rate after an update with a rate and a divergence."""
         if divergence > 1.5 * self.target_kl:
             rate /= self.factor
         elif divergence < self.target_kl / 1.5:
@@ -72,18 +58,14 @@ class AdaptiveRate:
         return min(max(rate, self.lowest), self.highest)
 
     def share(self, progress: float) -> float:
-        """Return the factor of the decay when `progress` of the training is done."""
         return share_left(progress, self.decay)
 
 
 class AdaptivePPO(PPO):
     """PPO of stable-baselines3 with a scheduled standard deviation and an adaptive learning rate.
 
-    Args:
-        exploration: Schedule of the standard deviation; None if it is learned, or for discrete actions.
-        adaptive: The learning rate.
-        planned_steps: Steps of the whole training, to which the schedules refer.
-        **kwargs: Of PPO.
+    Without `exploration` the deviation is learned, or actions are discrete. `planned_steps` are those of the whole
+    training, to which the schedules refer.
 
     Attributes:
         rate: The learning rate before the decay; checkpoints keep it.
@@ -111,11 +93,9 @@ class AdaptivePPO(PPO):
 
     @property
     def progress(self) -> float:
-        """Share of the training that is done."""
         return min(self.num_timesteps / self.planned_steps, 1.0)
 
     def train(self) -> None:
-        """Do one update, then set the rate and the standard deviation of the next."""
         super().train()
         self.rate = self.adaptive.after(self.rate, float(self.logger.name_to_value["train/approx_kl"]))
         self._explore()
@@ -127,13 +107,7 @@ class AdaptivePPO(PPO):
 
 
 class LateCollisionsPPO(AdaptivePPO):
-    """Adaptive PPO with a rolling ball, where collisions end episodes only late in the training.
-
-    Args:
-        world: The episodes of the batch.
-        until: Share of the training after which they do.
-        **kwargs: Of `AdaptivePPO`.
-    """
+    """Adaptive PPO with a rolling ball; collisions end episodes only after the share `until` of the training."""
 
     def __init__(self, *args: Any, world: MovingEpisodes, until: float, **kwargs: Any) -> None:
         self.world, self.until = world, until
@@ -143,6 +117,5 @@ class LateCollisionsPPO(AdaptivePPO):
         return [*super()._excluded_save_params(), "world"]
 
     def collect_rollouts(self, *args: Any, **kwargs: Any) -> bool:
-        """Set whether collisions count, then collect."""
         self.world.options = replace(self.world.options, collisions=self.progress >= self.until)
         return super().collect_rollouts(*args, **kwargs)

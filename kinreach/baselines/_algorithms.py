@@ -59,31 +59,20 @@ def normal_scores(rewards: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 
 
 class RankedRolloutBuffer(RolloutBuffer):
-    """A rollout buffer whose advantages are ranks among the `tries` that share a state.
-
-    Args:
-        tries: How many consecutive environments share their states.
-        *args, **kwargs: Of `RolloutBuffer`.
-    """
+    """A rollout buffer whose advantages are ranks among the `tries` consecutive environments that share a state."""
 
     def __init__(self, *args: Any, tries: int, **kwargs: Any) -> None:
         self.tries = tries
         super().__init__(*args, **kwargs)
 
     def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: np.ndarray[Any, Any]) -> None:
-        """Rank the rewards; values are not used."""
         outcomes = self.rewards.reshape(-1, self.tries)
         self.advantages = normal_scores(outcomes).astype(np.float32).reshape(self.rewards.shape)
         self.returns = np.zeros_like(self.rewards)
 
 
 class RankedPPO(AdaptivePPO):
-    """PPO with ranks among several tries instead of a critic.
-
-    Args:
-        tries: Actions tried from each state; the environment must be a `TriesVecEnv` of as many.
-        **kwargs: Of `AdaptivePPO`.
-    """
+    """PPO with ranks among several tries instead of a critic; the environment must be a `TriesVecEnv` of as many."""
 
     def __init__(self, *args: Any, tries: int, **kwargs: Any) -> None:
         super().__init__(
@@ -107,11 +96,6 @@ def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
 
     In the settings, `adam` are keyword arguments of the optimiser, and `policy_kwargs` are added to those of the
     networks.
-
-    Args:
-        recipe: What to train.
-        env: What the model acts in.
-        planned: Actions of the whole training.
     """
     networks, settings = recipe.networks, dict(recipe.settings)
     check_known("activation", networks.activation, ACTIVATIONS)
@@ -173,7 +157,6 @@ def actor_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, A
 
 
 def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Return the arguments of an actor, with samples in antithetic pairs."""
     arguments = actor_arguments(recipe, env, planned)
     arguments.pop("looks", None)
     if recipe.networks.posture:
@@ -182,11 +165,7 @@ def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, 
 
 
 def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Return the arguments of an actor, and the task; `around` is the posture [rad] that outputs are changes of.
-
-    Raises:
-        InputError: The environment is another one than `kinreach/Reach-v0`, or actions do not mean postures.
-    """
+    """Return the arguments of an actor, and the task; `around` is the posture [rad] that outputs are changes of."""
     if recipe.environment != SPACE or not recipe.networks.posture:
         raise InputError(f"analytic gradients are for postures in {SPACE}, not for {recipe.environment}")
     arguments = actor_arguments(recipe, env, planned) | {"task": SpaceTask.of(recipe.options)}
@@ -197,12 +176,10 @@ def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
 
 
 def simulator_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Return the arguments of an actor, and the simulation that it acts in."""
     return actor_arguments(recipe, env, planned) | _simulation(env)
 
 
 def late_collisions_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Return the arguments of adaptive PPO, and the simulation that it acts in."""
     return adaptive_arguments(recipe, env, planned) | _simulation(env)
 
 
@@ -253,7 +230,6 @@ def _features(recipe: Recipe) -> dict[str, Any]:
 
 
 def step_by_step(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
-    """Return a batch in which the learner acts in every step."""
     return SB3VecEnv(batch, reward=reward)
 
 
@@ -266,9 +242,6 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
     """Return a batch in which several postures are tried for each goal, drawn up to `recipe.beyond` around the area.
 
     With the features `"looks"`, the setting of that name is the number of looks in a segment of the training.
-
-    Raises:
-        InputError: The environments are not for reaching or grasping, or goals are observed in pixels.
     """
     task = getattr(batch.unwrapped, "task", None)
     if not isinstance(task, ReachTask | LiftTask):

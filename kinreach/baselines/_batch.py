@@ -17,16 +17,7 @@ SAMPLE, _SAMPLE_ENVS = 2048, 16
 
 
 def make_batch(environment: str, num_envs: int, options: Mapping[str, Any]) -> VectorEnv[Any, Any, Any]:
-    """Make a batch of environments that reset in the step in which they end.
-
-    Args:
-        environment: Id; `module:id` imports the module that registers it.
-        num_envs: How many.
-        options: Of each environment.
-
-    Raises:
-        InputError: Unknown environment or options.
-    """
+    """Make a batch of environments that reset in the step in which they end; `module:id` imports the module."""
     batch = _native(environment, num_envs, options)
     if batch is None:
         same_step = {"autoreset_mode": AutoresetMode.SAME_STEP}

@@ -54,16 +54,9 @@ GAINS = {
 
 
 class ButtonController:
-    """Control a number of arms by their observations.
+    """Control `count` arms by their observations.
 
     It reads the controls if they are observed (`controls=True`), else it adds up its own actions.
-
-    Args:
-        actuation: `"tuned"` or `"report"`, as the environments have it.
-        count: Number of environments.
-
-    Raises:
-        UnknownNameError: Unknown actuation.
     """
 
     def __init__(self, actuation: str = "tuned", *, count: int = 1) -> None:
@@ -82,18 +75,10 @@ class ButtonController:
         self._control, self._q, self._target = np.zeros((3, count, JOINTS))
 
     def restart(self, ids: Any = slice(None)) -> None:
-        """Begin new episodes in some environments, by default in all."""
         self._fresh[ids] = True
 
     def actions(self, observations: Floats) -> NDArray[np.intp]:
-        """Return one action for each environment.
-
-        Args:
-            observations: Shape (count, 19), or (count, 22) with the controls.
-
-        Raises:
-            InputError: Another number of observations.
-        """
+        """Return an action for each environment from observations, (count, 19), or (count, 22) with the controls."""
         if len(observations) != len(self._fresh):
             raise InputError(f"needs {len(self._fresh)} observations, got {len(observations)}")
         qd, goals = observations[:, 12:15], observations[:, 6:9]

@@ -38,7 +38,6 @@ class Descent(AdaptivePPO):
         return np.asarray(rolled.observations.reshape(-1, rolled.obs_shape[0]).astype(np.float64))
 
     def train(self) -> None:
-        """Do one update, in minibatches."""
         self._update_learning_rate(self.policy.optimizer)
         observations = self.seen()
         objective, seen = self.objective(observations), torch.as_tensor(observations, dtype=torch.float32)
@@ -55,12 +54,9 @@ class Descent(AdaptivePPO):
 
 
 def feeler_depth(tips: torch.Tensor, feelers: torch.Tensor, least: float) -> torch.Tensor:
-    """Return the summed depth of points on the tips, shape (k, 3), below a height [m], shape (n,).
+    """Return the summed depth, shape (n,), of the tips' feelers below the height `least` [m].
 
-    Args:
-        tips: Poses, shape (n, 4, 4).
-        feelers: In the tips' frames [m].
-        least: The height [m].
+    Tips have shape (n, 4, 4); feelers are points in their frames [m], shape (k, 3).
     """
     heights = tips[:, 2, :3] @ feelers.T + tips[:, 2, 3:]
     return (least - heights).clamp(min=0.0).sum(1)
@@ -78,7 +74,6 @@ class AnalyticGradient(Descent):
     depth of some points of the tool in the table, and joints beyond angles at which links meet.
 
     Args:
-        task: What the actor is to do; postures are its output.
         feelers: Points fixed to the tip that are to stay above the table [m], shape (k, 3).
         largest: Angles that joints are to stay within on either side of zero [rad], shape (n,); none: any.
     """
@@ -124,11 +119,7 @@ class AnalyticGradient(Descent):
 
 
 class SimulatorGradient(Descent):
-    """Gradient descent on the outcome of the next actions, in a simulation with more knowledge than the actor.
-
-    Args:
-        world: The episodes of the batch.
-    """
+    """Gradient descent on the outcome of the next actions, in a simulation with more knowledge than the actor."""
 
     def __init__(self, *args: Any, world: Any, **kwargs: Any) -> None:
         self.world = world
@@ -146,11 +137,8 @@ class SimulatorGradient(Descent):
     ) -> torch.Tensor:
         """Return the mean distance of the tips from their goals, and `down` times the angle of the tool.
 
-        Args:
-            q: Postures that are gone to [rad].
-            places: From postures [rad] to how far the tips are from where the data sheet has them, and to where they
-                should be [m]; both without a gradient.
-            down: [m/rad].
+        From the postures `q` [rad], `places` gives how far the tips are from where the data sheet has them, and where
+        they should be [m]; both without a gradient.
         """
         tips = self.world.chain.fk(q)
         off, goals = (torch.as_tensor(part, dtype=torch.float32) for part in places(q.detach().numpy().astype(float)))
@@ -164,7 +152,6 @@ class MovingGradient(SimulatorGradient):
 
     Args:
         feelers: Points fixed to the tip that are to stay above the table, on the way as well [m], shape (k, 3).
-        down: Weight of the tool's angle beside the distance [m/rad].
     """
 
     world: MovingEpisodes
@@ -208,7 +195,6 @@ class RandomArmGradient(SimulatorGradient):
     world: RandomArmEpisodes
 
     def objective(self, observations: Floats) -> Objective:
-        """Return the distance of the true arm's tip from the ball."""
         balls = self.world.balls.copy()
 
         def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:

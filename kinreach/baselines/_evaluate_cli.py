@@ -38,18 +38,7 @@ TRUTH = ("true", "false")
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Evaluate policies on goals that no training has seen.
-
-    Args:
-        argv: Arguments without the program's name.
-        prog: How the user called it, for messages.
-
-    Returns:
-        Exit code 0; anything else is raised.
-
-    Raises:
-        KinreachError: Bad input, a file that is not a policy, cameras that cannot draw.
-    """
+    """Evaluate policies on goals that no training has seen."""
     arguments = _parser(prog).parse_args(argv)
     check_count("--goals", arguments.goals, most=10**7)
     check_known("split", arguments.split, SPLITS)
@@ -119,7 +108,6 @@ def _check_outputs(arguments: Any) -> None:
 
 
 def _environment(policy: LearnedPolicy, name: str, arguments: Any) -> str:
-    """Id of the environment: from the command line, else from the policy's card."""
     environment = arguments.env or policy.card.environment
     if environment not in gym.registry:
         known = [known for known in gym.registry if known.startswith("kinreach/")]
@@ -171,13 +159,8 @@ def _evaluate(policy: LearnedPolicy, name: str, arguments: Any, options: dict[st
 
 def _short_names(policies: Sequence[str]) -> dict[str, str]:
     """Return names for the table, by what the user typed; where two would be the same, that itself."""
-    short = [_short(name) for name in policies]
+    short = [run_name(Path(name)) or Path(name).stem for name in policies]
     return {name: text if short.count(text) == 1 else name for name, text in zip(policies, short, strict=True)}
-
-
-def _short(name: str) -> str:
-    path = Path(name)
-    return run_name(path) or path.stem
 
 
 def _record(name: str, command: str, summary: dict[str, Any]) -> None:

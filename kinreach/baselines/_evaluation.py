@@ -116,11 +116,6 @@ def evaluate(
 
 
 def evaluation_table(summaries: Mapping[str, Mapping[str, Any]], *, title: str) -> Table:
-    """Return a table with one row per policy; which columns depends on what the environments measure.
-
-    Args:
-        summaries: `Evaluation.summary()` by the name of the policy.
-        title: Of the table.
-    """
+    """Return a table of summaries by the name of the policy; which columns depends on what was measured."""
     entries = [{**summary, "name": name} for name, summary in summaries.items()]
     return tables(COLUMNS, entries, title=title, width=TABLE_WIDTH)[0]

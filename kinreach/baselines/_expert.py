@@ -25,17 +25,10 @@ def table_top(arm: ArmDescription) -> float:
 
 
 def tool_down_postures(kinematics: URKinematics, goals: Floats, turns: Floats | float = 0.0) -> Floats:
-    """Return postures that reach goals with the gripper straight down, turned outwards with the goal.
+    """Return postures [rad], shape (n, 6), that reach goals in the world [m], (n, 3), with the gripper straight down.
 
-    Each is the one nearest to the start pose; over the table area they are of one branch and change smoothly.
-
-    Args:
-        kinematics: From the world to the tip.
-        goals: In the world [m], shape (n, 3).
-        turns: Further turns about the vertical [rad], shape (n,).
-
-    Returns:
-        Joint angles [rad], shape (n, 6); NaN for unreachable goals.
+    It is turned outwards with the goal, and by `turns` [rad], shape (n,). Each posture is the one nearest to the start
+    pose; over the table area they are of one branch and change smoothly. Unreachable goals have NaN.
     """
     home = np.array(kinematics.arm.home)
     outwards = np.arctan2(goals[:, 1], goals[:, 0]) + turns

@@ -42,11 +42,7 @@ class Eye:
         return 2 * len(self.layers[-1][1])
 
     def __call__(self, pictures: Array) -> Array:
-        """Return column and row of each channel, shape (..., 2 channels).
-
-        Args:
-            pictures: uint8, shape (..., height, width, 3).
-        """
+        """Return column and row of each channel, (..., 2 channels), in pictures, uint8, (..., height, width, 3)."""
         flat = pictures.reshape(-1, *pictures.shape[-3:])
         found = [self._places(flat[row : row + _PICTURES_AT_ONCE]) for row in range(0, len(flat), _PICTURES_AT_ONCE)]
         return np.concatenate(found).reshape(*pictures.shape[:-3], -1)

@@ -32,7 +32,6 @@ class GraspPolicy:
 
     Args:
         solver: For the arm of the environment, from the world to the tip.
-        env: The environment.
 
     Attributes:
         diagnostics: Iterations of the solver, and poses that were asked for.

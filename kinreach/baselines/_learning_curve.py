@@ -67,7 +67,6 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         return next((share for row in reversed(self.rows) if (share := row[column]) is not None), 0.0)
 
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
-        """Reset the environments; episodes in progress end."""
         self.cut()
         return self.env.reset(**kwargs)
 
@@ -76,7 +75,6 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         self._end(self._begun.copy())
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Step the environments and add the step to the curve."""
         observations, rewards, terminated, truncated, self._info = self.env.step(actions)
         self.steps += self.num_envs
         self._counted += self.num_envs
@@ -130,7 +128,6 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
 
 
 def curve_csv(rows: Sequence[Sequence[float | None]], columns: Sequence[str] = COLUMNS) -> str:
-    """Return a learning curve, or a traced episode, as CSV with a header."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

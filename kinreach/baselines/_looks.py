@@ -16,10 +16,6 @@ from kinreach.envs._reach.task import ReachTask
 class Looks:
     """Pictures of balls by both cameras, with the arm in its start pose; noise before `take`.
 
-    Args:
-        task: Whose balls; its options have the size and noise of the pictures.
-        count: How many looks.
-
     Attributes:
         pictures: Of each look and camera, uint8, shape (count, cameras, height, width, 3).
         names: Of the pictures, as observations have them, in the order of the cameras.
@@ -32,12 +28,7 @@ class Looks:
         self.pictures: NDArray[np.uint8] = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
 
     def take(self, goals: Floats, rng: np.random.Generator) -> None:
-        """Take new looks.
-
-        Args:
-            goals: Where the balls are in the world [m], shape (count, 3).
-            rng: Of the sensors' noise.
-        """
+        """Take new looks at balls in the world [m], shape (count, 3); `rng` is of the sensors' noise."""
         observer = PixelObserver(self._task)
         try:
             seen = observer.measure(np.tile(self._task.home, (len(goals), 1)), goals, [rng] * len(goals))

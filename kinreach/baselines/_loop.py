@@ -47,11 +47,7 @@ class Policy(Protocol):
 
 
 class FunctionPolicy:
-    """A policy without memory.
-
-    Args:
-        function: From an observation to an action.
-    """
+    """A policy without memory: a function from an observation to an action."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         self._function = function
@@ -60,7 +56,6 @@ class FunctionPolicy:
         """Do nothing: a function has no memory."""
 
     def act(self, observation: Any) -> Any:
-        """Return the function's value for an observation."""
         return self._function(observation)
 
 
@@ -92,15 +87,7 @@ class RandomPolicy:
 
 
 def as_policy(given: Any) -> Policy:
-    """Make a policy from what a user has.
-
-    Args:
-        given: A policy; a model with stable-baselines3's `predict(observation, deterministic=True)`; or a callable from
-            an observation to an action.
-
-    Raises:
-        InputError: It is none of these.
-    """
+    """Make a policy of one, of a model with stable-baselines3's `predict`, or of a function of the observation."""
     if callable(getattr(given, "act", None)):
         return given if callable(getattr(given, "reset", None)) else FunctionPolicy(given.act)
     if callable(getattr(given, "predict", None)):
@@ -132,7 +119,6 @@ def rollout(
 
 
 def _check_spaces(policy: Policy, observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
-    """Call the policy's own `check_spaces`, if it has one."""
     check = getattr(policy, "check_spaces", None)
     if check is not None:
         check(observations, actions)
@@ -186,17 +172,10 @@ def rollout_batch(
     options: Mapping[str, Any] | None = None,
     watch: WatchBatch | None = None,
 ) -> list[Trial]:
-    """Play the first episode of every environment of a batch, all in step.
+    """Play the first episode of every environment of a batch, all in step; return a trial for each.
 
-    Args:
-        env: Any vector environment; episodes may start anew in the step in which they end.
-        policy: Acts on stacks of observations.
-        seed: Of the first environment; the others count up.
-        options: Of the reset.
-        watch: Called after every step.
-
-    Returns:
-        A trial for each environment, as `rollout` yields them, without clocks.
+    Trials are as `rollout` yields them, without clocks. Episodes may start anew in the step in which they end. The
+    seeds count up from `seed`; `watch` is called after every step.
     """
     _check_spaces(policy, env.single_observation_space, env.single_action_space)
     count = env.num_envs

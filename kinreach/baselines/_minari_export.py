@@ -21,12 +21,7 @@ from kinreach.errors import InputError
 
 
 def check_dataset(name: str) -> None:
-    """Check the name of a new dataset.
-
-    Raises:
-        InputError: The name is malformed, or a dataset of that name exists.
-        InstallationError: Minari or h5py is missing.
-    """
+    """Refuse the name of a new dataset if it is malformed or taken, or if Minari or h5py is missing."""
     minari: Any = load_extra("minari", "minari")
     load_extra("h5py", "minari")
     try:
@@ -49,20 +44,8 @@ def record_episodes(
 ) -> Evaluation:
     """Evaluate as `kinreach.baselines._evaluation.evaluate` does, and write the episodes as a Minari dataset.
 
-    The dataset has the policy's card in its description, and every episode its seed. Actions are in double precision,
-    as they were executed, even where the environment's space is of single precision.
-
-    Args:
-        name: Of the dataset, such as `"kinreach/ur5-single-v0"`, checked by `check_dataset`.
-        policy: As `load_policy` returns it.
-        goals: How many.
-        seed: Of the first goal.
-        environment: Id.
-        options: Of the environment.
-        progress: Called with the number of finished goals.
-
-    Raises:
-        InputError: Unknown options of the environment.
+    Its name was checked by `check_dataset`. It has the policy's card in its description, and every episode its seed.
+    Actions are in double precision, as they were executed, even where the environment's space is of single precision.
     """
     try:
         env = gym.make(environment, **{**needed_options(policy), **options})

@@ -27,14 +27,7 @@ _SAMPLES = 64
 
 @dataclass(frozen=True, eq=False)
 class Trainee:
-    """A model with its environments.
-
-    Attributes:
-        model: Of stable-baselines3.
-        env: Its environments.
-        curve: The batch beneath, which records the learning curve.
-        algorithm: Of the model.
-    """
+    """A model with its environments; `curve` is the batch beneath them, which records the learning curve."""
 
     model: BaseAlgorithm
     env: SB3VecEnv
@@ -48,16 +41,7 @@ class Trainee:
 
 
 def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
-    """Make a model and its environments.
-
-    Args:
-        recipe: What to train.
-        seed: Of the networks.
-        steps: Planned actions, to which schedules refer.
-
-    Raises:
-        InputError: An unknown algorithm, reward, environment or setting, or a model that cannot be exported.
-    """
+    """Make a model and its environments; `seed` is of the networks, schedules refer to `steps` planned actions."""
     check_known("algorithm", recipe.algorithm, ALGORITHMS)
     algorithm = ALGORITHMS[recipe.algorithm]
     reward = training_reward(recipe.reward)
@@ -86,11 +70,7 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
 
 
 def check_trainable(observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
-    """Check the spaces of an environment.
-
-    Raises:
-        InputError: Observations are not vectors of numbers, or actions neither `Box` nor `Discrete` from 0.
-    """
+    """Refuse observations that are not vectors of numbers, and actions neither `Box` nor `Discrete` from 0."""
     if not isinstance(observations, spaces.Box) or len(observations.shape) != 1:
         raise InputError(f"training needs observations that are vectors of numbers, got {observations}")
     vector = isinstance(actions, spaces.Box) and len(actions.shape) == 1
@@ -99,11 +79,7 @@ def check_trainable(observations: spaces.Space[Any], actions: spaces.Space[Any])
 
 
 def check_export(trainee: Trainee) -> None:
-    """Check that a model can be exported, and that the exported actor acts as the model.
-
-    Raises:
-        InputError: It cannot, or it does not.
-    """
+    """Refuse a model that cannot be exported, or whose exported actor does not act as it does."""
     model, name = trainee.model, trainee.algorithm.name
     if not isinstance(model, BaseAlgorithm):
         raise InputError(

@@ -32,11 +32,6 @@ class ObservationFeatures(BaseFeaturesExtractor):
 
     The features are z = (x - mean) / scale, and sin(w z), cos(w z) for every w; x has as many of the first observations
     as there are means.
-
-    Args:
-        space: Of the observations, shape (n,).
-        mean, scale: Constants of the normalisation, at most n numbers each.
-        waves: Angular frequencies w.
     """
 
     def __init__(
@@ -56,7 +51,6 @@ class ObservationFeatures(BaseFeaturesExtractor):
         self.register_buffer("waves", torch.tensor(waves, dtype=torch.float32))
 
     def forward(self, observations: Tensor) -> Tensor:
-        """Return features, shape (n, features_dim)."""
         z = (observations[:, : len(self.mean)] - self.mean) / self.scale
         if not len(self.waves):
             return z
@@ -77,7 +71,6 @@ class TorchEye(nn.Module):
         self.sharpness = nn.Parameter(torch.ones(()))
 
     def forward(self, pictures: Tensor) -> Tensor:
-        """Return column and row of each channel, shape (n, 2 channels)."""
         h = pictures / MIDDLE - 1.0
         for index, layer in enumerate(self.layers):
             h = layer(h.relu() if index else h)
@@ -86,19 +79,13 @@ class TorchEye(nn.Module):
         return torch.stack([weights.sum(dim=2) @ across, weights.sum(dim=3) @ down], dim=2).flatten(1)
 
     def exported(self) -> Eye:
-        """Return the same in numpy."""
         state = {name: value.numpy() for name, value in self.state_dict().items()}
         layers = [(state[f"layers.{i}.weight"], state[f"layers.{i}.bias"]) for i in range(len(self.layers))]
         return Eye(layers, self.STRIDES, self.sharpness.item())
 
 
 class LookFeatures(BaseFeaturesExtractor):
-    """Outputs of the eyes for looks; an observation is the number of a look.
-
-    Args:
-        space: Of the observations, shape (1,).
-        looks: By their numbers.
-    """
+    """Outputs of the eyes for looks; an observation is the number of a look."""
 
     def __init__(self, space: spaces.Box, *, looks: Looks) -> None:
         cameras = looks.pictures.shape[1]
@@ -107,7 +94,6 @@ class LookFeatures(BaseFeaturesExtractor):
         self.eyes: Any = nn.ModuleList(TorchEye() for _ in range(cameras))
 
     def forward(self, observations: Tensor) -> Tensor:
-        """Return features, shape (n, features_dim)."""
         numbers, rows = np.unique(observations[:, 0].long().numpy(), return_inverse=True)
         pictures = torch.from_numpy(self._looks.pictures[numbers]).movedim(-1, -3)
         return torch.cat([eye(pictures[:, camera]) for camera, eye in enumerate(self.eyes)], dim=1)[rows]
@@ -127,7 +113,6 @@ class PostureHead(nn.Linear):
     """The mean action from the last hidden layer h: shift + gain (W h + b), at first nearly the shift.
 
     Args:
-        hidden: Length of h.
         gain: Action of one radian, for each joint.
         shift: Action that means the start pose.
     """
@@ -142,18 +127,11 @@ class PostureHead(nn.Linear):
         nn.init.zeros_(self.bias)
 
     def forward(self, hidden: Tensor) -> Tensor:
-        """Return mean actions, shape (n, outputs)."""
         return self.shift + self.gain * super().forward(hidden)
 
 
 class PosturePolicy(ActorCriticPolicy):
-    """stable-baselines3's policy with a `PostureHead`.
-
-    Args:
-        head: Keyword arguments of the `PostureHead`.
-        paired: Whether samples come in antithetic pairs; batches must then be of even size.
-        **kwargs: Of `ActorCriticPolicy`.
-    """
+    """stable-baselines3's policy with a `PostureHead`; `paired` samples come in antithetic pairs, of even batches."""
 
     def __init__(self, *args: Any, head: dict[str, Any], paired: bool = False, **kwargs: Any) -> None:
         self._head, self._paired = head, paired
@@ -169,11 +147,7 @@ class PosturePolicy(ActorCriticPolicy):
 
 
 def actor_network(model: BaseAlgorithm) -> Network:
-    """Return the deterministic actor of a stable-baselines3 model with `MlpPolicy`, of DQN its Q-network.
-
-    Raises:
-        InputError: An unknown actor, activation or features extractor.
-    """
+    """Return the deterministic actor of a stable-baselines3 model with `MlpPolicy`, of DQN its Q-network."""
     policy: Any = model.policy
     names = {kind: name for name, kind in ACTIVATIONS.items()}
     if policy.activation_fn not in names:

@@ -8,7 +8,6 @@ convolution in double precision, so that these are composed of others.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -37,16 +36,8 @@ JOINTS = "joints"
 def export_onnx(policy: LearnedPolicy, path: str | Path, *, observations: int | None = None) -> None:
     """Write a policy as an ONNX model, whole or not at all.
 
-    Args:
-        policy: As `load_policy` returns it.
-        path: Of the file.
-        observations: Numbers in an observation of its environment, by default as many as the policy reads. Not used
-            for pictures.
-
-    Raises:
-        InputError: The policy needs other observations.
-        InstallationError: The package `onnx` is missing.
-        OutputError: The file system refused.
+    `observations` are the numbers in an observation of its environment, by default as many as the policy reads; it is
+    not used for pictures.
     """
     count = policy.inputs if observations is None else check_count("observations", observations)
     if not policy.accepts(count):
@@ -65,7 +56,6 @@ class _Graph:
         self.constants: list[Any] = []
 
     def constant(self, value: ArrayLike) -> str:
-        """Return the name of a constant."""
         name, array = f"constant{len(self.constants)}", np.asarray(value)
         if array.dtype.kind == "f":  # a `model.zip` has single precision
             array = array.astype(np.float64)
@@ -85,8 +75,8 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
     helper, kinds = graph.onnx.helper, graph.onnx.TensorProto
     eyes, outputs = policy.network.eyes, len(policy.network.gain)
     pictures = _picture_names(policy)
-    seen = _seen(graph, eyes, pictures) if eyes else INPUT
-    output = _network(graph, policy, seen)
+    seen = (_eye(graph, eye, name) for eye, name in zip(eyes, pictures, strict=True))
+    output = _network(graph, policy, graph("Concat", *seen, axis=1) if eyes else INPUT)
     shape: list[str | int] = ["batch"]
     if policy.card.meaning == "preferences":
         graph("ArgMax", output, axis=-1, keepdims=0)
@@ -126,14 +116,8 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
 
 
 def _picture_names(policy: LearnedPolicy) -> list[str]:
-    """Return the names of the pictures that a policy sees."""
     arm = get_arm(trained_arm(policy).get("arm", "ur5"))
     return sorted(f"{camera.name}_rgb" for camera in arm.goal_cameras)[: len(policy.network.eyes)]
-
-
-def _seen(graph: _Graph, eyes: Sequence[Eye], names: Sequence[str]) -> str:
-    """Return the outputs of the eyes for the pictures, side by side."""
-    return graph("Concat", *(_eye(graph, eye, name) for eye, name in zip(eyes, names, strict=True)), axis=1)
 
 
 def _eye(graph: _Graph, eye: Eye, picture: str) -> str:

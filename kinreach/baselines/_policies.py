@@ -29,15 +29,9 @@ SLACK = 1e-6
 
 
 def paced(way: Array) -> Array:
-    """Return the next multi-step action on the straight way in joint space, in the fewest equal steps.
+    """Return the next multi-step action, in [-1, 1], for joint angles still to go [rad], in the fewest equal steps.
 
     Smaller last steps would end episodes on the way, within the thesis's 10 mm of the goal.
-
-    Args:
-        way: Joint angles still to go [rad], shape (..., n).
-
-    Returns:
-        Action in [-1, 1], shape (..., n).
     """
     steps = np.abs(way).max(axis=-1, keepdims=True) / STEP_SIZE
     return way / STEP_SIZE / np.maximum(1.0, np.ceil(steps - SLACK))
@@ -118,15 +112,7 @@ class LearnedPolicy:
         return str(self.card.recipe.get("name") or "the policy")
 
     def check_spaces(self, observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
-        """Check the spaces of an environment.
-
-        Args:
-            observations: Space of one environment, not of a batch.
-            actions: Likewise.
-
-        Raises:
-            InputError: The observations are not a vector, or too short, or the actions are of another kind or number.
-        """
+        """Refuse the spaces of one environment, not of a batch, if the policy cannot act in them."""
         outputs = len(self.network.gain)
         if self.network.eyes:
             _check_pictures(self.name, len(self.network.eyes), observations)
@@ -158,7 +144,6 @@ class LearnedPolicy:
         return count == self.inputs if self._exact else count >= self.inputs
 
     def _output(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
-        """Evaluate the network; check observations and outputs."""
         x: Any = self._pictures(observation) if self.network.eyes else self._numbers(observation)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             output = self.network(x)
@@ -167,7 +152,6 @@ class LearnedPolicy:
         return output
 
     def _joints(self, observation: Any) -> Array:
-        """Joint angles [rad] in an observation."""
         if self.network.eyes:
             return np.asarray(observation["joints"])
         return np.asarray(observation)[..., -1 - len(self.network.gain) : -1]  # before the gripper's opening
@@ -191,7 +175,6 @@ class LearnedPolicy:
 
 
 def _check_pictures(name: str, count: int, space: spaces.Space[Any]) -> None:
-    """Check that observations have `count` pictures."""
     parts = space.spaces if isinstance(space, spaces.Dict) else {}
     pictures = [parts[key] for key in picture_names(parts)]
     if len(pictures) != count or not all(isinstance(part, spaces.Box) and len(part.shape) == 3 for part in pictures):
@@ -199,7 +182,6 @@ def _check_pictures(name: str, count: int, space: spaces.Space[Any]) -> None:
 
 
 def pretrained_names() -> list[str]:
-    """Return the names of the policies in the package."""
     folder = resources.files("kinreach.baselines") / "pretrained"
     return sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX))
 

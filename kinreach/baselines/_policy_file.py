@@ -135,11 +135,7 @@ def run_name(path: Path) -> str:
 
 
 def save_policy(path: str | Path, card: PolicyCard, network: Network) -> None:
-    """Write a policy, whole or not at all.
-
-    Raises:
-        OutputError: The file system refused.
-    """
+    """Write a policy, whole or not at all."""
     tensors = {name: getattr(network, name) for name in ("mean", "scale", "waves", "gain", "shift")}
     if network.low is not None and network.high is not None:
         tensors |= {"low": network.low, "high": network.high}
@@ -157,11 +153,6 @@ def save_policy(path: str | Path, card: PolicyCard, network: Network) -> None:
 
 
 def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
-    """Read a policy.
-
-    Raises:
-        InputError: The file does not exist or is not a policy.
-    """
     path = check_path("policy", path)
     try:
         open_input(path, "the policy", most=MAX_BYTES).close()

@@ -30,20 +30,9 @@ def ppo2_loss(
     value_clip: float | Tensor | None,
     vf_coef: float,
 ) -> Tensor:
-    """PPO2's loss without the entropy; tensors of shape (..., n) hold the n steps of a minibatch.
+    """PPO2's loss, shape (...), without the entropy; tensors of shape (..., n) hold the n steps of a minibatch.
 
-    Args:
-        log_ratio: Logarithm of the new probability of each action over the old one.
-        advantages: Of the actions; normalised here.
-        values: Of the states.
-        old_values: The same when the steps were made.
-        returns: What the values are to become.
-        clip: How far a ratio of probabilities may be from 1.
-        value_clip: How far a value may be from the old one, or values of the shape (...) of it; None for any.
-        vf_coef: Weight of the values' part.
-
-    Returns:
-        Shape (...).
+    Advantages are normalised here. `value_clip` is a number, or values of the shape (...) of it; None: any change.
     """
     advantages = advantages - advantages.mean(-1, keepdim=True)
     advantages = advantages / (advantages.std(-1, keepdim=True) + 1e-8)
@@ -61,7 +50,6 @@ class PPO2(PPO):
     """stable-baselines3's PPO with the update of PPO2; without `clip_range_vf`, values are not clipped."""
 
     def train(self) -> None:
-        """Do one update from the rollout buffer."""
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
         progress: Any = self._current_progress_remaining

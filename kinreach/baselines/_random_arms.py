@@ -46,7 +46,6 @@ _PARTS = (42, 3, 1, 1, 9, 3, 3 * MOVES)
 
 @cache
 def ur5() -> UR5Kinematics:
-    """Return the kinematics of the data sheet."""
     return UR5Kinematics(tip="tcp", base="world")
 
 
@@ -75,14 +74,10 @@ def _basis(points: Floats) -> Floats:
 
 
 def summary(places: Floats, off: Floats) -> Floats:
-    """Return the means of the tip's errors, and of these times either coordinate on the table.
+    """Return the means [m] of the tip's errors, and of these times either coordinate on the table; zeros without looks.
 
-    Args:
-        places: Of the tip by the data sheet [m], shape (m, 3).
-        off: Errors of the tip there [m], shape (m, 3) or (k, m, 3) for k arms.
-
-    Returns:
-        [m], shape (9,) or (k, 9); zeros without looks.
+    The errors `off`, shape (m, 3) or (k, m, 3) for k arms, are those of tips that the data sheet has at `places`, shape
+    (m, 3) [m]. The result has shape (9,) or (k, 9).
     """
     basis = _basis(places)
     means = np.swapaxes(off, -1, -2) @ basis / max(len(basis), 1)
@@ -109,9 +104,6 @@ ALL_DRAWN = RandomArmStart()
 class RandomArmEpisodes:
     """The episodes of a number of environments.
 
-    Args:
-        count: Number of environments.
-
     Attributes:
         placements: Of the true arms' frames, shape (count, 7, 4, 4).
         balls: [m], shape (count, 3).
@@ -131,17 +123,14 @@ class RandomArmEpisodes:
         self._places = frames[-1][:, :3, 3]
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
-        """Give an environment its own generator."""
         self._streams.seed(index, rng)
 
     def copy_from(self, other: RandomArmEpisodes) -> None:
-        """Copy the state of an object with as many environments."""
         self._streams.copy_from(other._streams)
         others = {name: value for name, value in vars(other).items() if name not in ("chain", "_streams")}
         self.__dict__.update(deepcopy(others))
 
     def begin(self, ids: Ids, start: RandomArmStart = ALL_DRAWN) -> None:
-        """Draw other arms, balls and looks."""
         errors, ball, budget, moves, look_noise, ball_noise, noise = np.split(
             self._streams.draw(ids), np.cumsum(_PARTS)[:-1], axis=1
         )
@@ -171,7 +160,6 @@ class RandomArmEpisodes:
         return frames_of(np.swapaxes(self.placements[rows], 0, 1), q)[-1][:, :3, 3]
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
-        """Move each arm to its ball."""
         acting = np.ones(len(actions), dtype=np.bool_) if acting is None else acting
         q = math.pi * np.clip(actions, -1.0, 1.0)
         tips = self.tips(q)
@@ -185,16 +173,13 @@ class RandomArmEpisodes:
         return Outcome(-np.where(acting, self._distances, 0.0), over, np.zeros_like(over), info)
 
     def observe(self) -> Floats:
-        """Return the observations of all environments."""
         return self._observed.copy()
 
     def start_info(self) -> dict[str, Any]:
-        """Return the distances of the last moves, and the positions of the balls [m]."""
         impossible = np.zeros(len(self.balls), dtype=np.bool_)
         return {"distance": self._distances.copy(), "impossible": impossible, **self.goal_info()}
 
     def goal_info(self) -> dict[str, Any]:
-        """Return the positions of the balls [m]."""
         return {"goal": self.balls.copy()}
 
     def close(self) -> None:
@@ -267,5 +252,4 @@ class RandomArmVectorEnv(NativeVectorEnv):
 
 
 def _no_start(options: Mapping[str, Any] | None) -> RandomArmStart:
-    """Check that no options are given."""
     return RandomArmStart(*option_rows(options, {}, None))

@@ -28,12 +28,10 @@ DENSE_DISTANCE, DENSE_POSTURE, DENSE_IMPOSSIBLE = 1e-5, 5.0, -200.0
 
 
 def own(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the environment's rewards unchanged, shape (n,)."""
     return rewards
 
 
 def floored(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the environment's reward, at least `FLOOR`."""
     return np.maximum(rewards, FLOOR)
 
 
@@ -55,11 +53,7 @@ def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     """Return the reward of lifting in small steps, guided by postures of the closed form.
 
     They are above the grasp while the arm is away from the object, then at the grasp, where the fingers are to close,
-    and further up while the object is held.
-
-    Args:
-        rewards: Of the environment, shape (n,).
-        info: Of the step, with its `observation`, shape (n, 18), `held` and `clearance`.
+    and further up while the object is held. `info` has the step's `observation`, shape (n, 18), `held` and `clearance`.
     """
     seen = info["observation"]
     place, turn, size, q, opening = seen[:, :3], seen[:, 3], seen[:, 4], seen[:, 8:14], seen[:, 14]
@@ -114,8 +108,7 @@ def _kinematics() -> Arm3Kinematics:
 def goal_postures(goals: Array) -> Array:
     """Return the posture of the closed form that training leads to for targets in the world [m], shape (n, 3).
 
-    Returns:
-        Joint angles [rad], shape (n, 3); NaN where no posture within the joint limits reaches the target.
+    It is in joint angles [rad], shape (n, 3); NaN where no posture within the joint limits reaches the target.
     """
     found = _kinematics().batch(goals)
     order = np.array(BRANCH_ORDER)
@@ -124,18 +117,14 @@ def goal_postures(goals: Array) -> Array:
 
 
 def scaled(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the environment's reward in other units."""
     return SCALE * rewards
 
 
 def guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     """Return the environment's reward, less 0.3 times the distance in joint space to a posture that reaches the target.
 
-    The penalty of a wrong press grows with the square of the share of episodes that reach the goal.
-
-    Args:
-        rewards: Of the environment, shape (n,).
-        info: Of the step, with its `observation`, shape (n, 19), and `reached_lately`.
+    The penalty of a wrong press grows with the square of the share of episodes that reach the goal. `info` has the
+    step's `observation`, shape (n, 19), and `reached_lately`.
     """
     observation = info["observation"]
     q = np.arctan2(observation[:, 3:6], observation[:, :3])
@@ -159,11 +148,8 @@ def level(rewards: Array, info: Mapping[str, Any]) -> Array:
     """Return the reward of touching a rolling ball, less costs of the gripper's depth in the table and of its tilt.
 
     Once more than half of the balls are touched, depth costs more, and a touch within the table counts less; earlier,
-    the arm would stay away from fast balls. Tilt along the fingers costs a third of tilt across them.
-
-    Args:
-        rewards: Of the environment, shape (n,).
-        info: Of the step, with its `observation`, shape (n, 16) or more, `reward_terms` and `reached_lately`.
+    the arm would stay away from fast balls. Tilt along the fingers costs a third of tilt across them. `info` has the
+    step's `observation`, shape (n, 16) or more, `reward_terms` and `reached_lately`.
     """
     terms, lately = info["reward_terms"], info["reached_lately"]
     T = _ur5().fk(info["observation"][:, ANGLES])
@@ -190,11 +176,7 @@ REWARDS: dict[str, TrainingReward] = {
 
 
 def training_reward(name: str) -> TrainingReward:
-    """Return a training reward by name, or one of your own as `module:function`.
-
-    Raises:
-        InputError: The name is unknown; the message lists the known ones.
-    """
+    """Return a training reward by name, or one of your own as `module:function`."""
     if ":" in name:
         return load_object("training reward", name)
     check_known("training reward", name, REWARDS)

@@ -50,18 +50,10 @@ _POLICIES = re.compile(r"(stable_baselines3|sb3_contrib)\.(common|sac|td3|dqn|tq
 def actor_network(
     tensors: Mapping[str, Array], *, activation: str | None = None, bounds: tuple[Array, Array] | None = None
 ) -> tuple[Network, str]:
-    """Return the deterministic actor in a state dict of a multilayer perceptron of stable-baselines3.
+    """Return the deterministic actor in the tensors of a stable-baselines3 perceptron, and its algorithms.
 
-    Args:
-        tensors: Of the whole policy, by name.
-        activation: Of the hidden layers; stable-baselines3's default if None.
-        bounds: Smallest and largest actions, shape (m,); None for discrete ones.
-
-    Returns:
-        The network, without normalisation, and the algorithms.
-
-    Raises:
-        InputError: No actor of a known kind.
+    The network has no normalisation. Without `activation` it is stable-baselines3's default; `bounds` of actions have
+    shape (m,), None for discrete ones.
     """
     for actor in ACTORS:
         prefix, last, *_ = actor
@@ -90,15 +82,7 @@ def actor_network(
 
 
 def read_zip(path: Path) -> tuple[PolicyCard, Network]:
-    """Read the actor of a `model.zip` of PPO, A2C, SAC, TD3, DDPG, DQN or TQC with `MlpPolicy`.
-
-    Returns:
-        A card without an environment, and the network.
-
-    Raises:
-        InputError: Not such a file, or a policy that cannot be read.
-        InstallationError: stable-baselines3 is not installed.
-    """
+    """Read the actor of a `model.zip` with `MlpPolicy`, and a card without an environment."""
     file = open_input(path, "the policy", most=MAX_ZIP)
     try:
         with file:
@@ -226,7 +210,6 @@ def _options(data: dict[str, Any]) -> str | None:
 
 
 def _part(data: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return the readable description of an object."""
     part = data.get(name)
     if not isinstance(part, dict):
         raise InputError(f"its data does not describe its {name}")

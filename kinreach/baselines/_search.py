@@ -79,14 +79,10 @@ class Search:
             raise InputError(f"ranges are a range by the field of the recipe, got {shown(ranges)}")
         for field, content in self.ranges.items():
             _check_range(field, content)
-            self.tried({field: _example(content)})
+            self.tried({field: next(iter(content.values()))[0]})
 
     def tried(self, values: Mapping[str, Any]) -> Recipe:
-        """Return the recipe with other values of some fields.
-
-        Raises:
-            InputError: Unknown field.
-        """
+        """Return the recipe with other values of some fields."""
         recipe = get_recipe(self.recipe)
         recipe = recipe if self.steps is None else replace(recipe, steps=self.steps)
         for field, value in values.items():
@@ -95,11 +91,7 @@ class Search:
 
 
 def read_search(path: Path) -> Search:
-    """Read a search from a file of YAML or JSON with the fields of `Search`.
-
-    Raises:
-        InputError: The file cannot be read, or a value is invalid.
-    """
+    """Read a search from a file of YAML or JSON with the fields of `Search`."""
     text = read_text(path, "the search", most=2**20)
     try:
         content = yaml.safe_load(text)
@@ -129,10 +121,6 @@ def _check_range(field: object, content: object) -> None:
         raise InputError(f"the range of {field} needs two numbers, the lower one first; got {shown(values)}{hint}")
 
 
-def _example(content: Mapping[str, Any]) -> Any:
-    return next(iter(content.values()))[0]
-
-
 def _with(recipe: Recipe, field: str, value: Any) -> Recipe:
     """Return a recipe with another value of a field, or of an entry of one."""
     name, _, entry = field.partition(".")
@@ -150,20 +138,10 @@ def _with(recipe: Recipe, field: str, value: Any) -> Recipe:
 
 
 def search(given: Search, out: Path, *, resume: bool = False, threads: int = 1) -> dict[str, Any]:
-    """Run a search on the Ray cluster that this process is connected to.
+    """Run a search on the Ray cluster that this process is connected to; return the contents of `results.json`.
 
-    Args:
-        given: Settings of the search.
-        out: Folder for `results.json`, `results.csv`, and Tune's own `tune`.
-        resume: Continue the search in `out`; unfinished trials begin anew.
-        threads: Of torch, in each trial.
-
-    Returns:
-        The contents of `results.json`.
-
-    Raises:
-        OutputError: `out` cannot be written.
-        InputError: No trial was finished; the message is that of the first failure.
+    `out` gets `results.json`, `results.csv`, and Tune's own `tune`. With `resume` the search in it goes on, where
+    unfinished trials begin anew. Each trial has `threads` of torch.
     """
     tune = load_extra("ray.tune", RAY)
     make_writable(out)
@@ -196,7 +174,6 @@ def _tuner(tune: Any, given: Search, state: Path, *, resume: bool, threads: int)
     if resume and tune.Tuner.can_restore(str(state)):
         return tune.Tuner.restore(str(state), trainable, resume_unfinished=True, restart_errored=True)
     mode = JUDGES[given.judge][1]
-    searcher = None
     if given.searcher == "optuna":
         load_extra("optuna", RAY)
         searcher = load_extra("ray.tune.search.optuna", RAY).OptunaSearch(seed=given.seed)

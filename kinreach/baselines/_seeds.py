@@ -32,8 +32,6 @@ class Training:
 
     Attributes:
         name: Of the recipe, or `module:attribute`, which is imported where the job runs.
-        recipe: What to train.
-        identity: Of the run.
         export: As in `train`.
         checkpoint: Content of the checkpoint to resume, or None.
     """
@@ -49,7 +47,6 @@ class Kept(NamedTuple):
     """Results of a training so far.
 
     Attributes:
-        done: Number of actions.
         files: Contents of the files in its folder, by their paths.
         notices: Sentences for `notice`.
     """
@@ -72,24 +69,12 @@ def train_seeds(
     progress: Callable[[int, int], None],
     notice: Callable[[str], None],
 ) -> Iterator[Run]:
-    """Train a recipe with several seeds, and yield each finished run.
+    """Train a recipe with several seeds, and yield each finished run; arguments and errors as in `train`.
 
-    This process writes the folders, with the files of `train`, after every segment, wherever the trainings run.
-
-    Args:
-        name: Of the recipe, or `module:attribute`.
-        folders: By seed.
-        engine: For the trainings.
-        steps: Actions instead of the recipe's.
-        resume: As in `train`, of each.
-        fresh: As in `train`, of each.
-        threads: Of torch, in each training.
-        export: As in `train`.
-        progress: Called with the numbers of finished and of planned actions of all seeds.
-        notice: As in `train`.
+    This process writes the folders, with the files of `train`, after every segment, wherever the trainings run. The
+    name may be `module:attribute`. `progress` gets the actions of all seeds.
 
     Raises:
-        OutputError, InputError: As `train`.
         ClusterError: The engine lost a training; finished ones are kept.
     """
     recipe = get_recipe(name)
@@ -149,11 +134,7 @@ def _contents(folder: Path) -> dict[str, bytes]:
 
 
 def _write(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files, last the one that marks the run as finished.
-
-    Raises:
-        OutputError: The file system refused.
-    """
+    """Write files, last the one that marks the run as finished."""
     clear(folder)
     for name in sorted(files, key=lambda name: (name == RUN, name)):
         path = folder / name

@@ -47,7 +47,6 @@ class SolverPolicy:
         self._target: Floats | None = None
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Take the goal of a new episode."""
         self._seed, self._seen = np.asarray(info["q"]), np.asarray(info["seen"])
         self._target = None
         if self._proposer is not None:

@@ -32,19 +32,7 @@ SPLIT = "validation"
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Train one recipe with one seed or several.
-
-    Args:
-        argv: Arguments without the program's name.
-        prog: How the user called it, for messages.
-
-    Returns:
-        Exit code 0; anything else is raised.
-
-    Raises:
-        KinreachError: Bad input, packages for training that are not installed, a folder that cannot be written.
-        KeyboardInterrupt: With a message that names what was kept.
-    """
+    """Train one recipe with one seed or several."""
     parser = _parser(prog)
     arguments = parser.parse_args(argv)
     if (arguments.recipe is None) == (arguments.search is None):
@@ -89,7 +77,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 
 def _search(arguments: argparse.Namespace) -> int:
-    """Search by a file, and show the best trials."""
     with _needs_training():
         from kinreach.baselines._search import JUDGES, read_search, search
     file = check_path("--search", arguments.search)
@@ -181,7 +168,6 @@ def _again(arguments: argparse.Namespace) -> list[str]:
 
 
 def _figures(row: dict[str, float | None]) -> str:
-    """Return the numbers of a learning curve's row as text."""
     texts = (
         ("reward", "reward {:.2f} a step", 1),
         ("reached", "reached {:.0f} %", 100),

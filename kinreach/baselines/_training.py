@@ -40,14 +40,8 @@ from kinreach.baselines._policy_file import POLICY_FILE, PolicyCard, save_policy
 from kinreach.baselines._recipes import Recipe
 from kinreach.errors import InputError, OutputError, TrainingError
 
-CHECKPOINT, POLICY, CURVE, EPISODE, RUN, MODEL = (
-    "checkpoint.pt",
-    POLICY_FILE,
-    "curve.csv",
-    "episode.csv",
-    "run.json",
-    "model.zip",
-)
+CHECKPOINT, POLICY, CURVE = "checkpoint.pt", POLICY_FILE, "curve.csv"
+EPISODE, RUN, MODEL = "episode.csv", "run.json", "model.zip"
 #: Folder of TensorBoard's logs, in that of the run.
 TENSORBOARD = "tensorboard"
 #: Sizes of what is read again [bytes]; a checkpoint has the replay buffer.
@@ -67,9 +61,6 @@ class Run:
     """A finished training run.
 
     Attributes:
-        folder: Where its files are.
-        card: Of its policy.
-        policy: The policy.
         seconds: Wall time of the call that finished it.
         cpu_seconds: CPU time of that call.
     """
@@ -145,11 +136,7 @@ def train(
 
 
 def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
-    """Return the identity of a run, as JSON values.
-
-    Raises:
-        InputError: Settings or options of the recipe are not JSON values.
-    """
+    """Return the identity of a run, as JSON values."""
     try:
         written = json.dumps(
             {"recipe": recipe.to_dict(), "seed": seed, "threads": threads, "versions": _versions()}, allow_nan=False
@@ -165,18 +152,7 @@ def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
 def kept_run(
     folder: Path, identity: Mapping[str, Any], *, resume: bool = True, fresh: bool = False, export: bool = False
 ) -> Run | None:
-    """Return the run in a folder if it is finished and kept.
-
-    Args:
-        folder: Of the run.
-        identity: Of the run, unless `fresh` is set.
-        resume: Whether it is kept.
-        fresh: Whether any run is replaced.
-        export: Whether it must have stable-baselines3's own file as well.
-
-    Raises:
-        InputError: It is another run, or lacks that file.
-    """
+    """Return the run in a folder if it is finished and kept; `export` asks for stable-baselines3's own file as well."""
     if fresh or not _holds(folder, identity) or not resume:
         return None
     if export and not (folder / MODEL).exists():
@@ -186,18 +162,13 @@ def kept_run(
 
 
 def _run_in(folder: Path) -> Run:
-    """Return the finished run in a folder."""
     run = json.loads(read_text(folder / RUN, "the run", most=MAX_RUN))
     policy = load_policy(folder / POLICY)
     return Run(folder, policy.card, policy, float(run["seconds"]), float(run["cpu_seconds"]))
 
 
 def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
-    """Return whether a folder holds this run, finished.
-
-    Raises:
-        InputError: It holds another finished run.
-    """
+    """Return whether a folder holds this run, finished; refuse another finished run."""
     if not (folder / POLICY).exists() or (not (folder / RUN).exists() and (folder / CHECKPOINT).exists()):
         return False
     otherwise = "train into another folder, or replace it with --fresh (fresh=True)"
@@ -255,21 +226,13 @@ def segments(
 
 
 def make_folder(folder: Path) -> None:
-    """Create the folder of a run, and that of its logs.
-
-    Raises:
-        OutputError: One of them cannot be written.
-    """
+    """Create the folder of a run, and that of its logs."""
     make_writable(folder)
     make_writable(folder / TENSORBOARD)
 
 
 def clear(folder: Path) -> None:
-    """Remove the results of an earlier training, but not its checkpoint.
-
-    Raises:
-        OutputError: The file system refused.
-    """
+    """Remove the results of an earlier training, but not its checkpoint."""
     _remove(folder, (RUN, POLICY, MODEL, CURVE, EPISODE))
 
 
@@ -339,7 +302,6 @@ def _segments(
 
 
 def _card(recipe: Recipe, identity: Mapping[str, Any], trainee: Trainee) -> PolicyCard:
-    """Return the card of the policy so far."""
     model, network = trainee.model, trainee.network
     discrete = isinstance(model.action_space, spaces.Discrete)
     return PolicyCard(
@@ -357,11 +319,6 @@ def _card(recipe: Recipe, identity: Mapping[str, Any], trainee: Trainee) -> Poli
 
 
 def _remove(folder: Path, names: Iterable[str]) -> None:
-    """Remove files, if they exist.
-
-    Raises:
-        OutputError: The file system refused.
-    """
     for name in names:
         try:
             (folder / name).unlink(missing_ok=True)
@@ -370,17 +327,7 @@ def _remove(folder: Path, names: Iterable[str]) -> None:
 
 
 def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee: Trainee) -> None:
-    """Write the state after a segment, whole or not at all.
-
-    Args:
-        path: Of the file.
-        identity: Of the run, with `sources`, digests of the code that trained it.
-        segment: Its number.
-        trainee: In that state.
-
-    Raises:
-        OutputError: The file system refused.
-    """
+    """Write the state after a segment, whole or not at all; the identity has `sources`, digests of the code."""
     model, curve = trainee.model, trainee.curve
     state: dict[str, Any] = {
         "identity": identity,
@@ -402,15 +349,7 @@ def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee:
 
 
 def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the state after the last segment, or None if it cannot be read.
-
-    Args:
-        path: Of the file.
-        identity: Of the run.
-
-    Raises:
-        InputError: It is the state of another run, not a regular file, or too large.
-    """
+    """Return the state after the last segment, or None if it cannot be read; refuse that of another run."""
     with open_input(path, "the checkpoint", most=MAX_CHECKPOINT) as file:
         try:
             if not zipfile.is_zipfile(file):  # torch would try it as a plain pickle, and warn before it refuses
@@ -428,11 +367,7 @@ def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] |
 
 
 def restore(trainee: Trainee, state: Mapping[str, Any]) -> tuple[int, list[str]]:
-    """Restore the state of a checkpoint.
-
-    Returns:
-        The number of the next segment, and digests of the code that trained it.
-    """
+    """Restore the state of a checkpoint; return the number of the next segment, and digests of the code so far."""
     model, curve = trainee.model, trainee.curve
     model.set_parameters(state["parameters"])
     for name in _variables(model):
@@ -489,11 +424,7 @@ class _Report(BaseCallback):
 
 
 def _learn(trainee: Trainee, target: int, callback: BaseCallback) -> None:
-    """Train until `target` actions are done.
-
-    Raises:
-        TrainingError: Something became NaN or infinite.
-    """
+    """Train until `target` actions are done."""
     model = trainee.model
     try:
         model.learn(
@@ -503,18 +434,9 @@ def _learn(trainee: Trainee, target: int, callback: BaseCallback) -> None:
             log_interval=None,  # type: ignore[arg-type]
         )
     finally:  # torch's distributions raise another error where a parameter is not finite
-        _check_parameters(model)
-
-
-def _check_parameters(model: BaseAlgorithm) -> None:
-    """Check that all weights are finite.
-
-    Raises:
-        TrainingError: One is not; the message names it.
-    """
-    for name, value in model.policy.named_parameters():
-        if not torch.isfinite(value).all():
-            raise TrainingError(f"the network's {name} became NaN or infinite")
+        for name, value in model.policy.named_parameters():
+            if not torch.isfinite(value).all():
+                raise TrainingError(f"the network's {name} became NaN or infinite")
 
 
 def _targets(recipe: Recipe, model: BaseAlgorithm) -> list[int]:
@@ -549,12 +471,7 @@ def _end_segment(trainee: Trainee) -> None:
 
 
 def goal_seeds(seed: int, segments: int) -> dict[str, Any]:
-    """Return the seeds of all goals of a policy, for its card.
-
-    Args:
-        seed: Of the training.
-        segments: Parts of the training.
-    """
+    """Return the seeds of all goals of a policy, for its card; `segments` are the parts of the training."""
     return {"training": [_entropy(seed, index + 1)[3] for index in range(segments)], "held_out": HELD_OUT}
 
 

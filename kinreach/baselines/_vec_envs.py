@@ -82,11 +82,6 @@ class SB3VecEnv(VecEnv):
         return np.asarray(observations), np.asarray(rewards, dtype=np.float32), done, infos
 
     def _rewarded(self, rewards: Any, info: Mapping[str, Any]) -> Array:
-        """Return the learner's rewards.
-
-        Raises:
-            TrainingError: A reward is not finite, or its function fails or returns another shape.
-        """
         given = np.asarray(rewards)
         _check_finite("the environment's reward", given)
         try:
@@ -124,11 +119,6 @@ class SB3VecEnv(VecEnv):
 
 
 def _check_finite(what: str, values: Array) -> None:
-    """Check that all numbers are finite.
-
-    Raises:
-        TrainingError: One is not.
-    """
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         raise TrainingError(f"{what} became {values[~np.isfinite(values)][0]:g}")
 
@@ -139,14 +129,10 @@ class TriesVecEnv(SB3VecEnv):
     Actions are postures, approached in `steps` steps; the reward is that of the last one.
 
     Args:
-        env: The batch.
         tries: Size of a group.
         draw: Draws options of a reset, among them `goal` [m], shape (n, 3).
         steps: Of an episode; 1 if the environment's actions are postures.
-        reward: Of the learner.
         blur: Standard deviation of noise on the goal in observations [m], for cameras that do not quite agree.
-        layout: Of the observation.
-        arm: That of the environments.
     """
 
     def __init__(
@@ -170,7 +156,6 @@ class TriesVecEnv(SB3VecEnv):
         self._over = np.ones(env.num_envs, dtype=np.bool_)
 
     def reset(self) -> VecEnvObs:
-        """Start all episodes; return their observations, shape (num_envs, size)."""
         if self._seeds[0] is not None:
             self._rng = np.random.default_rng(self._seeds[0])
             self._env.reset(seed=self._seeds[0])
@@ -178,7 +163,6 @@ class TriesVecEnv(SB3VecEnv):
         return self._begin()
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Play an episode towards the postures."""
         if self._steps == 1:
             _, rewards, _, _, info = self._env.step(self._actions)
         else:
@@ -207,10 +191,6 @@ class LooksVecEnv(TriesVecEnv):
     """The same for pictures: an observation is the number of a look at a group's goal.
 
     Looks are taken when the environments are seeded.
-
-    Args:
-        looks: By their numbers.
-        **kwargs: Of `TriesVecEnv`.
     """
 
     def __init__(self, env: VectorEnv[Any, Any, Any], *, looks: Looks, **kwargs: Any) -> None:
@@ -220,11 +200,9 @@ class LooksVecEnv(TriesVecEnv):
         self._goals = np.zeros((len(looks.pictures), 3))
 
     def seen(self, observations: Array) -> Any:
-        """Return the pictures of the looks."""
         return self.looks.seen(observations[:, 0].astype(int))
 
     def reset(self) -> VecEnvObs:
-        """Start all episodes, after a seed with new looks."""
         if self._seeds[0] is not None:
             rng = np.random.default_rng([self._seeds[0], 1])
             self._goals = np.array(self._draw(rng, len(self._goals))["goal"])

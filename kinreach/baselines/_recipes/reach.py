@@ -163,7 +163,7 @@ _MOVING_GRADIENT = Recipe(
     algorithm="MovingGradient",
     steps=1_200_000,
     num_envs=2048,
-    networks=Networks(hidden=(128, 128), activation="silu", features="sights", posture=True),
+    networks=replace(_GOAL_WAVES, hidden=(128, 128), features="sights"),
     settings={**_DESCENT, "minibatches": 2},
     window=40_960,
 )
@@ -175,7 +175,6 @@ _PPO_MOVING = replace(
     algorithm="AdaptivePPO",
     num_envs=1024,
     steps=3_000_000,
-    reward="own",
     settings={**PPO_MULTI.settings, "gamma": 0.9, "exploration": {"first": 0.3, "last": 0.01, "until": 0.8}},
 )
 
@@ -200,7 +199,6 @@ REACH_RECIPES = (
         environment=RANDOM_ARM,
         options={},
         algorithm="RandomArmGradient",
-        steps=1_200_000,
         networks=replace(_MOVING_GRADIENT.networks, features="arms"),
         settings={**_MOVING_GRADIENT.settings, "n_epochs": 8, "minibatches": 4},
     ),
@@ -215,7 +213,7 @@ REACH_RECIPES = (
         steps=2_000_000,
         num_envs=4096,
         reward="floored",
-        networks=Networks(activation="silu", features="goal waves", posture=True),
+        networks=_GOAL_WAVES,
         settings={
             "n_steps": 1,
             "n_epochs": 4,
@@ -250,7 +248,7 @@ REACH_RECIPES = (
         steps=2_048_000,
         num_envs=512,
         blur=0.0,
-        networks=Networks(hidden=(128, 128), activation="silu", features="looks", posture=True),
+        networks=replace(_GOAL_WAVES, hidden=(128, 128), features="looks"),
         settings=_LOOKS,
         options={"backend": "kinematic", "width": 128, "height": 72},
     ),
