@@ -47,7 +47,6 @@ def _pressed(trial: Trial) -> bool:
 
 
 def decision_ms(trial: Trial) -> float:
-    """Return the mean wall time of a decision [ms]."""
     return 1e3 * float(trial["solve_s"]) / int(trial["steps"])
 
 
@@ -69,7 +68,6 @@ def _scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:
-    """Return notes on the table."""
     diverged = {m["name"]: m["outcomes"]["diverged"] for m in results["methods"] if "diverged" in m["outcomes"]}
     options = results["settings"]["options"]
     return [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -33,19 +33,7 @@ TABLE_WIDTH = 100
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Run a comparison and print its tables.
-
-    Args:
-        argv: Arguments without the program's name.
-        prog: How the user called it, for messages and for the command in the results.
-
-    Returns:
-        Exit code 0; anything else is raised.
-
-    Raises:
-        KinreachError: Bad input, a directory that cannot be written, a missing package.
-        KeyboardInterrupt: With a message that names what was kept.
-    """
+    """Run a comparison and print its tables."""
     parser = _parser(prog)
     known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # the task, whose flags follow
     task = _task(known.task)
@@ -60,7 +48,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     out, results = _measure(
         task,
         methods,
-        iter([own]) if own is not None else _numbered(default),
+        iter([own]) if own is not None else chain([default], (Path(f"{default}-{number}") for number in count(2))),
         goals=arguments.goals,
         seed=arguments.seed,
         arm=arm,
@@ -142,25 +130,12 @@ def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: M
     return "-".join([f"compare-{task}", *short])
 
 
-def _numbered(folder: Path) -> Iterator[Path]:
-    """Yield a folder, then the same with a number."""
-    yield folder
-    yield from (Path(f"{folder}-{number}") for number in count(2))
-
-
 def _measure(
     task: Task, methods: Sequence[str], folders: Iterator[Path], **arguments: Any
 ) -> tuple[Path, dict[str, Any]]:
-    """Compare with a progress bar; Ctrl-C prints what is kept.
+    """Compare with a progress bar; Ctrl-C prints what is kept. Other arguments are those of `compare`.
 
-    Args:
-        task: As in `compare`.
-        methods: As in `compare`.
-        folders: The first one without results of another comparison is used.
-        **arguments: Of `compare`.
-
-    Returns:
-        The folder, and what `compare` returns.
+    Results go into the first of the folders without those of another comparison, which is returned with them.
     """
     out = next(folders)
     columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
@@ -213,7 +188,6 @@ class _Parser(Parser):
     """A parser whose help lists the methods of all tasks."""
 
     def format_help(self) -> str:
-        """Return the help with its list of methods."""
         lines = [f"methods of {name}: {', '.join(get_task(name).methods)}" for name in task_names()]
         lines.append(
             "other methods: a policy's file (policy.safetensors, a stable-baselines3 model.zip, model.zip@multi), or "

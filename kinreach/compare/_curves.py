@@ -94,14 +94,7 @@ def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 
 
 def draw_shares(entry: str, *, title: str, label: str, of: str) -> Draw:
-    """Draw the share of goals reached against an entry of the trials, with Wilson's 95 % interval.
-
-    Args:
-        entry: Name of the entry.
-        title: Of the figure.
-        label: Of the axis.
-        of: What is counted, in words.
-    """
+    """Draw the share of goals reached against an entry of the trials, with Wilson's 95 % interval."""
 
     def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         figure, (axes,) = new_figure(title, size=(7.6, 4.4), note=origin(results), grid="both")
@@ -137,11 +130,7 @@ def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) ->
     """Draw the median error against looks before, with its 95 % interval over robots, directions and balls.
 
     Left: in the first move to a ball. Right: in the second, after the tip was seen beside it. Methods that do not
-    depend on looks are named above.
-
-    Args:
-        budgets: Numbers of looks.
-        error_mm: From a number of looks and of corrections to a trial's error [mm].
+    depend on looks are named above. `error_mm` is called with a number of looks and one of corrections.
     """
 
     def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:

@@ -32,11 +32,7 @@ class Budget(NamedTuple):
 def budget(goal: Floats, seen: Floats, meant: Floats, tip: Floats) -> Budget:
     """Divide the distance from the goal to the tip into its parts; all points in the world [m], shape (3,).
 
-    Args:
-        goal: Where the goal is.
-        seen: Where it was seen.
-        meant: Where the tip would be in the commanded posture.
-        tip: Where the tip is.
+    The goal is `seen` somewhere, and the tip would be where it is `meant` to be in the commanded posture.
     """
     whole = tip - goal
     distance = float(np.linalg.norm(whole))
@@ -47,7 +43,6 @@ def budget(goal: Floats, seen: Floats, meant: Floats, tip: Floats) -> Budget:
 
 
 def completed(trial: Trial) -> bool:
-    """Return whether the move was possible."""
     return not trial["impossible"]
 
 

@@ -37,14 +37,7 @@ Value = Callable[[Trial], float | None]
 def write_figures(
     drawings: Mapping[str, Draw], out: Path, trials: Sequence[Trial], results: Mapping[str, Any]
 ) -> dict[str, Path]:
-    """Write figures into a directory, as PNG.
-
-    Returns:
-        The files by the titles of the figures.
-
-    Raises:
-        OutputError: The file system refused.
-    """
+    """Write figures into a directory, as PNG; return the files by the titles of the figures."""
     written = {}
     for name, draw in drawings.items():
         figure = draw(trials, results)
@@ -55,14 +48,10 @@ def write_figures(
 
 
 def draw_errors(ik_error_mm: Value, seen_error_mm: Value, *, near_mm: float) -> Draw:
-    """Draw every trial's distance to the goal: of the commanded posture, and after the move.
+    """Draw every trial's distance to the goal [mm]: of the commanded posture, and after the move.
 
-    With cameras, the first row is their error, and its median a line through both panels.
-
-    Args:
-        ik_error_mm: Error of a trial's commanded posture [mm].
-        seen_error_mm: Error of the cameras [mm].
-        near_mm: Distance within which a goal counts as reached [mm].
+    With cameras, the first row is their error, and its median a line through both panels. A goal within `near_mm`
+    counts as reached.
     """
 
     def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
@@ -111,11 +100,8 @@ def draw_times(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
     """Draw the parts of each method's mean distance on a logarithmic axis, with their intervals.
 
-    Negative parts are hollow dots. Parts below `SMALLEST_PART_MM` are drawn at it.
-
-    Args:
-        parts: Their names in `budget_mm` of a method's results, beside `distance`.
-        meaning: Of the numbers, for people.
+    Parts are names in `budget_mm` of a method's results, beside `distance`. Negative ones are hollow dots, and those
+    below `SMALLEST_PART_MM` are drawn at it.
     """
     marks = dict(zip(parts, (("o", PALETTE[5]), ("s", PALETTE[1]), ("D", PALETTE[2])), strict=True))
 
@@ -129,7 +115,9 @@ def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
         axes.set_yticks(range(len(methods)), [name_label(method["name"]) for method in methods], weight="bold")
         for tick, colour in zip(axes.get_yticklabels(), colours_in(results), strict=True):
             tick.set_color(text_colour(colour))
-        _plain_log(axes)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(FuncFormatter(plain))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set(ylim=(len(methods) - 0.5, -0.6), xlim=(0.7 * SMALLEST_PART_MM, None))
         axes.set_xlabel(f"part of the mean distance [mm]\n{meaning}", fontsize=9)
         for name, (marker, colour) in marks.items():
@@ -225,12 +213,7 @@ def draw_strips(
 ) -> None:
     """Draw a row of dots per name on a log axis, with median and 95th percentile in numbers.
 
-    Args:
-        axes: Empty.
-        values: Of each row, shape (n,); positive unless they are counts.
-        colours: Of the rows.
-        label: Of the axis, with its unit.
-        counts: Whether values are counts, which may be zero: then the axis is linear up to 1.
+    The values of a row have shape (n,), and are positive. Counts may be zero: their axis is linear up to 1.
     """
     jitter = np.random.default_rng(0)
     for row, (colour, sample) in enumerate(zip(colours, values.values(), strict=True)):
@@ -272,7 +255,6 @@ def by_method(trials: Sequence[Trial], results: Mapping[str, Any], value: Value)
 
 
 def colours_in(results: Mapping[str, Any]) -> list[str]:
-    """Return a colour for each method."""
     return [method["colour"] for method in results["methods"]]
 
 
@@ -280,12 +262,6 @@ def origin(results: Mapping[str, Any]) -> str:
     """Return where the numbers are from, for the small print."""
     settings = results["settings"]
     return f"{settings['goals']} goals, seed {settings['seed']} · {verbatim(settings['command'])}"
-
-
-def _plain_log(axes: Axes) -> None:
-    axes.set_xscale("log")
-    axes.xaxis.set_major_formatter(FuncFormatter(plain))
-    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _at_least(value: float | None, least: float) -> float | None:

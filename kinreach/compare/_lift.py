@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 from matplotlib.figure import Figure
 
 from kinreach._registration import LIFT
@@ -15,7 +14,7 @@ from kinreach.baselines._grasp_policy import GraspPolicy
 from kinreach.compare._button import decision_ms
 from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
-from kinreach.compare._task import SOLVER, Method, Task
+from kinreach.compare._task import SOLVER, Method, Task, episode_seed
 from kinreach.envs._lift.task import HEIGHT, HOLD, MULTI
 from kinreach.kinematics._solvers import new_solver
 from kinreach.plots._style import name_label, new_figure
@@ -27,17 +26,15 @@ TIME_TABLE = "Distances and times"
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
-    return [
-        {"seed": int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0])} for index in range(count)
-    ]
+    return [{"seed": episode_seed(seed, index)} for index in range(count)]
 
 
 def _failed(cause: str) -> Callable[[Trial], bool]:
     return lambda trial: trial["cause"] == cause
 
 
-def _when_lifted(name: str) -> Callable[[Trial], float | None]:
-    return lambda trial: trial[name] if trial["reached"] else None
+def _when_lifted(trial: Trial) -> float | None:
+    return trial["move_s"] if trial["reached"] else None
 
 
 def _scripted(name: str) -> Method:
@@ -99,7 +96,7 @@ LIFT_TASK = Task(
         ),
         Column("posture_error", "posture_error", QUANTILES, "posture\nerror, rad", "median", TIME_TABLE),
         Column("clearance_mm", thousandfold("clearance"), QUANTILES, "height at\nthe end, mm", "median", TIME_TABLE),
-        Column("move_s", _when_lifted("move_s"), QUANTILES, "move s\nmedian", "median", TIME_TABLE),
+        Column("move_s", _when_lifted, QUANTILES, "move s\nmedian", "median", TIME_TABLE),
         Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "quantiles", TIME_TABLE),
     ),
     figures={"causes": draw_causes},

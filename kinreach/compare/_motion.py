@@ -36,19 +36,13 @@ MOTION_COLUMNS = (
 
 
 def check_motion(task: Task, env: gym.Env[Any, Any]) -> None:
-    """Check that a task's arm moves from posture to posture.
-
-    Raises:
-        InputError: It does not.
-        InstallationError: Ruckig is not installed.
-    """
+    """Refuse a task whose arm does not move from posture to posture, and a missing ruckig."""
     if not hasattr(env.unwrapped, "waypoints_to"):
         raise InputError(f"the task {task.name!r} does not move its arm from posture to posture; leave out --motion")
     load_extra("ruckig", "paths")
 
 
 def with_motion(task: Task) -> Task:
-    """Return the task with the columns of its motions."""
     return replace(task, columns=(*task.columns, *MOTION_COLUMNS))
 
 
@@ -61,7 +55,6 @@ class MotionRecorder:
         self._possible = True
 
     def __call__(self, env: gym.Env[Any, Any], info: Mapping[str, Any]) -> None:
-        """Add the postures of a step."""
         if "target" not in info:
             self._limits, self.points = MotionLimits.of(env.get_wrapper_attr("arm")), [np.asarray(info["q"])]
             return

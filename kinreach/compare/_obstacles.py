@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 
 from kinreach._registration import OBSTACLES
 from kinreach._statistics import QUANTILES, RATE, Column, Trial, thousandfold
@@ -14,7 +13,7 @@ from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import draw_strip_grid
 from kinreach.compare._methods import waypoints as ways
 from kinreach.compare._reach import METHODS
-from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, policy_version
+from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, episode_seed, policy_version
 from kinreach.envs._obstacles import MAX_CLUTTER, ObstaclesOptions
 from kinreach.kinematics._collision import PATH_MARGIN
 
@@ -28,11 +27,9 @@ def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any
     """Return a scene with each number of obstacles, then the next ones."""
     options: ObstaclesOptions = env.unwrapped.options  # type: ignore[attr-defined]
     clutter = options.clutter
+    size = len(clutter)
     return [
-        {
-            "seed": int(np.random.SeedSequence(seed, spawn_key=(index // len(clutter),)).generate_state(1)[0]),
-            "options": {"clutter": clutter[index % len(clutter)]},
-        }
+        {"seed": episode_seed(seed, index // size), "options": {"clutter": clutter[index % size]}}
         for index in range(count)
     ]
 
@@ -41,8 +38,8 @@ def _reached_among(count: int) -> Callable[[Trial], bool | None]:
     return lambda trial: bool(trial["reached"]) if trial["clutter"] == count else None
 
 
-def _of_reached(name: str, factor: float = 1.0) -> Callable[[Trial], float | None]:
-    return lambda trial: factor * trial[name] if trial["reached"] else None
+def _of_reached(name: str) -> Callable[[Trial], float | None]:
+    return lambda trial: trial[name] if trial["reached"] else None
 
 
 OBSTACLES_TASK = Task(
@@ -57,12 +54,12 @@ OBSTACLES_TASK = Task(
         "path-to-one": Method(ways.path_to_one, PLANNER),
         "path": Method(ways.path_to_any, PLANNER),
         **{
-            name: Method(ways.trained_posture(policy), POLICY, versions=policy_version(policy))
-            for name, policy in (("ppo-single", "ppo-single"), ("ranked-single", "ranked-single"))
-        },
-        **{
-            name: Method(ways.trained_steps(policy), POLICY, versions=policy_version(policy))
-            for name, policy in (("ppo-multi", "ppo-multi"), ("ranked-multi", "ranked-multi"))
+            name: Method(trained(name), POLICY, versions=policy_version(name))
+            for trained, names in (
+                (ways.trained_posture, ("ppo-single", "ranked-single")),
+                (ways.trained_steps, ("ppo-multi", "ranked-multi")),
+            )
+            for name in names
         },
     },
     columns=(

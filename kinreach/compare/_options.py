@@ -30,8 +30,6 @@ class Flag:
 
     Attributes:
         name: Without dashes, with underscores.
-        metavar: Of its value, for the help.
-        help: Description and default.
         expects: Description of its values, for messages.
         parse: From text to options of the environment; raises ValueError or KeyError.
         observation: That the option is for; empty for all.
@@ -46,15 +44,9 @@ class Flag:
 
     @property
     def spelled(self) -> str:
-        """The flag as it is typed, with dashes."""
         return f"--{self.name.replace('_', '-')}"
 
     def options(self, text: str) -> Mapping[str, Any]:
-        """Parse its value.
-
-        Raises:
-            InputError: The text cannot be parsed.
-        """
         try:
             return self.parse(text)
         except (ValueError, KeyError):
@@ -76,15 +68,9 @@ def options_class(environment: str) -> type[Any] | None:
 
 
 def flags_of(environment: str, defaults: Mapping[str, Any], *, taken: Sequence[str] = ()) -> dict[str, Flag]:
-    """Return the flags of an environment by name.
+    """Return the flags of an environment by name, without those that are taken by others of the command.
 
-    Args:
-        environment: Its id.
-        defaults: That differ from those of the dataclass.
-        taken: Names of other flags of the command.
-
-    Raises:
-        InputError: A type of the dataclass is not defined in its module.
+    `defaults` are those that differ from the dataclass's.
     """
     kind = options_class(environment)
     if kind is None:
@@ -118,15 +104,9 @@ def add_flags(parser: argparse.ArgumentParser, title: str, flags: Mapping[str, F
 def given_options(
     flags: Mapping[str, Flag], texts: Mapping[str, str], observation: str | None = None
 ) -> dict[str, Any]:
-    """Return the options of the environment from the texts of the flags that were given.
+    """Return the options of the environment from the texts of the flags that were given, by name.
 
-    Args:
-        flags: Of the environment.
-        texts: By the flag's name.
-        observation: Of the environment; flags for another one are refused.
-
-    Raises:
-        InputError: A text cannot be parsed, or its option is for another observation.
+    Flags for another observation are refused.
     """
     options: dict[str, Any] = {}
     for name, text in texts.items():

@@ -52,7 +52,6 @@ COLUMNS = (
 
 
 def _figures(near_mm: float) -> Mapping[str, Draw]:
-    """Return the figures of a task whose goals count as reached within a distance [mm]."""
     return {
         "errors": figures.draw_errors(ik_error_mm, seen_error_mm, near_mm=near_mm),
         "success": curves.draw_success,
@@ -65,13 +64,10 @@ def _figures(near_mm: float) -> Mapping[str, Draw]:
 FIGURES = _figures(1e3 * REACHED_DISTANCE)
 
 
-def _kinematics(env: gym.Env[Any, Any]) -> Any:
-    return env.unwrapped.kinematics  # type: ignore[attr-defined]
-
-
 def _hybrid() -> Method:
     def make(env: gym.Env[Any, Any]) -> SolverPolicy:
-        return SolverPolicy(new_solver("lm", _kinematics(env)), env, proposer=load_policy("ranked-single"))
+        solver = new_solver("lm", env.unwrapped.kinematics)  # type: ignore[attr-defined]
+        return SolverPolicy(solver, env, proposer=load_policy("ranked-single"))
 
     return Method(make, SEEDED, SINGLE, policy_version("ranked-single"))
 
@@ -82,14 +78,7 @@ METHODS: Mapping[str, Method] = {name: solver_method(partial(new_solver, name)) 
 def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool = False) -> Floats:
     """Draw goals in the arm's region, in the world [m], shape (count, 3); the first ones do not depend on `count`.
 
-    Args:
-        env: A reach environment.
-        count: How many.
-        seed: Of the draws.
-        reachable: Keep only goals for which the closed form finds an acceptable posture.
-
-    Raises:
-        InputError: The work cell has no goals, or none of `MAX_MISSED` in a row can be kept.
+    Reachable ones are those for which the closed form finds an acceptable posture.
     """
     world: Any = env.unwrapped
     solver = new_solver("closed-form", world.kinematics) if reachable else None
@@ -128,7 +117,6 @@ def _reachable_resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:
-    """Return notes on the tables."""
     entries, settings = results["methods"], results["settings"]
     causes = {
         entry["name"]: [f"{count} {status}" for status, count in entry["outcomes"].items() if status != COMPLETED]

@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 
 from kinreach._registration import REAL_ARM
 from kinreach._statistics import QUANTILES, RATE, Column, Trial, thousandfold
@@ -17,7 +16,7 @@ from kinreach.compare._methods.correction import LearnedCorrection
 from kinreach.compare._methods.models import ALL_PARAMETERS, JOINT_TERMS, REGISTERED, DataSheet, Identified, Residual
 from kinreach.compare._methods.practice import Learner, LookingPolicy
 from kinreach.compare._methods.tuned_policies import Informed, Trained, Tuned
-from kinreach.compare._task import Method, Task, policy_version
+from kinreach.compare._task import Method, Task, episode_seed, policy_version
 from kinreach.envs._real_arm import BUDGETS, NEAR, RealArmOptions
 from kinreach.sim._posed import PosedScene
 
@@ -84,7 +83,6 @@ def _heading(budget: int, again: int) -> str:
 
 def _columns() -> tuple[Column, ...]:
     shown = {(budget, 0) for budget in BUDGETS} | {(0, 1), (0, 2), (20, 1)}
-    wanted = [(ALL, ""), *ALONE.items()]
     return tuple(
         Column(
             f"{errors}.looks_{budget}_{again}",
@@ -94,7 +92,7 @@ def _columns() -> tuple[Column, ...]:
             "median" if (budget, again) in shown else "",
             title,
         )
-        for errors, title in wanted
+        for errors, title in ((ALL, ""), *ALONE.items())
         for budget in BUDGETS
         for again in range(RealArmOptions().again + 1)
     )
@@ -106,7 +104,7 @@ def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any
     errors, robots = options.errors, options.calibrations
     return [
         {
-            "seed": int(np.random.SeedSequence(seed, spawn_key=(index // len(errors),)).generate_state(1)[0]),
+            "seed": episode_seed(seed, index // len(errors)),
             "options": {
                 "errors": errors[index % len(errors)],
                 "calibration": robots[index // len(errors) % len(robots)],

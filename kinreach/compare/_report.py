@@ -60,10 +60,7 @@ class Rendering:
     """A picture of how a trial ended.
 
     Attributes:
-        method: Whose trial.
-        caption: What it shows.
         image: uint8, shape (height, width, 3).
-        reached: Whether the trial reached its goal.
     """
 
     method: str
@@ -82,16 +79,7 @@ def write_report(
 ) -> None:
     """Write the report, and beside it `scene.png`, an ordinary success of the best method.
 
-    Args:
-        path: Of the HTML file.
-        task: What was compared.
-        trials: All of them.
-        results: Contents of `results.json`.
-        charts: PNG files of figures, by title; the first one opens the report.
-        notes: Lines under the tables.
-
-    Raises:
-        OutputError: The file system refused.
+    Charts are PNG files of figures, by title; the first one opens the report. Notes are lines under the tables.
     """
     renderings: list[Rendering] | str
     try:
@@ -150,10 +138,6 @@ def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any
     """Draw the ends of trials by `task.scene`: an ordinary success, and the worst failure of each method.
 
     The success is of the nearest method among those that reach. Tasks with a figure of paths have no failures.
-
-    Raises:
-        InstallationError: No library can draw; the message names the packages.
-        DrawingError: The graphics library failed, or the task has no `scene` and its environment no arm.
     """
     settings, entries = results["settings"], results["methods"]
     options = {name: value for name, value in task.options.items() if name != "observation"}
@@ -182,11 +166,7 @@ def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any
 
 
 def posed_scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
-    """Return the environment's arm in its work cell, in the posture in which a trial ended, within its limits or not.
-
-    Raises:
-        DrawingError: The environment has no `arm`, or the trial no posture `q`.
-    """
+    """Return the environment's arm in its work cell, as a trial ended, within its limits or not."""
     arm = arm_in(env)
     if arm is None or trial.get("q") is None:
         missing = "its environment has no `arm`" if arm is None else "a trial has no posture `q`"
@@ -264,7 +244,6 @@ def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]], tri
 
 
 def _counts(column: Column, entries: Sequence[Mapping[str, Any]], trials: Sequence[Trial]) -> dict[str, int]:
-    """Return how many trials of each method have a value."""
     counts = {entry["name"]: 0 for entry in entries}
     for trial in trials:
         counts[trial["method"]] += column.of(trial) is not None
@@ -368,7 +347,6 @@ def _data_uri(kind: str, content: bytes) -> str:
 
 
 def _words(task: Task, results: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield the settings in words, by their headings."""
     settings = results["settings"]
     for name, text in settings["terms"].items():
         if name != "reached":

@@ -65,12 +65,8 @@ class Comparison:
 
     Attributes:
         task: With the options of its environments.
-        methods: By name.
-        goals, seed: As in `compare`.
-        command: That repeats it.
         left_out: Methods of the task that cannot be made, with the reason.
         arm: Name of the environment's arm, or empty.
-        motion: As in `compare`.
     """
 
     task: Task
@@ -83,7 +79,6 @@ class Comparison:
     motion: bool
 
     def settings(self) -> dict[str, Any]:
-        """Return its settings as JSON types."""
         options = {name: _as_json(value) for name, value in self.task.options.items()}
         return {
             "task": self.task.name,
@@ -231,14 +226,7 @@ def run_trials(
     done: Sequence[Trial] = (),
     progress: Progress = lambda done, total: None,
 ) -> Iterator[Trial]:
-    """Yield each finished trial.
-
-    Args:
-        comparison: What is compared.
-        engine: For blocks of goals; serial if None.
-        done: Trials to skip.
-        progress: Called with the number of finished and of all trials.
-    """
+    """Yield each finished trial of the goals and methods that are not done."""
     task, names, engine = comparison.task, list(comparison.methods), engine or Serial()
     finished = {(trial["goal_index"], trial["method"]) for trial in done}
     count, total = len(finished), comparison.goals * len(names)
@@ -258,12 +246,7 @@ def run_trials(
 
 
 def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], Sequence[str]]]) -> Iterator[Trial]:
-    """Yield the trials of some goals, after an untimed warm-up.
-
-    Args:
-        comparison: Of the goals.
-        goals: Number and reset of each, and its methods in their order.
-    """
+    """Yield the trials of some goals, after an untimed warm-up; a goal has its number, reset, and methods in order."""
     task = comparison.task
     with ExitStack() as stack:
         environments = _Environments(task, stack)
@@ -280,7 +263,6 @@ def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], S
 
 
 def _resets(task: Task, count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
-    """Return the task's resets, one a goal."""
     resets: Any = task.resets(count, seed, env)
     if not isinstance(resets, Sequence) or len(resets) != count:
         got = f"{len(resets)} of them" if isinstance(resets, Sequence) else shown(resets)
@@ -300,10 +282,6 @@ def _one_goal(
     """Run methods on one goal; with a shared look, all observe the first one's measurement.
 
     Each decides once untimed before its episode, or cold caches would double the time of a short decision.
-
-    Raises:
-        MethodError: A method raised; `goal` names the goal in the message.
-        InputError: A column of the task cannot be summarised.
     """
     for name in names:
         env, policy = players[name]
@@ -326,11 +304,7 @@ def _one_goal(
 
 @contextmanager
 def _naming(what: str) -> Iterator[None]:
-    """Turn errors of the block into a `MethodError` with type, text and place in the user's file.
-
-    Raises:
-        MethodError: Its cause is the error.
-    """
+    """Turn errors of the block into a `MethodError` with type, text and place in the user's file."""
     try:
         yield
     except InputError as error:
@@ -350,19 +324,13 @@ class _Environments:
 
     @property
     def default(self) -> gym.Env[Any, Any]:
-        """The environment of the task."""
         return self._get(self._task.environment, {})
 
     def of(self, method: Method) -> gym.Env[Any, Any]:
-        """Return the environment of a method."""
         return self._get(method.environment or self._task.environment, method.options)
 
     def policy(self, method: Method) -> Policy:
-        """Make a method's policy.
-
-        Raises:
-            MethodError: The user's own class cannot be made.
-        """
+        """Make a method's policy; refuse a class of the user's that cannot be made."""
         env = self.of(method)
         try:
             return as_policy(method.make(env))
@@ -386,13 +354,7 @@ class _Environments:
 def results_of(
     comparison: Comparison, trials: Sequence[Trial], machine: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Return the contents of `results.json`.
-
-    Args:
-        comparison: What was compared.
-        trials: All of them, in any order.
-        machine: That measured the times; this one if None.
-    """
+    """Return the contents of `results.json`; `machine` measured the times, this one if None."""
     task, painted = comparison.task, colours(comparison.methods)
     trials = sorted(trials, key=lambda trial: trial["goal_index"])
     entries = []
@@ -428,7 +390,6 @@ def results_of(
 
 
 def notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
-    """Return notes on the results, line by line."""
     settings = results["settings"]
     return [
         f"{settings['goals']} goals, seed {settings['seed']}. Reached: {settings['terms']['reached']}; its 95 % "
@@ -511,16 +472,11 @@ class Records:
     the file cannot be read, the comparison starts over. If only a method's file changed, trials of the others are kept.
 
     Args:
-        path: The file.
         identity: As JSON types.
-        comparison: With that identity.
         fresh: Drop old trials.
 
     Attributes:
         trials: All so far.
-
-    Raises:
-        OutputError: The file cannot be written.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], comparison: Comparison, *, fresh: bool) -> None:
@@ -530,11 +486,7 @@ class Records:
         write_text(path, "".join(json.dumps(line) + "\n" for line in (identity, *self.trials)))
 
     def add(self, trial: Trial) -> None:
-        """Append a finished trial, in memory and on disk.
-
-        Raises:
-            OutputError: The file system refused; the file is unchanged.
-        """
+        """Append a finished trial, in memory and on disk. If the file system refuses, the file is unchanged."""
         line, end = json.dumps(trial, allow_nan=False) + "\n", None
         try:
             with self.path.open("a", encoding="utf-8") as file:
@@ -548,7 +500,6 @@ class Records:
         self.trials.append(trial)
 
     def remove(self) -> None:
-        """Delete the file of trials."""
         self.path.unlink(missing_ok=True)
 
 
@@ -577,11 +528,6 @@ def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> It
 
 
 def _refuse_other_results(out: Path, comparison: Comparison) -> None:
-    """Check that a folder holds no results of another comparison.
-
-    Raises:
-        OtherResultsError: It does; the message gives the difference.
-    """
     path = out / RESULTS
     if not path.exists():
         return

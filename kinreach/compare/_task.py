@@ -166,11 +166,6 @@ def register_task(task: Task) -> Task:
 
 
 def get_task(name: str) -> Task:
-    """Return a registered task.
-
-    Raises:
-        UnknownNameError: The name is unknown; the message lists the known ones.
-    """
     check_known("task", name, task_names())
     if name not in _TASKS:
         _TASKS.update({task.name: task for task in importlib.import_module(f"kinreach.compare.{_OWN[name]}").TASKS})
@@ -201,23 +196,18 @@ def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
     )
 
 
+def episode_seed(seed: int, index: int) -> int:
+    """Return the environment's seed for an episode of a comparison."""
+    return int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0])
+
+
 def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
     """Return resets of a reach environment to goals, each with its own seed of the cameras' noise."""
-    return [
-        {
-            "seed": int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0]),
-            "options": {"goal": goal},
-        }
-        for index, goal in enumerate(goals)
-    ]
+    return [{"seed": episode_seed(seed, index), "options": {"goal": goal}} for index, goal in enumerate(goals)]
 
 
 def policy_version(policy: str) -> dict[str, str]:
-    """Return the digest of a policy's file, by name.
-
-    Args:
-        policy: Name of one that comes with the package, or path of a file.
-    """
+    """Return the digest of the file of a policy, a name of the package's or a path, by the policy's name."""
     shipped = resources.files("kinreach.baselines") / "pretrained" / f"{policy}.safetensors"
     content = shipped.read_bytes() if shipped.is_file() else read_bytes(Path(policy), "the policy", most=MAX_ZIP)
     return {f"policy {policy}": provenance.digest(content)}

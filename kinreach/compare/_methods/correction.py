@@ -37,18 +37,15 @@ class LearnedCorrection(Modelled):
         self._summary, self._weights, self._doubt = np.zeros(9), np.zeros((90, 3)), UNKNOWN
 
     def learn(self, q: Floats, seen: Floats) -> None:
-        """Summarise the looks, and train for their number."""
         places = ur5().chain.positions(q)
         self._summary = summary(places, seen - places)
         self._weights, self._doubt = _trained(len(q), self._noise, self._seed, self._joints)
 
     def predicted(self, q: Floats) -> Floats:
-        """Return the data sheet's places plus the correction there."""
         places = ur5().chain.positions(q)
         return np.asarray(places + _features(self._summary, places) @ self._weights)
 
     def doubt(self, points: Floats) -> float:
-        """Return the root mean square error of the training."""
         return self._doubt
 
 

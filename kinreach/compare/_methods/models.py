@@ -47,11 +47,9 @@ class DataSheet:
         """Ignore the looks: the data sheet does not change."""
 
     def aim(self, points: Floats) -> Floats:
-        """Return the postures with the tool straight down."""
         return tool_down_postures(ur5(), points)
 
     def doubt(self, points: Floats) -> float:
-        """Return the distance that it may be off anywhere [m]."""
         return UNKNOWN
 
 
@@ -70,7 +68,6 @@ class Modelled(DataSheet):
         return ur5().chain.positions(q)
 
     def aim(self, points: Floats) -> Floats:
-        """Return postures that the model brings to the points."""
         target = points
         for _ in range(self.ROUNDS):
             q = super().aim(target)
@@ -92,12 +89,10 @@ class Identified(Modelled):
         self._arm: IdentifiedArm | None = None
 
     def learn(self, q: Floats, seen: Floats) -> None:
-        """Fit the chain's frames to the looks."""
         chain = ur5().chain
         self._arm = IdentifiedArm(chain, q, seen, prior=self._prior, noise=self._noise, terms=self._terms)
 
     def predicted(self, q: Floats) -> Floats:
-        """Return the tip's places by the identified chain."""
         return super().predicted(q) if self._arm is None else self._arm.positions(q)
 
     def doubt(self, points: Floats) -> float:
@@ -129,13 +124,11 @@ class Residual(Modelled):
         self._weights: Floats = np.empty((0, 3))
 
     def learn(self, q: Floats, seen: Floats) -> None:
-        """Condition the process on the looks."""
         self._places = ur5().chain.positions(q)
         self._inverse = np.linalg.inv(self._covariance(self._places, self._places) + self._noise**2 * np.eye(len(q)))
         self._weights = np.asarray(self._inverse @ (seen - self._places))
 
     def predicted(self, q: Floats) -> Floats:
-        """Return the data sheet's places plus the mean of the process there."""
         places = ur5().chain.positions(q)
         return np.asarray(places + self._covariance(places, self._places) @ self._weights)
 

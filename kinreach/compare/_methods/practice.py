@@ -38,27 +38,19 @@ class Learner(Protocol):
 
 
 class LookingPolicy:
-    """Practise, aim, and correct the aim by what was seen.
-
-    Args:
-        learner: From the environment to a learner.
-        env: `kinreach/RealArm-v0`.
-        again: Whether it corrects its aim by the tip seen beside a ball.
-    """
+    """Practise, aim, and correct the aim by what was seen; if `again`, also by the tip seen beside a ball."""
 
     def __init__(self, learner: Callable[[Any], Learner], env: gym.Env[Any, Any], *, again: bool = True) -> None:
         self._new, self._again = learner, again
         self._env: Any = env.unwrapped
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Forget looks and aims at the last workplace, and make a new learner."""
         self._learner = self._new(self._env)
         self._q, self._seen = np.empty((0, 6)), np.empty((0, 3))
         self._points = np.empty((0, 3))
         self._offsets: list[Floats] = []
 
     def act(self, observation: Any) -> Floats:
-        """Return postures for all balls, as actions."""
         balls = observation[:, SEEN_BALL]
         if observation[0, MOVES] == 0.0:
             self._practise(int(observation[0, BUDGET]))

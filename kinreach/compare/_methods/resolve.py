@@ -68,13 +68,7 @@ def solver_method(new: Callable[[Any], Solver]) -> Method:
 
 
 def policy_method(policy: str, environment: str, **options: Any) -> Method:
-    """Make a method of a trained policy that comes with the package, or of a file.
-
-    Args:
-        policy: Name, or path of a file.
-        environment: Id of the environment that it acts in.
-        **options: Of that environment, beside the task's.
-    """
+    """Make a method of a policy, from the package or a file, with options of its environment beside the task's."""
     return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy), options=options)
 
 
@@ -95,7 +89,6 @@ def colours(methods: Mapping[str, Method]) -> dict[str, str]:
 
 
 def _label(name: object) -> str:
-    """Check the name of a method."""
     if not isinstance(name, str) or not name or not name.isprintable():
         raise InputError(f"methods must be named in printable text, got {shown(name)}")
     return name
@@ -135,7 +128,7 @@ def _method(task: Task, given: Any) -> Method:
         if given in task.methods:
             return task.methods[given]
         path, _, variant = given.partition("@")
-        if path.endswith((SAFETENSORS, ZIP)) and task.variants:
+        if _is_file(given) and task.variants:
             return _from_file(task, path, variant)
         if ":" not in given:
             raise_unknown(f"{task.name} method", given, task.methods)
@@ -144,7 +137,8 @@ def _method(task: Task, given: Any) -> Method:
         raise InputError(f"a method is a name, a solver, a policy or a function, got {shown(given)}")
 
     def make(env: gym.Env[Any, Any]) -> Policy:
-        return _policy(_construct(given, env) if isinstance(given, type) else given, env)
+        made = _construct(given, env) if isinstance(given, type) else given
+        return SolverPolicy(made, env) if hasattr(made, "solve") else as_policy(made)
 
     return Method(make, SOLVER if hasattr(given, "solve") else POLICY, task.environment, _source(given))
 
@@ -178,10 +172,6 @@ def _construct(cls: Callable[..., Any], env: gym.Env[Any, Any]) -> Any:
     if not needed:
         return cls()
     return cls(_kinematics(env) if hasattr(cls, "solve") else env)
-
-
-def _policy(given: Any, env: gym.Env[Any, Any]) -> Policy:
-    return SolverPolicy(given, env) if hasattr(given, "solve") else as_policy(given)
 
 
 def _source(given: Any) -> dict[str, str]:

@@ -31,7 +31,6 @@ class Trained(DataSheet):
         self._policy = policy
 
     def aim(self, points: Floats) -> Floats:
-        """Return the policy's postures for balls at these points."""
         return self._policy.posture(_observed(points))
 
 
@@ -42,7 +41,6 @@ class Tuned(Trained):
     layer is regressed on the looks, with a prior at its weights.
 
     Args:
-        policy: As of `Trained`.
         noise: Standard deviation of a coordinate of a look [m].
     """
 
@@ -54,11 +52,9 @@ class Tuned(Trained):
         self._trained, self._noise = policy, noise
 
     def where(self, count: int) -> Floats:
-        """Return the policy's own postures over the table."""
         return self._trained.posture(_observed(on_table(count)))
 
     def learn(self, q: Floats, seen: Floats) -> None:
-        """Fit the last layer by ridge regression."""
         network, x = self._trained.network, _observed(seen)
         *before, (weight, bias) = network.layers
         width = weight.shape[1]
@@ -73,19 +69,13 @@ class Tuned(Trained):
 
 
 class Informed(LookingPolicy):
-    """Act by a policy for arms with random errors, which observes a summary of the looks.
-
-    Args:
-        policy: Of `kinreach/RandomArm-v0`.
-        env: `kinreach/RealArm-v0`.
-    """
+    """Act by a policy of `kinreach/RandomArm-v0` for arms with random errors, which observes a summary of the looks."""
 
     def __init__(self, policy: LearnedPolicy, env: gym.Env[Any, Any]) -> None:
         super().__init__(lambda env: Modelled(), env)
         self._policy = policy
 
     def act(self, observation: Any) -> Floats:
-        """Return postures for all balls, as actions."""
         if observation[0, MOVES] == 0.0:
             budget = int(observation[0, BUDGET])
             self._practise(budget)

@@ -25,7 +25,6 @@ class Waypoints:
     """Go from one waypoint to the next, and stay at the last one.
 
     Args:
-        env: With obstacles.
         waypoints: From the first observation to the postures [rad], shape (m, 6).
 
     Attributes:
@@ -39,11 +38,9 @@ class Waypoints:
         self.reason = ""
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Forget the waypoints of the episode before."""
         self._left, self._target, self.reason = None, None, ""
 
     def act(self, observation: Any) -> Any:
-        """Return the action to the next waypoint; None without waypoints."""
         if self._left is None:
             try:
                 self._left = iter(self._waypoints(observation))
@@ -55,18 +52,12 @@ class Waypoints:
 
 
 class Steps:
-    """A policy of small changes of the joint angles.
-
-    Args:
-        env: With obstacles.
-        policy: Of `kinreach/UR5MultiStep-v0`.
-    """
+    """A policy of small changes of the joint angles, of `kinreach/UR5MultiStep-v0`."""
 
     def __init__(self, env: ObstaclesEnv, policy: Policy) -> None:
         self._env, self._policy = env, policy
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Begin an episode of the policy."""
         self._policy.reset(observation, info)
 
     def act(self, observation: Any) -> Any:
