@@ -64,12 +64,7 @@ class Sampler(Protocol):
 class RowStreams:
     """An endless sequence of rows for each environment: goals, or other values that an episode starts with.
 
-    A sequence depends on its own generator only, not on the number of environments.
-
-    Args:
-        sampler: Draws the rows.
-        count: Number of environments.
-        size: Numbers in a row.
+    A sequence depends on its own generator only, not on the number of environments. A row has `size` numbers.
     """
 
     def __init__(self, sampler: Sampler, count: int, *, size: int = 3) -> None:
@@ -84,7 +79,6 @@ class RowStreams:
         self._next[index] = ROWS_AHEAD
 
     def copy_from(self, other: RowStreams) -> None:
-        """Copy the state of another object with as many sequences."""
         self._rngs, self._ahead, self._next = deepcopy((other._rngs, other._ahead, other._next))
 
     def draw(self, ids: np.ndarray) -> Floats:
@@ -110,12 +104,7 @@ class RowStreams:
 
 
 class BatchPicture:
-    """Draws the environments of a batch, one after the other, with one scene.
-
-    Args:
-        scene: What is drawn.
-        show: Puts the scene into the state of an environment.
-    """
+    """Draws the environments of a batch with one scene; `show` puts it into the state of one of them."""
 
     def __init__(self, scene: Scene, show: Callable[[int], None]) -> None:
         self._show = show
@@ -127,7 +116,6 @@ class BatchPicture:
         return self._picture.frame()
 
     def close(self) -> None:
-        """Free the renderer's graphics memory."""
         self._picture.close()
 
 
@@ -404,11 +392,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
 
 def check_batch(num_envs: int, threads: int, render_mode: object) -> int:
-    """Check the number of environments of a batch and return it.
-
-    Raises:
-        InputError: A number of environments or threads out of range, or a mode that batches do not have.
-    """
+    """Check the number of environments of a batch, of threads and the render mode; return the first."""
     num_envs = check_count("num_envs", num_envs, most=2**17)  # refused before memory is asked for
     check_count("threads", threads, most=MAX_THREADS)
     if render_mode is not None:

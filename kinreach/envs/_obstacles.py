@@ -65,11 +65,7 @@ MISSED = "missed"
 
 @dataclass(frozen=True, kw_only=True)
 class ObstaclesOptions:
-    """Options of `kinreach/Obstacles-v0`.
-
-    Raises:
-        InputError: A number out of range.
-    """
+    """Options of `kinreach/Obstacles-v0`."""
 
     clutter: tuple[int, ...] = field(default=CLUTTER, metadata=about("numbers of obstacles, one of them an episode"))
     heights: tuple[float, float] = field(default=(0.1, 0.4), metadata=about("least and largest height of one [m]"))
@@ -95,11 +91,6 @@ class ObstaclesOptions:
 
 
 def check_clutter(count: object) -> int:
-    """Check a number of obstacles and return it.
-
-    Raises:
-        InputError: It is not an integer from 0 to 20.
-    """
     return check_count("clutter", count, least=0, most=MAX_CLUTTER)
 
 

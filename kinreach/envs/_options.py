@@ -34,12 +34,7 @@ def about(description: str, *, observation: str = "", flag: str | None = "") -> 
 
 
 def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:
-    """Make the options of an environment from its keywords.
-
-    Raises:
-        UnknownOptionError: A keyword that is not an option.
-        InputError: A value that cannot be.
-    """
+    """Make the options of an environment from its keywords."""
     available = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
     if unknown := [name for name in given if name not in available]:
         names = ", ".join(map(repr, unknown))  # the wording is Python's: TorchRL looks for it
@@ -71,11 +66,7 @@ def _quoted(value: object) -> str:
 
 
 def given_options(options: Mapping[str, Any] | None, names: Collection[str]) -> dict[str, Any]:
-    """Check the names of the options of `reset(options=...)` and return them.
-
-    Raises:
-        InputError: They are not a mapping, or one of them is unknown.
-    """
+    """Check the names of the options of `reset(options=...)` and return them."""
     if options is not None and not isinstance(options, Mapping):
         raise InputError(f"reset options must be a mapping of {', '.join(names)}, got {shown(options)}")
     given = dict(options or {})
@@ -87,19 +78,10 @@ def given_options(options: Mapping[str, Any] | None, names: Collection[str]) -> 
 def option_rows(
     options: Mapping[str, Any] | None, sizes: Mapping[str, int], count: int | None
 ) -> tuple[Floats | None, ...]:
-    """Return the options of `reset(options=...)` as arrays with a row for each environment.
+    """Return the options of `reset(options=...)` as arrays with a row for each environment, in the order of `sizes`.
 
-    Args:
-        options: As given by the user.
-        sizes: The known options, each with the length of its rows.
-        count: Number of environments of a batch; None for a single one, whose options are plain rows.
-
-    Returns:
-        In the order of `sizes`, arrays of shape (count, size), or (1, size) for a single environment; None for options
-        that are not given.
-
-    Raises:
-        InputError: An unknown option, a wrong shape, or a value that is not finite.
+    Sizes are lengths of rows. With a `count`, of a batch, arrays have shape (count, size), and what is given must, too.
+    Else the options are plain rows, and arrays have shape (1, size). Options that are not given are None.
     """
     given = {name: value for name, value in given_options(options, sizes).items() if value is not None}
     rows: list[Floats | None] = []
@@ -117,21 +99,15 @@ def option_rows(
 
 
 def check_seed(seed: object) -> int | None:
-    """Check the seed of an environment; NumPy's integers are valid too.
-
-    Raises:
-        InputError: It is not an integer, or negative.
-    """
+    """Check the seed of an environment; NumPy's integers are valid too."""
     return None if seed is None else check_count("seed", seed, least=0)
 
 
 def check_started(started: bool) -> None:
-    """Refuse a step before the first reset."""
     if not started:
         raise InputError("reset the environment before its first step")
 
 
 def check_not_over(over: bool) -> None:
-    """Refuse a step after the last."""
     if over:
         raise InputError("the episode is over; reset the environment")

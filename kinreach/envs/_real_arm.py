@@ -84,13 +84,7 @@ MAX_AGAIN, MAX_BALLS = 20, 100_000
 
 @dataclass(frozen=True, kw_only=True)
 class RealArmOptions:
-    """Options of `kinreach/RealArm-v0`.
-
-    Raises:
-        UnknownNameError: Unknown errors.
-        InputError: Budgets that are negative or do not increase, a number out of range, or a calibration that is not
-            one of a UR5.
-    """
+    """Options of `kinreach/RealArm-v0`."""
 
     errors: tuple[str, ...] = field(
         default=(*GEOMETRIC, "all"), metadata=about("what is wrong, one of them an episode: " + ", ".join(ERRORS))
@@ -124,14 +118,7 @@ class RealArmOptions:
 
 
 def true_arm(calibration: str | Path) -> ArmDescription:
-    """Return a calibrated UR5.
-
-    Args:
-        calibration: Name of a published one, or a file.
-
-    Raises:
-        InputError: It is not a path, or the file is not a calibration of a UR5.
-    """
+    """Return a calibrated UR5 by the name of a published calibration, or by a file."""
     path = check_path("calibration", calibration)
     file = PUBLISHED_CALIBRATIONS.get(str(path), path)
     return _calibrated(file, file.stat().st_mtime_ns if file.exists() else 0)
@@ -225,10 +212,7 @@ def _true_model(arm: ArmDescription, tool: tuple[float, ...], turned: float) -> 
 def workplace(errors: str, calibration: str, rng: np.random.Generator) -> Workplace:
     """Draw a workplace with errors as large as the constants of this module, in a random direction.
 
-    Args:
-        errors: A key of `ERRORS`.
-        calibration: As of `true_arm`.
-        rng: Of the directions.
+    They are a key of `ERRORS`; the calibration is as of `true_arm`.
     """
     parts = ERRORS[errors]
     tool, base, shift, axis = _direction(rng), rng.choice((-1.0, 1.0)), _direction(rng), _direction(rng)

@@ -40,12 +40,7 @@ SIZE = 3 + 2 * JOINTS
 
 @dataclass(frozen=True, kw_only=True)
 class ButtonOptions:
-    """Options of the button environments, single and in native batches.
-
-    Raises:
-        UnknownNameError: An unknown name.
-        InputError: A target that is not three finite numbers, or no steps.
-    """
+    """Options of the button environments, single and in native batches."""
 
     actuation: str = field(default="tuned", metadata=about('`"tuned"` or `"report"`'))
     fixed_target: bool | Sequence[float] = field(
@@ -74,17 +69,14 @@ class ButtonOptions:
 
     @property
     def arm(self) -> ArmDescription:
-        """The 3-DOF arm, `arm3`."""
         return get_arm("arm3")
 
     @property
     def motors(self) -> Actuation:
-        """Motors, friction and control period that `actuation` names."""
         return ACTUATIONS[self.actuation]
 
     @property
     def observation_space(self) -> spaces.Box:
-        """Observations of one environment, with `controls` and `frames`."""
         return observation_space(controls=self.controls, frames=self.frames)
 
     @property
@@ -115,7 +107,6 @@ class ButtonStarts:
         return np.any(self._kinematics.batch(targets).valid, axis=1)
 
     def within_limits(self, q: Floats) -> Flags:
-        """Return whether postures [rad], shape (n, 3), are within the joint limits."""
         return np.all((q >= self._kinematics.lower) & (q <= self._kinematics.upper), axis=1)
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
@@ -147,16 +138,8 @@ class Start(NamedTuple):
 class ButtonEpisodes:
     """The state of the episodes and their rules, for one arm or thousands.
 
-    Args:
-        options: Of the environment.
-        world: Simulates the arms.
-
     Attributes:
-        world: As given.
         goals: Targets in the world [m], shape (count, 3).
-
-    Raises:
-        InputError: The fixed target cannot be reached.
     """
 
     def __init__(self, options: ButtonOptions, world: TorqueWorld) -> None:
@@ -190,7 +173,6 @@ class ButtonEpisodes:
         self._has_target[index] = False
 
     def copy_from(self, other: ButtonEpisodes) -> None:
-        """Copy the state of as many other arms with the same options."""
         self.world.copy_from(other.world)
         self._streams.copy_from(other._streams)
         for name in (
@@ -199,11 +181,6 @@ class ButtonEpisodes:
             setattr(self, name, getattr(other, name).copy())
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
-        """Check the options of `reset`.
-
-        Raises:
-            InputError: An unknown option, a malformed one, a target out of reach, a joint outside its limits.
-        """
         goals, q = option_rows(options, {"goal": 3, "q": JOINTS}, count)
         if goals is not None:
             self._refuse_unreachable("goal", goals)
@@ -212,13 +189,7 @@ class ButtonEpisodes:
         return Start(goals, q)
 
     def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
-        """Start new episodes.
-
-        Args:
-            ids: Which, shape (k,).
-            start: What is given, one row for each of them. By default targets are drawn, or kept; postures are drawn,
-                with velocities.
-        """
+        """Start new episodes; by default targets are drawn, or kept, and postures are drawn, with velocities."""
         targets, postures, speeds = np.split(self._streams.draw(ids), 3, axis=1)
         if start.goals is not None:
             targets = start.goals
@@ -236,7 +207,6 @@ class ButtonEpisodes:
         self._seen[ids] = self._present()[ids, None]
 
     def observe(self) -> Floats:
-        """Return the observations, shape (count, size)."""
         return self._seen.reshape(len(self._seen), -1).copy()
 
     def _present(self) -> Floats:
@@ -250,12 +220,6 @@ class ButtonEpisodes:
         return np.sqrt(((self._state[2] - self.goals) ** 2).sum(axis=1))
 
     def step(self, actions: Actions, acting: Flags | None = None) -> Outcome:
-        """Act with every arm, or where `acting` is True.
-
-        Args:
-            actions: Checked, shape (count,).
-            acting: Which arms act, shape (count,); all by default.
-        """
         change, pushed = meaning(actions)
         self._pushed = pushed if acting is None else pushed & acting
         control = np.clip(self._control + change, -CONTROL_LIMIT, CONTROL_LIMIT)
@@ -291,12 +255,10 @@ class ButtonEpisodes:
         return outcome if acting is None else outcome.of(acting)
 
     def start_info(self) -> dict[str, Any]:
-        """Return the `info` of a reset, as arrays."""
         q, _, tip = self._state
         return self.goal_info() | {"distance": self.distance, "q": q.copy(), "tip": tip.copy()}
 
     def goal_info(self) -> dict[str, Any]:
-        """Return the entries of `info` about the targets, as arrays."""
         return {"goal": self.goals.copy()}
 
     def close(self) -> None:

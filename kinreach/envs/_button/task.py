@@ -53,7 +53,6 @@ class Actuation:
     """Motors, friction and time of an arm under torque.
 
     Attributes:
-        name: What it is asked for by.
         gears: Torque of each motor per unit of control [N m].
         damping: Viscous friction of each joint [N m s/rad].
         armature: Rotor inertia seen at each joint [kg m^2].
@@ -101,7 +100,6 @@ ACTUATIONS = {actuation.name: actuation for actuation in (TUNED, REPORT)}
 
 
 def action_space() -> spaces.Discrete:
-    """Return the space of the 54 actions."""
     return spaces.Discrete(ACTIONS)
 
 
@@ -115,11 +113,7 @@ def observation_space(*, controls: bool = False, frames: int = 1) -> spaces.Box:
 
 
 def check_actions(actions: ArrayLike, count: int | None) -> Actions:
-    """Actions as integers of shape (1,), or (count,) for a batch.
-
-    Raises:
-        InputError: Not integers from 0 to 53, or a wrong shape.
-    """
+    """Return actions as integers of shape (1,), or (count,) for a batch."""
     shape = () if count is None else (count,)
     values = as_array("action", actions)
     if values.shape != shape or values.dtype.kind not in "iu":
@@ -156,12 +150,7 @@ class RewardTerms(NamedTuple):
 
 
 def button_reward(distance: Floats, press: Flags) -> tuple[Floats, RewardTerms]:
-    """Return reward of one step, and its parts.
-
-    Args:
-        distance: From the end effector to the target after the step [m], shape (n,).
-        press: Whether the action pressed, shape (n,).
-    """
+    """Return reward of one step, and its parts, from the distance after it [m], and whether it pressed, shape (n,)."""
     near = distance < PRESS_RADIUS
     terms = RewardTerms(
         distance=-distance,

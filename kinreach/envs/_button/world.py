@@ -46,15 +46,9 @@ class ButtonState(IntEnum):
 
 
 def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: bool = True) -> Any:
-    """Return the scene of an arm whose joints are driven by torque, with gravity, ready to compile.
+    """Return the scene (`mujoco.MjSpec`) of an arm whose joints are driven by torque, with gravity.
 
-    Args:
-        arm: The arm and its work cell.
-        actuation: Motors, friction and time.
-        visual: Make it look good, and draw the button. None of it has mass or contact: the physics is the same.
-
-    Returns:
-        A `mujoco.MjSpec`.
+    If `visual`, it looks good, and has the button. None of that has mass or contact: the physics is the same.
     """
     spec = build_scene(arm, timestep=actuation.timestep, visual=visual)
     # Without this MuJoCo restarts a simulation that diverges.
@@ -90,11 +84,7 @@ def torque_model(arm: ArmDescription, actuation: Actuation, *, visual: bool = Tr
 
 
 class ButtonDrawing:
-    """Puts the ball to the target, and the button below it in one of its states.
-
-    Args:
-        model: A scene of `build_torque_scene`; without its drawings there is only the ball.
-    """
+    """Puts the ball to the target, and the button below it in one of its states, where the scene has one."""
 
     def __init__(self, model: Any) -> None:
         bodies = {model.body(i).name: int(model.body_mocapid[i]) for i in range(model.nbody)}
@@ -103,13 +93,7 @@ class ButtonDrawing:
         self._caps = {state: bodies[_cap_name(state)] for state in ButtonState if _cap_name(state) in bodies}
 
     def show(self, mocap_pos: Floats, target: Floats, state: ButtonState) -> None:
-        """Write places into MuJoCo's array of them.
-
-        Args:
-            mocap_pos: Shape (nmocap, 3).
-            target: In the world [m], shape (3,).
-            state: What the button shows.
-        """
+        """Write places into MuJoCo's array of them, shape (nmocap, 3), for a target in the world [m]."""
         mocap_pos[self._ball] = target
         if self._stand is not None:
             mocap_pos[self._stand] = target
@@ -192,15 +176,9 @@ class TorqueWorld(Protocol):
 
 
 class SingleTorqueWorld:
-    """One arm under torque; a `kinreach.sim._picture.Scene`.
-
-    Args:
-        arm: Whose scene.
-        actuation: Motors, friction and time.
-        visual: Make it look good, with the button.
+    """One arm under torque; a `kinreach.sim._picture.Scene`. If `visual`, it looks good, with the button.
 
     Attributes:
-        model, data: MuJoCo's.
         watch: Called after every step, when the button's state is set.
     """
 
@@ -219,7 +197,6 @@ class SingleTorqueWorld:
         self.tip: Floats = self.data.xpos[None, tip]
 
     def reset(self, ids: Ids, targets: Floats, q: Floats, qd: Floats) -> None:
-        """Put the whole state back."""
         mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("home").id)
         self.q[:], self.qd[:] = q, qd
         self._target = targets[0].copy()
@@ -227,13 +204,11 @@ class SingleTorqueWorld:
         mujoco.mj_fwdPosition(self.model, self.data)
 
     def step(self, control: Floats, acting: Flags | None = None) -> None:
-        """Simulate one step of the environment."""
         self.data.ctrl[:] = control[0]
         mujoco.mj_step(self.model, self.data, self._frame_skip)
         mujoco.mj_kinematics(self.model, self.data)  # after a step the poses are those before its last substep
 
     def copy_from(self, other: SingleTorqueWorld) -> None:
-        """Copy the state of another arm, and of its button."""
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(other.model, other.data, state, _STATE)
         mujoco.mj_setState(self.model, self.data, state, _STATE)
@@ -241,21 +216,13 @@ class SingleTorqueWorld:
         self._target = other._target.copy()
 
     def show(self, state: ButtonState) -> None:
-        """Draw the button in a state, and call `watch`."""
         self._drawing.show(self.data.mocap_pos, self._target, state)
         if self.watch is not None:
             self.watch()
 
 
 class BatchTorqueWorld:
-    """Many arms under torque, bit for bit what as many `SingleTorqueWorld` would do.
-
-    Args:
-        arm: Whose scene.
-        actuation: Motors, friction and time.
-        count: Number of arms.
-        threads: Threads that step them.
-    """
+    """Many arms under torque, bit for bit what as many `SingleTorqueWorld` would do."""
 
     def __init__(self, arm: ArmDescription, actuation: Actuation, count: int, *, threads: int = 1) -> None:
         self.count = count
@@ -271,7 +238,6 @@ class BatchTorqueWorld:
         self._mocap: Floats = self._batch.bind("mocap_pos")
 
     def reset(self, ids: Ids, targets: Floats, q: Floats, qd: Floats) -> None:
-        """Set postures (k, 3) [rad], joint speeds (k, 3) [rad/s] and targets (k, 3) [m] of k arms."""
         stages = mujoco.mjtStage
         self._batch.reset(ids=ids, keyframe=self._home, stage=stages.mjSTAGE_NONE)
         self.q[ids], self.qd[ids] = q, qd
@@ -280,13 +246,11 @@ class BatchTorqueWorld:
         self._batch.forward(ids=ids, stage=stages.mjSTAGE_POS)
 
     def step(self, control: Floats, acting: Flags | None = None) -> None:
-        """Simulate one step of the environment."""
         self._ctrl[:] = control
         ids = None if acting is None else np.flatnonzero(acting)
         self._batch.step(ids=ids, nstep=self._frame_skip, stage=mujoco.mjtStage.mjSTAGE_POS)
 
     def copy_from(self, other: BatchTorqueWorld) -> None:
-        """Copy the states of as many other arms."""
         self._batch.state[:] = other._batch.state
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
 

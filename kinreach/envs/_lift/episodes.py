@@ -46,17 +46,11 @@ ALL_DRAWN = LiftStart()
 class LiftEpisodes:
     """The state of the episodes and their rules, for one arm or thousands.
 
-    Args:
-        task: What is to be done.
-        world: Simulates arms and objects; None where grasps are judged by geometry.
-        count: Number of environments.
-
     Attributes:
-        task, world: As given.
+        world: Simulates arms and objects; None where grasps are judged by geometry.
         goals: Where the objects' centres were when the cameras looked last, in the world [m], shape (count, 3).
         seen: Where the cameras saw them [m], shape (count, 3); NaN where none did.
         yaws: Turns of the objects about the vertical by then [rad], shape (count,).
-        kinds: What the objects are.
         q: Postures of the arms [rad], shape (count, n).
     """
 
@@ -83,7 +77,6 @@ class LiftEpisodes:
         self._streams.seed(index, starts)
 
     def copy_from(self, other: LiftEpisodes) -> None:
-        """Take over the state of as many others with the same task."""
         kept = ("task", "world", "_camera", "_pixels", "_streams")
         self.__dict__.update(deepcopy({name: value for name, value in vars(other).items() if name not in kept}))
         self._streams.copy_from(other._streams)
@@ -91,7 +84,6 @@ class LiftEpisodes:
             self.world.copy_from(other.world)
 
     def begin(self, ids: Ids, start: LiftStart = ALL_DRAWN) -> None:
-        """Start new episodes: the arm at home, the gripper open, other objects."""
         rows = self._streams.draw(ids)
         given = (start.places, start.yaws, start.shapes, start.sizes, start.masses, start.frictions)
         for columns, values in zip((slice(0, 2), *(slice(k, k + 1) for k in range(2, 7))), given, strict=True):
@@ -137,7 +129,6 @@ class LiftEpisodes:
 
     @property
     def observation_space(self) -> spaces.Space[Any]:
-        """Observations of one environment: numbers, or pictures with numbers."""
         return self.task.observation_space if self._pixels is None else self._pixels.space
 
     def observe(self) -> Any:
@@ -150,7 +141,6 @@ class LiftEpisodes:
         )
 
     def goal_info(self) -> dict[str, Any]:
-        """Return the entries of `info` about the objects, as arrays."""
         kinds = self.kinds
         return {
             "goal": self.goals.copy(),
@@ -164,12 +154,10 @@ class LiftEpisodes:
         }
 
     def start_info(self) -> dict[str, Any]:
-        """Return the `info` of a reset, as arrays."""
         return {**self.goal_info(), "q": self.q.copy(), "tip": self._tips(np.arange(self.count)),
                 "distance": self._distance.copy()}  # fmt: skip
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
-        """Act in all environments, or where `acting` is True."""
         acting = np.ones(self.count, dtype=np.bool_) if acting is None else acting
         ids = np.flatnonzero(acting)
         if not len(ids):
@@ -327,7 +315,6 @@ class LiftEpisodes:
         return np.asarray(tilt + np.where(self.kinds.shape == SHAPES.index(CUBE), off, 0.0))
 
     def close(self) -> None:
-        """Free the cameras' graphics memory."""
         for observer in (self._camera, self._pixels):
             if observer is not None:
                 observer.close()

@@ -69,12 +69,7 @@ SEEN, FACES, SIZE, IS_CUBE, KIND_END = slice(0, 3), 3, 4, 6, 8
 
 @dataclass(frozen=True, kw_only=True)
 class LiftOptions:
-    """Options of `kinreach/Lift-v0`.
-
-    Raises:
-        UnknownNameError: A name that is not one of those there are.
-        InputError: An object that the gripper cannot hold, another number out of range, or an arm that cannot grasp.
-    """
+    """Options of `kinreach/Lift-v0`."""
 
     steps: str = field(
         default=SINGLE,
@@ -177,11 +172,7 @@ class LiftOptions:
 def check_objects(
     arm: ArmDescription, sizes: Iterable[object], masses: Iterable[object], frictions: Iterable[object]
 ) -> None:
-    """Check sizes [m], masses [kg] and coefficients of friction: the gripper must get around the objects.
-
-    Raises:
-        InputError: One is not a number, or out of range.
-    """
+    """Check sizes [m], masses [kg] and coefficients of friction: the gripper must get around the objects."""
     gripper: Any = arm.gripper
     most = (gripper.opening - CLEARANCE) / 2
     for size in sizes:
@@ -198,11 +189,7 @@ def check_objects(
 
 
 def grasping_arm(arm: str | ArmDescription) -> ArmDescription:
-    """Return an arm with a gripper, which is added to the flange if it has none.
-
-    Raises:
-        InputError: The arm has no flange, no closed form of six joints, or no goals in a box.
-    """
+    """Return an arm with a gripper, which is added to the flange if it has none."""
     found = get_arm(arm)
     if found.gripper is None:
         if FLANGE not in found.tips:
@@ -249,14 +236,9 @@ _NUMBERS = {"place": 2, "yaw": 1, "size": 1, "mass": 1, "friction": 1, "view": 3
 class LiftTask:
     """The task on one arm: meaning of actions, observations and starts, for one environment or thousands.
 
-    Args:
-        options: Of the environment.
-
     Attributes:
-        options: As given.
         arm: With its gripper and the table where the options have it.
         kinematics: From the world to the arm's tip.
-        home: Its start posture [rad], shape (n,).
         region: Where objects lie; z is the height of the table's top.
         layout: Where things are in an observation; its goal block describes the object.
         size: Numbers of an observation.
@@ -293,7 +275,6 @@ class LiftTask:
 
     @property
     def action_space(self) -> spaces.Box:
-        """An action for each joint, and one for the fingers."""
         return spaces.Box(-1.0, 1.0, (len(self.home) + 1,), np.float32)
 
     @property
@@ -338,7 +319,6 @@ class LiftTask:
         return self._middle + self._half * actions[:, :-1], (1.0 + actions[:, -1]) / 2 * self.gripper.stroke
 
     def action_for(self, q: Floats, opening: float) -> Floats:
-        """Return the action of a single step for a posture [rad], shape (n,), and an opening [m]."""
         return np.append((q - self._middle) / self._half, 2.0 * opening / self.gripper.stroke - 1.0)
 
     def poses(self, postures: Floats) -> Floats:
@@ -390,11 +370,6 @@ class LiftTask:
         }
 
     def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> LiftStart:
-        """Check the options of `reset`; of a batch they have a row for each environment.
-
-        Raises:
-            InputError: An unknown option, a wrong shape, or a value out of range.
-        """
         given = given_options(options, (*_NUMBERS, "shape"))
         shapes = given.pop("shape", None)
         for name in given:
@@ -431,11 +406,7 @@ class LiftTask:
         return np.array([[SHAPES.index(str(name))] for name in names])
 
     def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
-        """Return checked actions, clipped to [-1, 1], shape (k, n + 1).
-
-        Raises:
-            InputError: Wrong shape, or a value that is not finite.
-        """
+        """Return checked actions, clipped to [-1, 1], shape (k, n + 1)."""
         values, size = as_floats("action", actions), len(self.home) + 1
         shape = (size,) if count is None else (count, size)
         if values.shape != shape or not np.isfinite(values).all():

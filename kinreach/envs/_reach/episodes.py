@@ -27,12 +27,7 @@ _PHRASES = np.where(STATUSES == "completed", "", STATUSES)
 class ReachEpisodes:
     """The state of the episodes and their rules, for one arm or thousands.
 
-    Args:
-        task: What is to be done.
-        world: Executes the postures.
-
     Attributes:
-        task, world: As given.
         goals: Where the balls are in the world [m], shape (count, 3).
         found: Which of the cameras found them, shape (count, cameras); one column for an arm without cameras.
         seen: Where they seem to be in the world [m], shape (count, 3). New episodes have new arrays, these stay as
@@ -64,7 +59,6 @@ class ReachEpisodes:
         self._streams.seed(index, goal_rng)
 
     def copy_from(self, other: ReachEpisodes) -> None:
-        """Copy the state of as many other arms with the same task."""
         self.world.copy_from(other.world)
         self._streams.copy_from(other._streams)
         self.goals, self.found, self.seen = other.goals.copy(), other.found.copy(), other.seen.copy()
@@ -80,12 +74,7 @@ class ReachEpisodes:
             mine[:] = theirs
 
     def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
-        """Start new episodes: arm in the start pose, a new goal, measured once.
-
-        Args:
-            ids: Whose episodes, shape (k,).
-            start: Given values, one row for each of them. Goals are always measured from the start pose.
-        """
+        """Start new episodes with given values or drawn ones; goals are measured once, from the start pose."""
         goals, start = self.task.completed(start, self._streams, ids)
         self.world.reset(ids, goals, start.q)
         if start.views is None:
@@ -113,7 +102,6 @@ class ReachEpisodes:
 
     @property
     def observation_space(self) -> spaces.Space[Any]:
-        """Observations of one environment: numbers, or pictures with numbers."""
         return self.task.observation_space if self._pixels is None else self._pixels.space
 
     def observe(self) -> Any:
@@ -138,13 +126,11 @@ class ReachEpisodes:
         return {name: part.copy() for name, part in self._pictures.items()}
 
     def goal_info(self) -> dict[str, Any]:
-        """Return the entries of `info` about the goals of the present episodes, as arrays."""
         view = self._observation[:, self.task.layout.goal].copy()
         info = {"goal": self.goals.copy(), "seen": self.seen.copy(), "view": view, "ball_found": self.found.copy()}
         return info | {"direction": self.directions.copy()} if self.task.directed else info
 
     def start_info(self) -> dict[str, Any]:
-        """Return the `info` of a reset, as arrays."""
         q, tip = self.world.snapshot()
         error = self.task.posture_error(q, like(q, self.directions))
         return {
@@ -156,12 +142,7 @@ class ReachEpisodes:
         }
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
-        """Act with every arm, or where `acting` is True.
-
-        Args:
-            actions: In [-1, 1], shape (count, n).
-            acting: Which arms act, shape (count,); all by default.
-        """
+        """Act with every arm, or where `acting` is True; actions are in [-1, 1], shape (count, n)."""
         variant = self.task.variant
         targets = self.task.targets(self.world.q, actions)
         if acting is not None:
@@ -242,7 +223,6 @@ class ReachEpisodes:
         return distance
 
     def close(self) -> None:
-        """Free the cameras' graphics memory."""
         self._observer.close()
         if self._pixels is not None:
             self._pixels.close()

@@ -10,12 +10,7 @@ from kinreach.robots._workcell import BoxRegion, Workcell
 
 
 class GoalStreams(RowStreams):
-    """What `BoxRegion.sample` draws for each of a number of environments, to the bit, in a third of the time.
-
-    Args:
-        region: Where goals are.
-        count: Number of environments.
-    """
+    """What `BoxRegion.sample` draws for each of a number of environments, to the bit, in a third of the time."""
 
     def __init__(self, region: BoxRegion, count: int) -> None:
         super().__init__(region, count)
@@ -23,7 +18,6 @@ class GoalStreams(RowStreams):
         self._size = high - self._low
 
     def draw(self, ids: np.ndarray) -> Floats:
-        """Return the next goal of each of the given environments, in the world frame [m], shape (len(ids), 3)."""
         goals = self._size * self._taken(ids)
         goals += self._low
         return goals
@@ -37,20 +31,14 @@ class GoalStreams(RowStreams):
 
 
 class CellGoals:
-    """Draws from any work cell; raises if it has no goals.
-
-    Args:
-        cell: The work cell.
-    """
+    """Draws from any work cell; raises if it has no goals."""
 
     def __init__(self, cell: Workcell) -> None:
         self._cell = cell
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
-        """Draw `count` goals in the world [m], shape (count, 3)."""
         return self._cell.draw_goals(rng, count)
 
 
 def goal_streams(cell: Workcell, count: int) -> RowStreams:
-    """Return the goals of a number of environments."""
     return GoalStreams(cell.goals, count) if isinstance(cell.goals, BoxRegion) else RowStreams(CellGoals(cell), count)

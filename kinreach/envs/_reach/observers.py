@@ -71,7 +71,6 @@ class GeometricObserver:
         self._task = task
 
     def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
-        """Return the true positions as goal blocks, all of them found."""
         return Measurements(goal_block(self._task.arm, goals), _all_found(self._task, len(goals)), goals)
 
     def close(self) -> None:
@@ -101,7 +100,6 @@ class CameraObserver:
         return Measurements(views, found, goals_in_world(self._simulation.arm, views, found))
 
     def close(self) -> None:
-        """Free the cameras' graphics memory."""
         self._view.close()
 
 
@@ -124,7 +122,6 @@ class RememberedObserver:
         self._errors, self._found = taken.views - goal_block(task.arm, goals), taken.found
 
     def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
-        """Return the true positions with the errors of the nearest measurements; the generators are not used."""
         rows = self._nearest.query(goals)[1]
         found = self._found[rows]
         views = np.where(np.repeat(found, 3, axis=1), goal_block(self._arm, goals) + self._errors[rows], 0.0)
@@ -189,16 +186,10 @@ class PixelObserver:
         rngs: Sequence[np.random.Generator],
         openings: Floats | None = None,
     ) -> dict[str, Any]:
-        """Render the cameras' images of the arm in some postures.
+        """Render the cameras' images of the arm in postures (k, n) [rad], with balls at (k, 3) in the world [m].
 
-        Args:
-            postures: Joint angles [rad], shape (k, n).
-            goals: Of the balls in the world [m], shape (k, 3).
-            rngs: Generators of the sensors' noise, k of them.
-            openings: Of the gripper [m], shape (k,); as the task begins by default.
-
-        Returns:
-            The entries of `space` by name, each with k rows.
+        There is a generator of the sensors' noise for each. By default the gripper is open as the task begins. The
+        entries of `space` have k rows.
         """
         parts: dict[str, Any] = self.space.spaces
         seen = {name: np.empty((len(goals), *part.shape), part.dtype) for name, part in parts.items()}
@@ -217,6 +208,5 @@ class PixelObserver:
         return seen
 
     def close(self) -> None:
-        """Free the cameras' graphics memory."""
         for camera in self._cameras.values():
             camera.close()

@@ -27,19 +27,12 @@ class ReachableGoals:
 
     They lie above the base, at 35 to 75 % of the arm's reach. The solver is Levenberg-Marquardt with restarts: a goal
     that it does not find is left out for all methods.
-
-    Attributes:
-        arm: The arm.
     """
 
     arm: ArmDescription
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
-        """Draw `count` goal positions in the world frame [m], shape (count, 3).
-
-        Raises:
-            InputError: None is found: the arm cannot reach with its tool down, or everything collides.
-        """
+        """Draw `count` goal positions in the world frame [m], shape (count, 3)."""
         return np.array([self._one(rng) for _ in range(count)]).reshape(-1, 3)
 
     def _one(self, rng: np.random.Generator) -> Floats:

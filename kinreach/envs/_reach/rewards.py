@@ -85,7 +85,6 @@ class ThesisReward:
     """The reward of the thesis (section 3.4.4), see `kinreach.thesis`; for arms with the joints of a UR."""
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags) -> tuple[Floats, Terms]:
-        """Return the reward of k steps and its terms."""
         score = self.score(distance, q, impossible)
         return score.reward, score.terms
 
@@ -95,7 +94,6 @@ class ThesisReward:
         return Score(result.reward, result.terms._asdict(), result.posture_error, result.reached)
 
     def posture_error(self, q: Floats) -> Floats:
-        """Return r_e of postures [rad]."""
         return posture_error(q)
 
 
@@ -104,16 +102,12 @@ class DistanceReward:
 
     Args:
         radius: Distance below which the goal is reached [m].
-
-    Raises:
-        InputError: The radius is not a positive number.
     """
 
     def __init__(self, radius: float) -> None:
         self.radius = check_number("radius [m]", radius, above=0.0)
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags) -> tuple[Floats, Terms]:
-        """Return the reward of k steps and its only term."""
         return -distance, {"distance": -distance}
 
     def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
@@ -122,7 +116,6 @@ class DistanceReward:
         return Score(reward, terms, self.posture_error(q), (distance < self.radius) & ~impossible)
 
     def posture_error(self, q: Floats) -> Floats:
-        """Return zeros, shape (k,): every posture is natural."""
         return nothing(q)
 
 
@@ -131,16 +124,12 @@ class DirectedReward:
 
     Args:
         radius: Distance below which the tip is at the goal [m].
-
-    Raises:
-        InputError: The radius is not a positive number.
     """
 
     def __init__(self, radius: float) -> None:
         self.radius = check_number("radius [m]", radius, above=0.0)
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> tuple[Floats, Terms]:
-        """Return the reward of k steps and its terms."""
         score = self.score(distance, q, impossible, *angle)
         return score.reward, score.terms
 
@@ -166,11 +155,7 @@ class OwnReward:
     """A user's reward function, checked at every call.
 
     Args:
-        function: As the module describes.
         default: Gives the posture error and, if the function has no `reached`, whether the goal is reached.
-
-    Raises:
-        InputError: The function has other arguments.
     """
 
     def __init__(self, function: RewardFunction, default: Scorer) -> None:
@@ -181,11 +166,6 @@ class OwnReward:
         self._reached = None if reached is None else _with_or_without_angle("reached", reached, directed)
 
     def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
-        """Call the user's function.
-
-        Raises:
-            InputError: It did not return what the module describes.
-        """
         distance, q, impossible = on_host(distance), on_host(q), on_host(impossible)
         angle = tuple(map(on_host, angle))
         default = self._default.score(distance, q, impossible, *angle)
@@ -204,7 +184,6 @@ class OwnReward:
         return default._replace(reward=reward, terms=terms, reached=reached)
 
     def posture_error(self, q: Floats) -> Floats:
-        """Return the posture error of the arm's own reward."""
         return self._default.posture_error(q)
 
 
@@ -220,29 +199,12 @@ def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
 
 
 def check_reward(reward: object, arguments: str = "distance, q and impossible") -> None:
-    """Check an environment's option `reward`.
-
-    Args:
-        reward: The option.
-        arguments: Its arguments, for the message.
-
-    Raises:
-        InputError: It cannot be called.
-    """
     if reward is not None and not callable(reward):
         raise InputError(f"reward must be a callable of {arguments}, got {shown(reward)}")
 
 
 def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
-    """Return the scorer for an option `reward`.
-
-    Args:
-        reward: The option.
-        default: Used if no reward is given, and for values that a function does not return.
-
-    Raises:
-        InputError: It needs directions, and the task has none.
-    """
+    """Return the scorer for an option `reward`; the default also has what a function does not return."""
     if reward is None:
         return default
     if isinstance(reward, DirectedReward) and not isinstance(default, DirectedReward):

@@ -36,12 +36,7 @@ WAY_STEP = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class SpaceOptions(ReachOptions):
-    """Options of `kinreach/Reach-v0`.
-
-    Raises:
-        UnknownNameError: An unknown name.
-        InputError: As `ReachOptions`; or an arm whose goals are not drawn in a box, or with fewer than six joints.
-    """
+    """Options of `kinreach/Reach-v0`."""
 
     steps: str = field(
         default="single",
@@ -75,10 +70,6 @@ class SpaceStarts:
 
     Goals are uniform in the volume, directions on the cap of the sphere around straight down, and joints around the
     start pose, among the postures that are possible.
-
-    Args:
-        options: Of the environment.
-        checker: Checks which postures are possible.
     """
 
     def __init__(self, options: SpaceOptions, checker: CollisionChecker) -> None:
@@ -111,11 +102,7 @@ class SpaceStarts:
 
 
 class SpaceTask(ReachTask):
-    """Reaching in space with one arm.
-
-    Args:
-        options: Of the environment.
-    """
+    """Reaching in space with one arm."""
 
     options: SpaceOptions
     directed = True
@@ -130,16 +117,13 @@ class SpaceTask(ReachTask):
         return cls(options_from(SpaceOptions, options))
 
     def default_reward(self) -> DirectedReward:
-        """Return a reward of distance and direction, without a preferred branch."""
         return DirectedReward(REACHED_DISTANCE)
 
     def training_starts(self, rng: np.random.Generator, count: int, *, beyond: float) -> dict[str, Floats]:
-        """Draw options of `reset` for learners, goals also up to `beyond` [m] around the volume."""
         rows = self._starts.sample(rng, count, beyond=beyond)
         return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
 
     def streams(self, count: int) -> RowStreams:
-        """Return the streams of goals, directions and starts of `count` environments."""
         return RowStreams(self._starts, count, size=6 + len(self.arm.joints))
 
     def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
@@ -163,7 +147,6 @@ class SpaceTask(ReachTask):
         )
 
     def score(self, distance: Floats, q: Floats, impossible: NDArray[np.bool_], directions: Floats) -> Score:
-        """Judge k steps by the distance and the angle; see `ReachTask.score`."""
         error = self.posture_error(q, directions)
         return self.scorer.score(distance, q, impossible, error)._replace(posture_error=error)
 

@@ -58,12 +58,7 @@ CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
 
 @dataclass(frozen=True, kw_only=True)
 class ReachOptions:
-    """Options of the reach environments, single and in native batches.
-
-    Raises:
-        UnknownNameError: An unknown name.
-        InputError: A size, noise or reward out of range, or an observation whose cameras the arm lacks.
-    """
+    """Options of the reach environments, single and in native batches."""
 
     observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
     backend: str = field(
@@ -170,12 +165,7 @@ class ReachOptions:
 def check_cameras(
     pipeline: object, width: object, height: object, rgb_noise: object, depth_noise: object, exposure: object
 ) -> None:
-    """Check the options of cameras; for the values see `ReachOptions`.
-
-    Raises:
-        UnknownNameError: Unknown pipeline.
-        InputError: A size, noise or exposure out of range.
-    """
+    """Check the options of cameras; for the values see `ReachOptions`."""
     check_known("pipeline", pipeline, PIPELINES)
     for name, size in (("width", width), ("height", height)):
         check_count(f"{name} [px]", size, least=16, most=16384)
@@ -248,12 +238,7 @@ GOAL = UR5_LAYOUT.goal
 
 
 def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
-    """Return the layout of the observation of an arm, with or without goal cameras.
-
-    Args:
-        arm: Which.
-        directed: Whether goals have a direction of the tool.
-    """
+    """Return the layout of the observation of an arm, with or without goal cameras."""
     return Layout.of(3 * len(arm.goal_cameras) or 3, len(arm.joints), direction=3 if directed else 0)
 
 
@@ -299,11 +284,7 @@ def goal_block(arm: ArmDescription, goals: Floats) -> Floats:
 
 
 def _check_views(arm: ArmDescription) -> None:
-    """Refuse cameras that measure goals further away than an observation holds.
-
-    Raises:
-        InputError: There is one.
-    """
+    """Refuse cameras that measure goals further away than an observation holds."""
     goals = arm.workcell.goals
     if arm.goal_cameras and goals is not None:
         seen = np.abs(goal_block(arm, goals.sample(np.random.default_rng(0), 64))).max(axis=0)
@@ -319,9 +300,6 @@ def tool_goal(arm: ArmDescription, position: ArrayLike, direction: ArrayLike = T
     """Return the goal of a solver: the tip at a point of the world [m], the tool in a direction of the world.
 
     With fewer than six joints the direction is free.
-
-    Raises:
-        InputError: The position is not an array of numbers.
     """
     point = as_floats("position", position)
     return AxisGoal(point, direction) if len(arm.joints) >= JOINTS else PositionGoal(point)  # type: ignore[arg-type]
@@ -331,9 +309,6 @@ def check_actions(actions: ArrayLike, count: int | None, joints: int = JOINTS) -
     """Actions of shape (joints,), or (count, joints) for a batch, clipped to [-1, 1].
 
     In the result what belongs to one joint lies side by side, as the formulas want it.
-
-    Raises:
-        InputError: Wrong shape, or a value that is not finite.
     """
     shape = (joints,) if count is None else (count, joints)
     values = as_floats("action", actions)
@@ -408,17 +383,8 @@ def _refuse_outside_limits(arm: ArmDescription, q: Floats) -> None:
 class ReachTask:
     """One variant of the task on one arm; here the tool always points down.
 
-    Args:
-        options: Of the environment.
-        variant: Single- or multi-step.
-
     Attributes:
-        options, variant: As given.
-        arm: The description of the arm.
-        home: Its start posture [rad], shape (n,).
         kinematics: From the world to the arm's default tip.
-        scorer: Judges the steps.
-        layout: Where things are in an observation.
         gripper_opening: In which the arm reaches [m]; 0 without a gripper.
         directed: Whether goals have a direction of the tool.
     """
@@ -448,7 +414,6 @@ class ReachTask:
 
     @property
     def observation_space(self) -> spaces.Box:
-        """What the environments observe, except pictures."""
         return observation_space(self.arm, directed=self.directed)
 
     def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
@@ -456,15 +421,10 @@ class ReachTask:
         return reset_options(options, count, self.arm, directed=self.directed)
 
     def streams(self, count: int) -> RowStreams:
-        """Return the streams that episodes start from."""
         return goal_streams(self.arm.workcell, count)
 
     def training_starts(self, rng: np.random.Generator, count: int, *, beyond: float) -> dict[str, Floats]:
-        """Draw options of `reset` for learners, in the arm's region and up to `beyond` [m] around it.
-
-        Raises:
-            InputError: The arm's goals are not in a box.
-        """
+        """Draw options of `reset` for learners, in the arm's region and up to `beyond` [m] around it."""
         goals = self.arm.workcell.goals
         if not isinstance(goals, BoxRegion):
             raise InputError(f"goals are drawn around a BoxRegion, arm {self.arm.name!r} has {shown(goals)}")
@@ -510,7 +470,6 @@ class ReachTask:
         return [np.where(np.isin(self.arm.joints, self.arm.moves_last), q, target), target]
 
     def ik_goal(self, position: ArrayLike, direction: Floats) -> AxisGoal | PositionGoal:
-        """Return a solver's goal for this arm; see `tool_goal`."""
         return tool_goal(self.arm, position, direction)
 
     def natural(self, q: ArrayLike, direction: Floats) -> bool:

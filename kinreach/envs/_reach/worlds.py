@@ -123,8 +123,6 @@ class KinematicWorld:
     An impossible target leaves the arm where it is. Collisions on the way are not checked.
 
     Args:
-        task: Whose arm.
-        count: Number of arms.
         explain: Give the reason for each impossible target, which takes time.
     """
 
@@ -142,13 +140,11 @@ class KinematicWorld:
         self._tip = np.repeat(self._home_tip, count, axis=1)
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
-        """Put arms into postures [rad], shape (k, n), or the start pose."""
         rows = ids if len(ids) < self.count else slice(None)
         self._q[:, rows] = self._home if q is None else q.T
         self._tip[:, rows] = self._home_tip if q is None else self._kinematics.positions(q).T
 
     def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
-        """Put arms to their targets where these are possible."""
         status = STATUS_OF_CAUSE[self._checker.causes(targets)]
         if acting is not None:
             status[~acting] = Status.COMPLETED
@@ -164,21 +160,17 @@ class KinematicWorld:
         return Executed(impossible, status, reasons)
 
     def snapshot(self) -> tuple[Floats, Floats]:
-        """Return copies of postures [rad], shape (count, n), and tips [m], shape (count, 3)."""
         return self.q.copy(order="K"), self.tip.copy(order="K")
 
     def copy_from(self, other: KinematicWorld) -> None:
-        """Copy the postures of another world."""
         self._q[:], self._tip[:] = other._q, other._tip
 
     @property
     def q(self) -> Floats:
-        """Postures [rad], shape (count, n)."""
         return self._q.T
 
     @property
     def tip(self) -> Floats:
-        """Positions of the tips [m], shape (count, 3)."""
         return self._tip.T
 
 
@@ -189,11 +181,7 @@ def _executed(moves: Sequence[MoveResult]) -> Executed:
 
 
 class SingleDynamicWorld:
-    """One arm under MuJoCo's dynamics.
-
-    Args:
-        simulation: The arm's simulation; what draws or films it may share it.
-    """
+    """One arm under MuJoCo's dynamics; what draws or films its simulation may share it."""
 
     count = 1
     dynamic = True
@@ -202,7 +190,6 @@ class SingleDynamicWorld:
         self.simulation = simulation
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
-        """Put the whole simulation back, and the ball to the goal [m], shape (1, 3)."""
         self.simulation.reset(None if q is None else q[0])
         self.simulation.place_ball(goals[0])
 
@@ -211,21 +198,17 @@ class SingleDynamicWorld:
         return _executed([self.simulation.move(targets[0], two_phase=two_phase)])
 
     def snapshot(self) -> tuple[Floats, Floats]:
-        """Return copies of the posture [rad], shape (1, n), and the tip [m], shape (1, 3)."""
         return self.q, self.tip
 
     def copy_from(self, other: SingleDynamicWorld) -> None:
-        """Copy the state of another simulation."""
         self.simulation.copy_state(other.simulation)
 
     @property
     def q(self) -> Floats:
-        """Posture [rad], shape (1, n)."""
         return self.simulation.q[None]
 
     @property
     def tip(self) -> Floats:
-        """Position of the tip [m], shape (1, 3)."""
         return self.simulation.tip_position[None]
 
 
@@ -233,11 +216,6 @@ class BatchDynamicWorld:
     """Many arms under MuJoCo's dynamics, bit for bit what as many `SingleDynamicWorld` would do; or Warp's.
 
     Args:
-        arm: Which.
-        count: Number of arms.
-        threads: Threads that step them.
-        imperfections: Of the arms.
-        backend: `"mujoco"` or `"warp"`.
         device: Of Warp and of the tensors that `snapshot` gives; with None those are arrays.
     """
 
@@ -262,11 +240,9 @@ class BatchDynamicWorld:
         )
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
-        """Put simulations back; their balls are not drawn."""
         self._batch.reset(ids, q)
 
     def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
-        """Move by dynamics, as `SingleDynamicWorld` does."""
         ids = np.arange(self.count) if acting is None else np.flatnonzero(acting)
         moved = _executed(self._batch.move(ids, targets[ids], two_phase=two_phase))
         if acting is None or moved.reasons is None or moved.durations is None:
@@ -286,15 +262,12 @@ class BatchDynamicWorld:
         return q, self._kinematics.positions(q)
 
     def copy_from(self, other: BatchDynamicWorld) -> None:
-        """Copy the states of as many other simulations."""
         self._batch.copy_states(other._batch)
 
     @property
     def q(self) -> Floats:
-        """Postures [rad], shape (count, n)."""
         return self._batch.q
 
     @property
     def tip(self) -> Floats:
-        """Positions of the tips [m], shape (count, 3)."""
         return self._batch.tip_positions
