@@ -84,14 +84,11 @@ def summary(places: Floats, off: Floats) -> Floats:
     return np.asarray(means.reshape(*means.shape[:-2], 9))
 
 
-class _Draws:
-    """Random numbers of an episode, as one row."""
-
-    def sample(self, rng: np.random.Generator, count: int) -> Floats:
-        """Draw `count` rows; the ball, the budget and the moves are uniform from 0 to 1."""
-        rows = rng.normal(size=(count, sum(_PARTS)))
-        rows[:, _PARTS[0] : _PARTS[0] + 5] = rng.uniform(size=(count, 5))
-        return rows
+def _draws(rng: np.random.Generator, count: int) -> Floats:
+    """Draw rows of an episode's numbers; the ball, the budget and the moves are uniform from 0 to 1."""
+    rows = rng.normal(size=(count, sum(_PARTS)))
+    rows[:, _PARTS[0] : _PARTS[0] + 5] = rng.uniform(size=(count, 5))
+    return rows
 
 
 class RandomArmStart(NamedTuple):
@@ -111,7 +108,7 @@ class RandomArmEpisodes:
 
     def __init__(self, count: int) -> None:
         self.chain = ur5().chain
-        self._streams = RowStreams(_Draws(), count, size=sum(_PARTS))
+        self._streams = RowStreams(_draws, count, size=sum(_PARTS))
         self.placements = np.tile(self.chain.placements, (count, 1, 1, 1))
         self.balls = np.empty((count, 3))
         self._observed = np.empty((count, SIZE))

@@ -53,12 +53,8 @@ def numbers_of(info: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-class Sampler(Protocol):
-    """Draws rows of numbers; a `GoalRegion` is one, with rows of three."""
-
-    def sample(self, rng: np.random.Generator, count: int) -> Floats:
-        """Draw `count` rows, shape (count, size)."""
-        ...
+#: Draws a number of rows of numbers, shape (count, size), such as `Workcell.draw_goals`, with rows of three.
+Sample = Callable[[np.random.Generator, int], Floats]
 
 
 class RowStreams:
@@ -67,8 +63,8 @@ class RowStreams:
     A sequence depends on its own generator only, not on the number of environments. A row has `size` numbers.
     """
 
-    def __init__(self, sampler: Sampler, count: int, *, size: int = 3) -> None:
-        self._sampler = sampler
+    def __init__(self, sample: Sample, count: int, *, size: int = 3) -> None:
+        self._sample = sample
         self._rngs = [np.random.default_rng() for _ in range(count)]
         self._ahead = np.empty((ROWS_AHEAD, count, size))  # environments in step read what lies side by side
         self._next = np.full(count, ROWS_AHEAD)
@@ -100,7 +96,7 @@ class RowStreams:
         return rows
 
     def _drawn(self, ids: np.ndarray) -> Floats:
-        return np.array([self._sampler.sample(self._rngs[index], ROWS_AHEAD) for index in ids])
+        return np.array([self._sample(self._rngs[index], ROWS_AHEAD) for index in ids])
 
 
 class BatchPicture:

@@ -300,6 +300,7 @@ class RealArmEnv(gym.Env[Any, Any]):
     Attributes:
         options: As given.
         believed: The arm as its user believes it to be.
+        noise: Standard deviation of each coordinate of a look [m].
     """
 
     def __init__(self, **options: Any) -> None:
@@ -310,15 +311,10 @@ class RealArmEnv(gym.Env[Any, Any]):
         self.observation_space = spaces.Box(np.tile(low, shape), np.tile(high, shape), dtype=np.float64)
         self.action_space = spaces.Box(-1.0, 1.0, (given.balls, 6))
         self.believed: ArmDescription = get_arm("ur5")
-        self._noise = given.noise / MEDIAN_LENGTH
+        self.noise = given.noise / MEDIAN_LENGTH
         self._place: Workplace | None = None
         self._scene: PosedScene | None = None
         self._info: dict[str, Any] = {}
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation of each coordinate of a look [m]."""
-        return self._noise
 
     @property
     def scene(self) -> PosedScene:
@@ -426,7 +422,7 @@ class RealArmEnv(gym.Env[Any, Any]):
                 self._scene.go(q, ball=ball)
 
     def _observed(self, points: Floats) -> Floats:
-        return self._begun().seen(points) + self.np_random.normal(0.0, self._noise, points.shape)
+        return self._begun().seen(points) + self.np_random.normal(0.0, self.noise, points.shape)
 
     def _observation(self) -> Floats:
         rows = np.zeros((len(self._balls), SIZE))

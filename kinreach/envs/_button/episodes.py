@@ -80,11 +80,6 @@ class ButtonOptions:
         return observation_space(controls=self.controls, frames=self.frames)
 
     @property
-    def keep_target(self) -> bool:
-        """Whether a target stays from one episode to the next."""
-        return self.fixed_target is not False
-
-    @property
     def target(self) -> Floats | None:
         """The target of all episodes in the world [m], shape (3,), if one was given."""
         if isinstance(self.fixed_target, bool):
@@ -147,11 +142,11 @@ class ButtonEpisodes:
         self.goals = np.empty((count, 3))
         self.world = world
         self._starts = ButtonStarts()
-        self._streams = RowStreams(self._starts, count, size=SIZE)
+        self._streams = RowStreams(self._starts.sample, count, size=SIZE)
         self._max_steps = options.max_steps
         self._period = options.motors.period
         self._gears = np.array(options.motors.gears)
-        self._keep = options.keep_target
+        self._keep = options.fixed_target is not False
         report, reward = ButtonReward(), options.reward
         self._scorer: Scorer = report if reward is None else OwnReward(reward, report)
         self._has_target = np.zeros(count, dtype=np.bool_)

@@ -56,7 +56,7 @@ class LiftEpisodes:
 
     def __init__(self, task: LiftTask, world: Grasping | None, count: int) -> None:
         self.task, self.world, self.count = task, world, count
-        self._streams = RowStreams(task, count, size=9)
+        self._streams = RowStreams(task.sample, count, size=9)
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._camera: Any = CameraObserver(_Camera(task)) if task.options.observation == CAMERA else None  # type: ignore[arg-type]
         self._pixels: Any = PixelObserver(_Camera(task)) if task.options.observation == "pixels" else None  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ class GoalStreams(RowStreams):
     """What `BoxRegion.sample` draws for each of a number of environments, to the bit, in a third of the time."""
 
     def __init__(self, region: BoxRegion, count: int) -> None:
-        super().__init__(region, count)
+        super().__init__(region.sample, count)
         self._low, high = np.array([region.x, region.y, region.z]).T
         self._size = high - self._low
 
@@ -30,15 +30,5 @@ class GoalStreams(RowStreams):
         return places
 
 
-class CellGoals:
-    """Draws from any work cell; raises if it has no goals."""
-
-    def __init__(self, cell: Workcell) -> None:
-        self._cell = cell
-
-    def sample(self, rng: np.random.Generator, count: int) -> Floats:
-        return self._cell.draw_goals(rng, count)
-
-
 def goal_streams(cell: Workcell, count: int) -> RowStreams:
-    return GoalStreams(cell.goals, count) if isinstance(cell.goals, BoxRegion) else RowStreams(CellGoals(cell), count)
+    return GoalStreams(cell.goals, count) if isinstance(cell.goals, BoxRegion) else RowStreams(cell.draw_goals, count)

@@ -124,7 +124,7 @@ class SpaceTask(ReachTask):
         return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
 
     def streams(self, count: int) -> RowStreams:
-        return RowStreams(self._starts, count, size=6 + len(self.arm.joints))
+        return RowStreams(self._starts.sample, count, size=6 + len(self.arm.joints))
 
     def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
         """Return goals and a start in which only the view may be missing; rows are drawn in any case."""

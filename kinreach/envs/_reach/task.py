@@ -337,39 +337,6 @@ class Start(NamedTuple):
     directions: Floats | None = None
 
 
-def reset_options(
-    options: Mapping[str, Any] | None,
-    count: int | None,
-    arm: str | ArmDescription = "ur5",
-    *,
-    directed: bool = False,
-) -> Start:
-    """Check the options of `reset`.
-
-    Raises:
-        InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, a
-            direction without length, or a goal or a view that an observation cannot hold.
-    """
-    arm = get_arm(arm)
-    sizes = {"goal": 3, "q": len(arm.joints), "view": layout_of(arm).goal.stop}
-    start = Start(*option_rows(options, sizes | ({"direction": 3} if directed else {}), count))
-    bound, where = (CAMERA_RANGE, "that the cameras see") if arm.goal_cameras else (GOAL_RANGE, "of goals")
-    if start.q is not None:
-        _refuse_outside_limits(arm, start.q)
-    if start.goals is not None:
-        seen = np.abs(goal_block(arm, start.goals)).max(axis=1)
-        if (seen > bound).any():
-            raise InputError(f"goal {start.goals[seen.argmax()]} m is outside the {bound:g} m {where}")
-    if start.directions is not None:
-        length = np.linalg.norm(start.directions, axis=1, keepdims=True)
-        if (length < 1e-9).any():
-            raise InputError(f"direction must not be zero, got {start.directions[length.argmin()]}")
-        start = start._replace(directions=start.directions / length)
-    if start.views is not None and (np.abs(start.views) > bound).any():
-        raise InputError(f"view must be within ±{bound:g} m, got {start.views.flat[np.abs(start.views).argmax()]:g}")
-    return start
-
-
 def _refuse_outside_limits(arm: ArmDescription, q: Floats) -> None:
     lower, upper = joint_limits(arm)
     beyond = np.maximum(lower - q, q - upper)
@@ -417,8 +384,27 @@ class ReachTask:
         return observation_space(self.arm, directed=self.directed)
 
     def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
-        """Check the options of `reset`, as the function of this name."""
-        return reset_options(options, count, self.arm, directed=self.directed)
+        """Check the options of `reset`."""
+        arm = self.arm
+        sizes = {"goal": 3, "q": len(arm.joints), "view": self.layout.goal.stop}
+        start = Start(*option_rows(options, sizes | ({"direction": 3} if self.directed else {}), count))
+        bound, where = (CAMERA_RANGE, "that the cameras see") if arm.goal_cameras else (GOAL_RANGE, "of goals")
+        if start.q is not None:
+            _refuse_outside_limits(arm, start.q)
+        if start.goals is not None:
+            seen = np.abs(goal_block(arm, start.goals)).max(axis=1)
+            if (seen > bound).any():
+                raise InputError(f"goal {start.goals[seen.argmax()]} m is outside the {bound:g} m {where}")
+        if start.directions is not None:
+            length = np.linalg.norm(start.directions, axis=1, keepdims=True)
+            if (length < 1e-9).any():
+                raise InputError(f"direction must not be zero, got {start.directions[length.argmin()]}")
+            start = start._replace(directions=start.directions / length)
+        if start.views is not None and (np.abs(start.views) > bound).any():
+            raise InputError(
+                f"view must be within ±{bound:g} m, got {start.views.flat[np.abs(start.views).argmax()]:g}"
+            )
+        return start
 
     def streams(self, count: int) -> RowStreams:
         return goal_streams(self.arm.workcell, count)
