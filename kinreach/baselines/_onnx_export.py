@@ -74,7 +74,8 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
     graph = _Graph()
     helper, kinds = graph.onnx.helper, graph.onnx.TensorProto
     eyes, outputs = policy.network.eyes, len(policy.network.gain)
-    pictures = _picture_names(policy)
+    cameras = get_arm(trained_arm(policy).get("arm", "ur5")).goal_cameras
+    pictures = sorted(f"{camera.name}_rgb" for camera in cameras)[: len(eyes)]
     seen = (_eye(graph, eye, name) for eye, name in zip(eyes, pictures, strict=True))
     output = _network(graph, policy, graph("Concat", *seen, axis=1) if eyes else INPUT)
     shape: list[str | int] = ["batch"]
@@ -113,11 +114,6 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
     helper.set_model_props(model, {"kinreach": json.dumps(asdict(policy.card), allow_nan=False, sort_keys=True)})
     graph.onnx.checker.check_model(model, full_check=True)
     return model
-
-
-def _picture_names(policy: LearnedPolicy) -> list[str]:
-    arm = get_arm(trained_arm(policy).get("arm", "ur5"))
-    return sorted(f"{camera.name}_rgb" for camera in arm.goal_cameras)[: len(policy.network.eyes)]
 
 
 def _eye(graph: _Graph, eye: Eye, picture: str) -> str:

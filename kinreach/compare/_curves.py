@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator
 
 from kinreach._statistics import Trial, bootstrap_intervals, median, number, wilson_interval
 from kinreach.compare._figures import Value, by_method, colours_in, origin
 from kinreach.compare._task import Draw
-from kinreach.plots._style import key, label_ends, name_label, new_figure, plain, text_colour
+from kinreach.plots._style import key, label_ends, name_label, new_figure, plain_ticks, text_colour
 
 
 def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
@@ -54,9 +54,8 @@ def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
             path_effects=[withStroke(linewidth=3, foreground="white")], zorder=4,
         )  # fmt: skip
     axes.set(xscale="log", xlim=(low, high), ylim=(-3, 103), xlabel="tolerance [mm]")
-    axes.xaxis.set_major_formatter(FuncFormatter(plain))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
+    plain_ticks(axes.xaxis)
+    axes.yaxis.set_major_formatter("{x:.0f} %")
     rest = f"\nno goal within {high:.0f} mm: {', '.join(never)}" if never else ""
     key(axes, f"line: all goals, sorted by distance · dot: reported, with its 95 % interval{rest}")
     return figure
@@ -86,7 +85,7 @@ def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         axes.errorbar(at, end, [[end - low], [high - end]], color=colours[name], marker="o", ms=4, elinewidth=1.4)
         ends[name] = (at, end)
     axes.set(xlim=(0, most * (1.02 + 0.012 * len(ends))), ylim=(-3, 103), xlabel="steps of the episode")
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
+    axes.yaxis.set_major_formatter("{x:.0f} %")
     label_ends(axes, ends, colours)
     rest = f"\nnone of {results['settings']['goals']} goals: {', '.join(never)}" if never else ""
     key(axes, f"dot: at the end of the episodes, with its 95 % interval{rest}")
@@ -118,7 +117,7 @@ def draw_shares(entry: str, *, title: str, label: str, of: str) -> Draw:
         axes.set(xlim=(min(0.0, -0.03 * max(values)), max(*values, 1e-9) * 1.1), ylim=(-3, 103), xlabel=label)
         if all(isinstance(value, int) for value in values):
             axes.set_xticks(values)
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
+        axes.yaxis.set_major_formatter("{x:.0f} %")
         label_ends(axes, ends, colours)
         key(axes, f"share of {of}, with 95 % intervals")
         return figure
@@ -165,8 +164,7 @@ def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) ->
             axes.set(yscale="log", xlim=(-0.2, len(measured) - 0.8), xlabel="looks before")
             axes.set_xticks(range(len(measured)), [str(budget) for budget in measured])
             axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axes.yaxis.set_major_formatter(FuncFormatter(plain))
-            axes.yaxis.set_minor_formatter(NullFormatter())
+            plain_ticks(axes.yaxis)
             move = ("first move", "second move, having seen the first")[again]
             flat = "; ".join(f"{', '.join(names)} ({mm} mm)" for mm, names in unchanged.items())
             rest = fill(f"looks change nothing for {flat}", width=64) if flat else ""

@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from kinreach._files import replacing
 from kinreach._statistics import Trial, median, number, p95
 from kinreach.compare._task import Draw
 from kinreach.plots._maps import draw_error_maps
 from kinreach.plots._methods import PALETTE
-from kinreach.plots._style import FAINT, INK, key, name_label, new_figure, plain, text_colour, verbatim
+from kinreach.plots._style import FAINT, INK, key, name_label, new_figure, plain_ticks, text_colour, verbatim
 
 #: Of the files.
 DPI = 160
@@ -116,8 +115,7 @@ def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
         for tick, colour in zip(axes.get_yticklabels(), colours_in(results), strict=True):
             tick.set_color(text_colour(colour))
         axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(FuncFormatter(plain))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        plain_ticks(axes.xaxis)
         axes.set(ylim=(len(methods) - 0.5, -0.6), xlim=(0.7 * SMALLEST_PART_MM, None))
         axes.set_xlabel(f"part of the mean distance [mm]\n{meaning}", fontsize=9)
         for name, (marker, colour) in marks.items():
@@ -237,8 +235,7 @@ def draw_strips(
         axes.set_xscale("log")
         low, high = np.log10(axes.get_xlim())
         axes.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
-    axes.xaxis.set_major_formatter(FuncFormatter(plain))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    plain_ticks(axes.xaxis)
     axes.set_yticks(range(len(values)), [name_label(name) for name in values], weight="bold")
     for tick, colour in zip(axes.get_yticklabels(), colours, strict=True):
         tick.set_color(text_colour(colour))

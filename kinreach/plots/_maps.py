@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.plots._methods import PALETTE
-from kinreach.plots._style import FAINT, INK, MAGNITUDE, name_label, new_figure, plain
+from kinreach.plots._style import FAINT, INK, MAGNITUDE, name_label, new_figure, plain, plain_ticks
 
 #: Bounds of x and y [m].
 Area = tuple[tuple[float, float], tuple[float, float]]
@@ -88,8 +88,7 @@ def draw_error_maps(
     bar = figure.colorbar(drawn, ax=axes, label=label, shrink=0.8, aspect=30, extend="both" if limits else "neither")
     bar.outline.set_visible(False)
     bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 100 * low else (1.0,)))
-    bar.ax.yaxis.set_major_formatter(FuncFormatter(plain))
-    bar.ax.yaxis.set_minor_formatter(NullFormatter())
+    plain_ticks(bar.ax.yaxis)
     bar.ax.tick_params(which="both", labelsize=9)
     return figure
 

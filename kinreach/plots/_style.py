@@ -9,9 +9,11 @@ from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import XAxis, YAxis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
 #: Colour of texts and of lines that explain.
@@ -89,6 +91,12 @@ def plain(value: float, _: int | None = None) -> str:
     """Format a tick of a log axis: a plain number if that is short, else a power of ten."""
     power = f"$10^{{{round(np.log10(value))}}}$" if value > 0 else ""
     return power if power and not 1e-3 <= value < 1e4 and np.isclose(np.log10(value) % 1, 0) else f"{value:g}"
+
+
+def plain_ticks(axis: XAxis | YAxis) -> None:
+    """Label the major ticks of a log axis by `plain`, and no minor ones."""
+    axis.set_major_formatter(FuncFormatter(plain))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def verbatim(text: str) -> str:

@@ -23,6 +23,7 @@ from kinreach.envs._reach.task import (
     ReachVariant,
     action_space,
     check_actions,
+    tool_goal,
 )
 from kinreach.envs._reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
 from kinreach.envs._single import ArmEnv
@@ -129,7 +130,7 @@ class ReachEnv(ArmEnv):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return self._task.ik_goal(position, self._episodes.directions[0])
+        return tool_goal(self.arm, position, self._episodes.directions[0])
 
     def starts(self, rng: np.random.Generator, count: int) -> dict[str, Floats]:
         """Draw options of `reset` for a number of episodes, as the environment does, each of `count` rows.

@@ -455,9 +455,6 @@ class ReachTask:
             return [target]
         return [np.where(np.isin(self.arm.joints, self.arm.moves_last), q, target), target]
 
-    def ik_goal(self, position: ArrayLike, direction: Floats) -> AxisGoal | PositionGoal:
-        return tool_goal(self.arm, position, direction)
-
     def natural(self, q: ArrayLike, direction: Floats) -> bool:
         """Return whether the posture error of a posture [rad], shape (n,), is small enough to reach a goal."""
         posture = as_vector("q", q, len(self.arm.joints))
