@@ -164,7 +164,6 @@ def _short_names(policies: Sequence[str]) -> dict[str, str]:
 
 
 def _record(name: str, command: str, summary: dict[str, Any]) -> None:
-    """Write what was measured into the policy's own card."""
     card, network = read_policy(name)
     save_policy(name, replace(card, results={**card.results, command: summary}), network)
 

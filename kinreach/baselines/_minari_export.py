@@ -79,8 +79,6 @@ def record_episodes(
 
 
 class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
-    """Record episodes by Minari's names."""
-
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         super().__init__(env)
         self.episodes: list[dict[str, Any]] = []

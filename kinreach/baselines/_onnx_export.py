@@ -48,8 +48,6 @@ def export_onnx(policy: LearnedPolicy, path: str | Path, *, observations: int | 
 
 
 class _Graph:
-    """Nodes and constants of a model."""
-
     def __init__(self) -> None:
         self.onnx: Any = load_extra("onnx", "onnx")
         self.nodes: list[Any] = []

@@ -82,7 +82,6 @@ class Search:
             self.tried({field: next(iter(content.values()))[0]})
 
     def tried(self, values: Mapping[str, Any]) -> Recipe:
-        """Return the recipe with other values of some fields."""
         recipe = get_recipe(self.recipe)
         recipe = recipe if self.steps is None else replace(recipe, steps=self.steps)
         for field, value in values.items():

@@ -424,7 +424,6 @@ class _Report(BaseCallback):
 
 
 def _learn(trainee: Trainee, target: int, callback: BaseCallback) -> None:
-    """Train until `target` actions are done."""
     model = trainee.model
     try:
         model.learn(

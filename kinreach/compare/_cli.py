@@ -185,8 +185,6 @@ def _command(
 
 
 class _Parser(Parser):
-    """A parser whose help lists the methods of all tasks."""
-
     def format_help(self) -> str:
         lines = [f"methods of {name}: {', '.join(get_task(name).methods)}" for name in task_names()]
         lines.append(

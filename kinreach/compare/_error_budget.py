@@ -62,8 +62,6 @@ def _between(trial: Trial, start: str, end: str) -> float | None:
 
 
 def _part(name: str) -> Callable[[Trial], float | None]:
-    """Return a part of a completed trial's distance [mm]."""
-
     def value(trial: Trial) -> float | None:
         points = [trial.get(point) for point in ("goal", "seen", "target_tip", "tip")]
         if not completed(trial) or any(point is None for point in points):

@@ -132,7 +132,6 @@ def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
 
 
 def _budget_dots(axes: Axes, row: int, method: Mapping[str, Any], marks: Mapping[str, tuple[str, str]]) -> None:
-    """Draw the parts of one method's mean distance around its row, and their sum in numbers."""
     budget, intervals = method["budget_mm"], method.get("budget_mm_ci", {})
     if not budget["distance"]:
         text = "none" if budget["distance"] is None else "0"

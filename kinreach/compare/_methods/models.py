@@ -96,7 +96,7 @@ class Identified(Modelled):
         return super().predicted(q) if self._arm is None else self._arm.positions(q)
 
     def doubt(self, points: Floats) -> float:
-        """Return that of the frames and of links that are not fitted."""
+        """Return the doubt of the frames, and of links that are not fitted."""
         if self._arm is None:
             return UNKNOWN
         return math.hypot(

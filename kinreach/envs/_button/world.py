@@ -37,8 +37,6 @@ AWAY = (0.0, 0.0, -20.0)
 
 
 class ButtonState(IntEnum):
-    """State of the drawn button."""
-
     IDLE = 0
     #: A press away from the target.
     WRONG = 1
@@ -166,13 +164,9 @@ class TorqueWorld(Protocol):
         """Simulate one step of the environment under controls, shape (count, 3), of all arms or of those that act."""
         ...
 
-    def copy_from(self, other: Any) -> None:
-        """Copy the state of another world of the same kind and size."""
-        ...
+    def copy_from(self, other: Any) -> None: ...
 
-    def show(self, state: ButtonState) -> None:
-        """Set the state of the drawn button, if there is one."""
-        ...
+    def show(self, state: ButtonState) -> None: ...
 
 
 class SingleTorqueWorld:

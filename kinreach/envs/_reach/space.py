@@ -102,8 +102,6 @@ class SpaceStarts:
 
 
 class SpaceTask(ReachTask):
-    """Reaching in space with one arm."""
-
     options: SpaceOptions
     directed = True
 

@@ -98,9 +98,7 @@ class ReachWorld(Protocol):
         """
         ...
 
-    def copy_from(self, other: Any) -> None:
-        """Copy the state of another world of the same kind and size."""
-        ...
+    def copy_from(self, other: Any) -> None: ...
 
     def snapshot(self) -> tuple[Any, Any]:
         """Copy `q` and `tip`, as tensors if the world has a device."""
