@@ -64,7 +64,6 @@ class ReachEnv(ArmEnv):
         )
         self._episodes = ReachEpisodes(task, self._world)
         self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode)
-        self._started = False
         self.action_space = action_space(task.arm)
         self.observation_space = self._episodes.observation_space
 
