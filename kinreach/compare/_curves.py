@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import LogLocator
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from kinreach._statistics import Trial, bootstrap_intervals, median, number, wilson_interval
 from kinreach.compare._figures import Value, by_method, colours_in, origin
@@ -55,7 +55,7 @@ def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         )  # fmt: skip
     axes.set(xscale="log", xlim=(low, high), ylim=(-3, 103), xlabel="tolerance [mm]")
     plain_ticks(axes.xaxis)
-    axes.yaxis.set_major_formatter("{x:.0f} %")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
     rest = f"\nno goal within {high:.0f} mm: {', '.join(never)}" if never else ""
     key(axes, f"line: all goals, sorted by distance · dot: reported, with its 95 % interval{rest}")
     return figure
@@ -85,7 +85,7 @@ def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         axes.errorbar(at, end, [[end - low], [high - end]], color=colours[name], marker="o", ms=4, elinewidth=1.4)
         ends[name] = (at, end)
     axes.set(xlim=(0, most * (1.02 + 0.012 * len(ends))), ylim=(-3, 103), xlabel="steps of the episode")
-    axes.yaxis.set_major_formatter("{x:.0f} %")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
     label_ends(axes, ends, colours)
     rest = f"\nnone of {results['settings']['goals']} goals: {', '.join(never)}" if never else ""
     key(axes, f"dot: at the end of the episodes, with its 95 % interval{rest}")
@@ -117,7 +117,7 @@ def draw_shares(entry: str, *, title: str, label: str, of: str) -> Draw:
         axes.set(xlim=(min(0.0, -0.03 * max(values)), max(*values, 1e-9) * 1.1), ylim=(-3, 103), xlabel=label)
         if all(isinstance(value, int) for value in values):
             axes.set_xticks(values)
-        axes.yaxis.set_major_formatter("{x:.0f} %")
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
         label_ends(axes, ends, colours)
         key(axes, f"share of {of}, with 95 % intervals")
         return figure
