@@ -2,7 +2,8 @@
 
 `button-report-starts`: episodes start on the way from the target's posture to home, farther away the longer the
 training lasts. `button-report-demonstrated`: PPO goes on from a policy that imitates the analytic controller. In both
-the controls are observed, so that nothing is hidden. `button-report-demonstrated-19` is the second without them.
+the controls are observed, so that nothing is hidden. `button-report-demonstrated-19` is the second without them,
+`button-report-demonstrated-frames` with the last four observations.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmarks.learners.button import button_report_both, button_report_controls
+from benchmarks.learners.button import button_report_both, button_report_controls, button_report_frames
 from kinreach._checks import Floats
 from kinreach.baselines import Algorithm, Recipe, SB3VecEnv, register_algorithm, register_recipe
 from kinreach.baselines._adaptive_ppo import AdaptivePPO
@@ -223,6 +224,14 @@ button_report_demonstrated_19 = _recipe(
     "DemonstratedPPO",
     600_000,
     base=button_report_both,
+    **_CAREFUL | _IMITATION,
+)
+button_report_demonstrated_frames = _recipe(
+    "button-report-demonstrated-frames",
+    "As `button-report-demonstrated-19`, with the last four observations side by side.",
+    "DemonstratedPPO",
+    600_000,
+    base=button_report_frames,
     **_CAREFUL | _IMITATION,
 )
 button_report_careful = _recipe(

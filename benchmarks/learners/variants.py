@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from kinreach._registration import LIFT
-from kinreach.baselines import get_recipe, register_recipe
+from kinreach.baselines import Recipe, get_recipe, register_recipe
 from kinreach.baselines._expert import GRIPPER
 
 ppo_multi_ending = register_recipe(
@@ -36,13 +37,27 @@ space_ranked = register_recipe(
         settings=get_recipe("ranked-single").settings,
     )
 )
-ppo_moving_noise = register_recipe(
-    replace(
-        get_recipe("ppo-moving"),
-        name="ppo-moving-noise",
-        summary="As ppo-moving, for balls at 0.4 m/s alone that are seen with 3 mm of noise.",
-        options={**get_recipe("ppo-moving").options, "speeds": (0.4,), "noise": 0.003},
+
+
+def _moving_in_world(name: str, what: str, **options: Any) -> Recipe:
+    """Register `ppo-moving` in a world of its own."""
+    recipe = get_recipe("ppo-moving")
+    return register_recipe(
+        replace(recipe, name=name, summary=f"As ppo-moving, for {what}.", options={**recipe.options, **options})
     )
+
+
+ppo_moving_noise = _moving_in_world(
+    "ppo-moving-noise", "balls at 0.4 m/s alone that are seen with 3 mm of noise", speeds=(0.4,), noise=0.003
+)
+ppo_moving_delay = _moving_in_world(
+    "ppo-moving-delay", "balls at 0.4, 0.8 and 1.2 m/s that are seen 200 ms late", speeds=(0.4, 0.8, 1.2), delay=0.2
+)
+ppo_moving_delay_08 = _moving_in_world(
+    "ppo-moving-delay-08", "balls at 0.8 m/s alone that are seen 200 ms late", speeds=(0.8,), delay=0.2
+)
+ppo_moving_noise_10 = _moving_in_world(
+    "ppo-moving-noise-10", "balls at 0.4 m/s alone that are seen with 10 mm of noise", speeds=(0.4,), noise=0.01
 )
 gradient_moving_clear = register_recipe(
     replace(
