@@ -4,6 +4,8 @@
     python -m benchmarks.studies.moving_ball --map --figure FILE   # the map
     python -m benchmarks.studies.moving_ball --map --trainings results/train/ppo-moving   # with all seeds of PPO
     python -m benchmarks.studies.moving_ball --beliefs             # the same where a method's model is wrong
+    python -m benchmarks.studies.moving_ball --beliefs --rule count   # and collisions count
+    python -m benchmarks.studies.moving_ball --map --seed 1 --methods interception interception-told   # find the noise?
     python -m benchmarks.studies.moving_ball --causes moving ppo-moving ppo-moving-clear   # what policies collide with
     python -m benchmarks.studies.moving_ball --trainings results/train/ppo-moving-clear    # all seeds of a recipe
     python -m benchmarks.studies.moving_ball --times               # how long a decision takes, on one core
@@ -11,8 +13,8 @@
 
 Each cell is a share of balls, a third of each kind of path; the same balls for all methods, and none that a method was
 tuned on. Finished cells are kept in `--out`: an interrupted study goes on. The map changes one thing at a time: the
-speed of the ball, the cameras' delay, their noise, and the limits of the arm, of which no method is told. Collisions
-are ignored in it: `ppo` was trained without them.
+speed of the ball, the cameras' delay, which methods are told, their noise, and the limits of the arm. Collisions
+are ignored in it, because `ppo` was trained without them; `--rule count` has `ppo-moving-clear` instead.
 """
 
 from __future__ import annotations
@@ -39,6 +41,7 @@ from kinreach.baselines._evaluation import evaluate
 from kinreach.baselines._loop import Policy, as_policy, rollout, rollout_batch
 from kinreach.baselines._recipes.reach import FINGERS
 from kinreach.cli import Parser, finish
+from kinreach.compare._methods.interception import Interception
 from kinreach.compare._task import get_task
 from kinreach.envs._moving import AGE, DELAY, FRAMES, PATHS
 from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
@@ -47,13 +50,13 @@ from kinreach.plots._style import INK, new_figure
 from kinreach.robots import get_arm
 
 PROG = "python -m benchmarks.studies.moving_ball"
-#: Methods of the table and of the map.
-METHODS, MAPPED = (
-    ("first-sight", "last-sight", "interception", "gradient-moving", "ppo", "ppo-moving-clear"),
-    ("interception", "ppo"),
-)
+#: Methods of the table, and by the rule on collisions the learned one of the maps, where it is beside `interception`.
+METHODS = ("first-sight", "last-sight", "interception", "gradient-moving", "ppo", "ppo-moving-clear")
+LEARNED = {"count": "ppo-moving-clear", "ignored": "ppo"}
+#: `interception` that believes a noise: the true one, or that of the cameras as they are by default.
+TOLD, WRONG = "interception-told", "interception-wrong"
 RULES: Mapping[str, Mapping[str, Any]] = {"count": {"collisions": True}, "ignored": {"collisions": False}}
-#: Speeds of the table [m/s]; worlds of the map, and the speeds in each.
+#: Speeds of the table, which maps have where collisions count [m/s]; worlds of the map.
 TABLE_SPEEDS = (0.2, 0.4, 0.6)
 WORLDS: Mapping[str, Mapping[str, Any]] = {
     "as trained": {},
@@ -66,17 +69,16 @@ WORLDS: Mapping[str, Mapping[str, Any]] = {
 }
 #: Worlds of which methods believe something else, or whose arm lags.
 BELIEFS: Mapping[str, Mapping[str, Any]] = {
-    "as believed": {},
+    "as trained": {},
     "delay 10 % above what is believed": {"delay": 1.1 * DELAY, "believed_delay": DELAY},
     "delay 30 % above what is believed": {"delay": 1.3 * DELAY, "believed_delay": DELAY},
-    "noise 3 mm, 0.14 believed": {"noise": 0.003, "believed_noise": NOISE},
-    "noise 10 mm, 0.14 believed": {"noise": 0.01, "believed_noise": NOISE},
-    "noise 3 mm, not told": {"noise": 0.003, "believed_noise": "none"},
-    "noise 10 mm, not told": {"noise": 0.01, "believed_noise": "none"},
+    "noise 3 mm": {"noise": 0.003},
+    "noise 10 mm": {"noise": 0.01},
     "arm 33 ms late": {"late": 1},
     "arm 100 ms late": {"late": 3},
     "arm follows in 50 ms": {"following": 0.05},
 }
+#: Speeds of the maps where collisions are ignored [m/s].
 SPEEDS = (0.4, 0.8, 1.2)
 
 
@@ -86,8 +88,6 @@ class Believing(gym.Wrapper[Any, Any, Any, Any]):
     Args:
         env: The world.
         believed_delay: Age of the sights that methods observe [s]; the true one by default.
-        believed_noise: Median error of a sight that methods are told [m]; the true one by default. With `"none"` they
-            have to find it.
         late: Frames after which an action is done; nobody is told.
         following: Time constant with which the posture to go to follows the action, frame by frame [s]; likewise.
     """
@@ -97,15 +97,12 @@ class Believing(gym.Wrapper[Any, Any, Any, Any]):
         env: gym.Env[Any, Any],
         *,
         believed_delay: float | None = None,
-        believed_noise: float | str | None = None,
         late: int = 0,
         following: float = 0.0,
     ) -> None:
         super().__init__(env)
         self._world: Any = env.unwrapped
         self._share = 1.0 if believed_delay is None else believed_delay / self._world.options.delay
-        if believed_noise is not None:
-            self._world.noise = None if isinstance(believed_noise, str) else believed_noise / MEDIAN_LENGTH
         self._late = late
         self._kept = np.exp(-1.0 / (FRAMES * following)) if following else 0.0
 
@@ -130,7 +127,7 @@ class Believing(gym.Wrapper[Any, Any, Any, Any]):
 
 def make_world(options: Mapping[str, Any]) -> gym.Env[Any, Any]:
     """Make the task's environment with options of its own and of `Believing`."""
-    task, beliefs = get_task("moving"), ("believed_delay", "believed_noise", "late", "following")
+    task, beliefs = get_task("moving"), ("believed_delay", "late", "following")
     own = {name: value for name, value in options.items() if name not in beliefs}
     others = {name: options[name] for name in beliefs if name in options}
     return Believing(gym.make(task.environment, **{**task.options, **own}), **others)
@@ -141,7 +138,12 @@ def touched(name: str, speed: float, options: Mapping[str, Any], *, balls: int, 
 
     def played() -> list[bool]:
         task, env = get_task("moving"), make_world({**options, "speeds": (speed,)})
-        acting = task.methods[name].make(env) if name in task.methods else load_policy(name)
+        believed = {TOLD: options.get("noise", NOISE), WRONG: NOISE}
+        acting: Any
+        if name in believed:
+            acting = Interception(env, noise=believed[name] / MEDIAN_LENGTH)
+        else:
+            acting = task.methods[name].make(env) if name in task.methods else load_policy(name)
         policy: Policy = as_policy(acting)
         return [bool(trial["reached"]) for trial in rollout(env, policy, task.resets(balls, seed, env))]
 
@@ -221,10 +223,13 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--beliefs", action="store_true", help="the map of worlds that methods have wrong")
     parser.add_argument("--causes", nargs="+", metavar="POLICY", help="what these policies collide with (300 balls)")
     parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe (1000 balls a speed); with "
-                        "--map or --beliefs they are the second method")  # fmt: skip
+                        "--map or --beliefs they are the last method")  # fmt: skip
+    parser.add_argument("--rule", choices=RULES, default="ignored", help="on collisions, with --map or --beliefs "
+                        "(default: %(default)s)")  # fmt: skip
     parser.add_argument("--times", action="store_true", help="how long a decision takes (60 balls a speed)")
-    parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
-    parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three; beliefs 0.4)")
+    parser.add_argument("--methods", nargs="+", help="names of the task's methods, "
+                        f"{TOLD} or {WRONG} (default: those of the table or map)")  # fmt: skip
+    parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three)")
     parser.add_argument("--worlds", nargs="+", choices=WORLDS, default=list(WORLDS), help="of the map (default: all)")
     parser.add_argument("--paths", nargs="+", choices=PATHS, help="kinds of paths (default: all)")
     parser.add_argument("--balls", type=int, help="in each cell (default: 60; map 96, causes 300, trainings 1000)")
@@ -256,18 +261,21 @@ def main(argv: list[str] | None = None) -> int:
     worlds, speeds, methods = RULES, TABLE_SPEEDS, METHODS
     if arguments.map or arguments.beliefs:
         mapped = BELIEFS if arguments.beliefs else {name: WORLDS[name] for name in arguments.worlds}
-        worlds = {name: {**world, **RULES["ignored"]} for name, world in mapped.items()}
-        speeds, methods = SPEEDS[:1] if arguments.beliefs else SPEEDS, MAPPED
+        worlds = {name: {**world, **RULES[arguments.rule]} for name, world in mapped.items()}
+        speeds = SPEEDS if arguments.rule == "ignored" else TABLE_SPEEDS
+        methods = ("interception", *((WRONG,) if arguments.beliefs else ()), LEARNED[arguments.rule])
     speeds, methods = tuple(arguments.speeds or speeds), tuple(arguments.methods or methods)
     files = {name: [name] for name in methods}
     if arguments.trainings:
-        files[methods[1]] = [str(file) for file in sorted(arguments.trainings.glob(f"seed-*/{POLICY}"))]
+        files[methods[-1]] = [str(file) for file in sorted(arguments.trainings.glob(f"seed-*/{POLICY}"))]
     print(head("collisions" if worlds is RULES else "world", "method", *(f"{speed:g} m/s" for speed in speeds)))
     if arguments.paths:
         worlds = {name: {**world, "paths": tuple(arguments.paths)} for name, world in worlds.items()}
     cells = {}
     for world, options in worlds.items():
         for name in methods:
+            if name == WRONG and "noise" not in options:
+                continue  # it is right
             for speed in speeds:
                 one = (touched(file, speed, options, balls=balls, seed=seed, out=arguments.out) for file in files[name])
                 cells[world, name, speed] = np.array(list(one))

@@ -418,7 +418,7 @@ class MovingBallEnv(SingleEnv):
         self.options = options_from(MovingOptions, options)
         self._episodes = world = MovingEpisodes(self.options, 1)
         self.arm = world.arm
-        self.home, self.height, self.noise = world.home, world.height, world.noise
+        self.home, self.height = world.home, world.height
         self.speed_limit, self.acceleration_limit = world.speed_limit, world.acceleration_limit
         self.observation_space = observation_space(self.options)
         self.action_space = spaces.Box(-1.0, 1.0, (6,))

@@ -34,25 +34,45 @@ def test_the_table_is_resumed_and_the_map_is_drawn(tmp_path, capsys, monkeypatch
 
 
 def test_beliefs_are_a_row_for_each_world_and_method(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(moving_ball, "BELIEFS", {"as believed": {}, "arm 100 ms late": {"late": 3}})
-    assert moving_ball.main(["--beliefs", "--methods", "last-sight", "--balls", "3", "--out", str(tmp_path)]) == 0
-    head, _, *rows = capsys.readouterr().out.splitlines()
-    assert [cell.strip() for cell in head.strip("|").split("|")] == ["world", "method", "0.4 m/s"]
-    assert [row.split("|")[1].strip() for row in rows] == ["as believed", "arm 100 ms late"]
+    """A planner that believes a noise has a row where that is wrong; the learned method depends on the rule."""
+    monkeypatch.setattr(moving_ball, "BELIEFS", {"as trained": {}, "noise 10 mm": {"noise": 0.01}})
+    given = ["--beliefs", "--balls", "1", "--out", str(tmp_path)]
+    for rule, speeds, learned in (("ignored", "0.4, 0.8, 1.2", "ppo"), ("count", "0.2, 0.4, 0.6", "ppo-moving-clear")):
+        assert moving_ball.main([*given, "--rule", rule]) == 0
+        head, _, *rows = capsys.readouterr().out.splitlines()
+        cells = [[cell.strip("` ") for cell in row.strip("|").split("|")] for row in (head, *rows)]
+        assert cells[0] == ["world", "method", *(f"{speed} m/s" for speed in speeds.split(", "))]
+        assert [row[:2] for row in cells[1:]] == [
+            ["as trained", "interception"],
+            ["as trained", learned],
+            ["noise 10 mm", "interception"],
+            ["noise 10 mm", moving_ball.WRONG],
+            ["noise 10 mm", learned],
+        ]
 
 
-def test_what_is_believed_is_observed_and_told():
-    given = {"delay": 0.065, "believed_delay": 0.05, "noise": 0.01, "believed_noise": 1e-3}
+def test_a_planner_is_told_the_true_noise_or_a_wrong_one(tmp_path, monkeypatch):
+    told = []
+
+    def acting(env, *, noise):
+        told.append(noise * 1.5382)
+        return get_task("moving").methods["first-sight"].make(env)
+
+    monkeypatch.setattr(moving_ball, "Interception", acting)
+    for name in (moving_ball.TOLD, moving_ball.WRONG):
+        moving_ball.touched(name, 0.4, {"noise": 0.003}, balls=1, seed=0, out=tmp_path)
+    np.testing.assert_allclose(told, [0.003, 0.00014], rtol=1e-4)
+
+
+def test_the_delay_that_is_believed_is_observed():
+    given = {"delay": 0.065, "believed_delay": 0.05}
     with closing(moving_ball.make_world(given)) as env, closing(moving_ball.make_world({"delay": 0.065})) as true:
-        assert env.unwrapped.noise == pytest.approx(1e-3 / 1.5382)
         ages = []
         for world in (env, true):
             world.reset(seed=0)
             *_, (observation, *_) = (world.step(world.unwrapped.home / np.pi) for _ in range(4))
             ages.append(observation[3])
     assert ages[0] == pytest.approx(ages[1] / 1.3)
-    with closing(moving_ball.make_world({"believed_noise": "none"})) as env:
-        assert env.unwrapped.noise is None
 
 
 @pytest.mark.parametrize("late", [0, 1, 3])
@@ -133,7 +153,7 @@ def trainings(tmp_path):
 
 
 def test_the_map_of_all_seeds(trainings, capsys, monkeypatch):
-    """The second method's cells are means over the trainings, and their interval holds them both."""
+    """The last method's cells are means over the trainings, and their interval holds them both."""
     monkeypatch.setattr(moving_ball, "WORLDS", {"as trained": {}})
     figure, shown = trainings / "map.png", ["--methods", "last-sight", "ppo", "--speeds", "0.4", "--balls", "12"]
     given = [*shown, "--out", str(trainings / "cells"), "--map", "--figure", str(figure)]

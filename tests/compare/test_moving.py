@@ -9,9 +9,11 @@ import pytest
 
 from kinreach.compare import compare
 from kinreach.compare._cli import main
+from kinreach.compare._methods.interception import Interception
 from kinreach.compare._methods.turn_rate import TurnRateFit
 from kinreach.compare._task import get_task
 from kinreach.envs._moving import moved, travel_times
+from kinreach.envs._real_arm import MEDIAN_LENGTH
 from kinreach.errors import InputError
 
 METHODS = ["interception", "last-sight", "first-sight", "gradient-moving"]
@@ -52,6 +54,24 @@ def test_the_share_of_its_limits_that_the_arm_keeps_is_found(strength):
             found.append(method._limits["speed"] / env.unwrapped.speed_limit)
     np.testing.assert_allclose(found, strength, rtol=0.0, atol=1e-9)
     assert len(found) == 5
+
+
+@pytest.mark.parametrize("believed", [None, 9e-5])
+def test_the_noise_is_found_unless_one_is_believed(believed):
+    task, found = get_task("moving"), []
+    with closing(gym.make(task.environment, **{**task.options, "noise": 0.01, "collisions": False})) as env:
+        method = Interception(env, noise=believed)
+        for seed in range(3):
+            observation, info = env.reset(seed=seed, options={"speed": 0.1})
+            method.reset(observation, info)
+            for _ in range(20):
+                method.act(observation)
+                observation, *_ = env.step(env.unwrapped.home / math.pi)
+            found.append(method._fit._noise)
+    if believed is None:
+        assert all(0.5 < one * MEDIAN_LENGTH / 0.01 < 2.0 for one in found)
+    else:
+        assert found == 3 * [believed]
 
 
 def forecast_error(rate, noise, *, sights=12, ahead=0.4, known=True):

@@ -88,11 +88,16 @@ class Interception(_ClosedForm):
     joints can have by then, with the tip at the ball and the gripper above the table. The arm follows the earliest way
     without a collision, else it waits above the ball. The share of the limits that the arm keeps, and how many frames
     it is late, are fitted to its joints' motions. The constants were chosen with balls of seed 1.
+
+    Args:
+        env: `kinreach/Moving-v0`.
+        noise: Standard deviation of a coordinate of a sight that is believed [m]; by default it is found.
     """
 
-    def __init__(self, env: gym.Env[Any, Any]) -> None:
+    def __init__(self, env: gym.Env[Any, Any], *, noise: float | None = None) -> None:
         super().__init__(env)
         self._checker = ur5_checker(self._env.options.margin)
+        self._noise = noise
         self._known = {"speed": self._env.speed_limit, "acceleration": self._env.acceleration_limit}
         area = self._env.arm.workcell.goals
         self._low, self._high = np.array([area.x, area.y]).T
@@ -101,7 +106,7 @@ class Interception(_ClosedForm):
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
         """Forget the forecast of the last ball and the limits that its arm kept."""
         super().reset(observation, info)
-        self._fit, self._time = TurnRateFit(self._env.noise), 0.0
+        self._fit, self._time = TurnRateFit(self._noise), 0.0
         self._meeting: float | None = None
         self._limits, self._late, self._missed = dict(self._known), 0, np.zeros((len(FRAMES_LATE), len(SHARES)))
         self._last, self._sent = (np.array(info["q"]), np.zeros(6)), len(FRAMES_LATE) * [self._target]
