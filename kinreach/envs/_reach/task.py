@@ -63,7 +63,7 @@ class ReachOptions:
     observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
     backend: str = field(
         default="mujoco",
-        metadata=about('`"mujoco"` (dynamics) or `"kinematic"`; in native batches also `"warp"` (MuJoCo Warp, tried on CPUs only)'),
+        metadata=about('`"mujoco"` (dynamics) or `"kinematic"`; in native batches also `"warp"` (tried on CPUs only)'),
     )
     render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
     arm: str | ArmDescription = field(default="ur5", metadata=about("name of a registered arm, or an `ArmDescription`"))
