@@ -16,7 +16,7 @@ from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
 from kinreach.compare._methods.interception import FirstSight, Interception, LastSight
-from kinreach.compare._task import CONTROLLER, Method, Replay, Task
+from kinreach.compare._task import CONTROLLER, Method, Replay, Task, episode_seed
 from kinreach.envs import _moving as ball
 from kinreach.kinematics import ArmKinematics
 from kinreach.plots._maps import view_from_the_robot
@@ -34,7 +34,7 @@ def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any
     cases = [(speed, path) for speed in options.speeds for path in options.paths]
     return [
         {
-            "seed": int(np.random.SeedSequence(seed, spawn_key=(index // len(cases),)).generate_state(1)[0]),
+            "seed": episode_seed(seed, index // len(cases)),
             "options": dict(zip(("speed", "path"), cases[index % len(cases)], strict=True)),
         }
         for index in range(count)

@@ -43,7 +43,7 @@ STARTS = 8
 #: Postures nearer than this in every joint are the same [rad].
 SAME = 1e-3
 #: Depths inside the border of the data sheet's reach at which a calibrated arm's postures are tried [m].
-DEEPER = (0.0, 1e-3, 3e-3, 1e-2, 3e-2)
+DEPTHS = (0.0, 1e-3, 3e-3, 1e-2, 3e-2)
 #: Distance from its axis at which the motion of a turning tool counts [m].
 LEVER = 0.2
 
@@ -77,7 +77,7 @@ class Posture:
         q: Joint angles [rad], shape (n,); None if the branch does not reach.
         pairs: Names of links and boxes that touch.
         distance: From the posture before [rad].
-        lack: What is missing if the branch of a UR does not reach, else None.
+        shortfall: What is missing if the branch of a UR does not reach, else None.
     """
 
     branch: int
@@ -87,7 +87,7 @@ class Posture:
     q: Floats | None = None
     pairs: tuple[Pair, ...] = ()
     distance: float = np.inf
-    lack: Shortfall | None = None
+    shortfall: Shortfall | None = None
 
 
 @dataclass(frozen=True)
@@ -98,13 +98,13 @@ class Approach:
         q: In this posture [rad], shape (n,).
         distance: Of the tip from the target [m].
         turned: Angle of the tool from the goal's [rad].
-        least: Whether it is proven to be the nearest with the tool turned as asked; else it is the end of a search.
+        proven: Whether it is proven to be the nearest with the tool turned as asked; else it is the end of a search.
     """
 
     q: Floats
     distance: float
     turned: float
-    least: bool
+    proven: bool
 
 
 @dataclass(frozen=True)
@@ -281,10 +281,10 @@ class TargetModel:
             found.add(branch)
             yield self._judged(branch, q, seed)
         if isinstance(self.kinematics, URKinematics):
-            for branch, lack in self.kinematics.shortfalls(_frame(goal)).items():
+            for branch, shortfall in self.kinematics.shortfalls(_frame(goal)).items():
                 if branch not in found:
                     name = branch_name(self.kinematics, branch)
-                    yield Posture(branch, name, State.UNREACHED, _why_short(lack), lack=lack)
+                    yield Posture(branch, name, State.UNREACHED, _why_short(shortfall), shortfall=shortfall)
 
     def complete(self, goal: Goal) -> bool:
         """Return whether all postures for a goal are found."""
@@ -324,18 +324,18 @@ class TargetModel:
             T = _frame(goal)
             nearest = self.kinematics.nearest_in_reach(T)
             way = nearest[:3, 3] - T[:3, 3]
-            for deeper in DEEPER:
-                nearest[:3, 3] = T[:3, 3] + way * (1.0 + deeper / np.linalg.norm(way))
+            for depth in DEPTHS:
+                nearest[:3, 3] = T[:3, 3] + way * (1.0 + depth / np.linalg.norm(way))
                 near = PoseGoal(nearest) if isinstance(goal, PoseGoal) else AxisGoal(nearest[:3, 3], nearest[:3, 2])
                 found = [self._judged(branch, q, seed) for branch, q in self._found(near, seed)]
                 if found:
                     best = min(found, key=lambda posture: (posture.state is not State.USABLE, posture.distance))
-                    return self._approached(goal, best.q, least=True)  # type: ignore[arg-type]
+                    return self._approached(goal, best.q, proven=True)  # type: ignore[arg-type]
         ends = self._ends(goal, seed)
-        return self._approached(goal, min(ends, key=lambda end: end.position_error).q, least=False)
+        return self._approached(goal, min(ends, key=lambda end: end.position_error).q, proven=False)
 
-    def _approached(self, goal: Goal, q: Floats, *, least: bool) -> Approach:
-        return Approach(q, *goal_error(goal, self.kinematics.fk(q)), least)
+    def _approached(self, goal: Goal, q: Floats, *, proven: bool) -> Approach:
+        return Approach(q, *goal_error(goal, self.kinematics.fk(q)), proven)
 
     def _judged(self, branch: int, q: Floats, seed: Floats) -> Posture:
         name = branch_name(self.kinematics, branch)
@@ -392,7 +392,7 @@ class TargetModel:
     def _out_of_reach(self, goal: Goal, postures: Sequence[Posture], approach: Approach) -> str:
         short = _missing_least(postures)
         off = length(approach.distance)
-        if approach.least:
+        if approach.proven:
             near = f"With the tool turned as asked the tip comes within {off} of it (amber)."
             return f"No posture reaches this target. {short}. {near}" if short else f"No posture reaches it. {near}"
         turned = f" and {angle(approach.turned)}" if approach.turned > SAME else ""
@@ -404,11 +404,11 @@ class TargetModel:
 
 def _missing_least(postures: Sequence[Posture]) -> str:
     """A sentence on the smallest shortfall; empty if there is none."""
-    lacks = [posture.lack for posture in postures if posture.lack is not None]
-    if not lacks:
+    shortfalls = [posture.shortfall for posture in postures if posture.shortfall is not None]
+    if not shortfalls:
         return ""
-    least = _why_short(min(lacks, key=lambda lack: lack.lack))
-    return least[0].upper() + least[1:]
+    sentence = _why_short(min(shortfalls, key=lambda shortfall: shortfall.missing))
+    return sentence[0].upper() + sentence[1:]
 
 
 def _frame(goal: Goal) -> Floats:
@@ -420,19 +420,19 @@ def _frame(goal: Goal) -> Floats:
     return T
 
 
-def _why_short(lack: Shortfall) -> str:
-    missing = length(lack.lack)
-    if lack.part is Miss.SHOULDER_CYLINDER:
+def _why_short(shortfall: Shortfall) -> str:
+    missing = length(shortfall.missing)
+    if shortfall.part is Miss.SHOULDER_CYLINDER:
         return (
-            f"too near the first axis by {missing}: the wrist would be {length(lack.needed)} from it, and the "
-            f"shoulder's offset keeps it {length(lack.bound)} away"
+            f"too near the first axis by {missing}: the wrist would be {length(shortfall.needed)} from it, and the "
+            f"shoulder's offset keeps it {length(shortfall.bound)} away"
         )
-    if lack.part is Miss.ELBOW_OUT:
+    if shortfall.part is Miss.ELBOW_OUT:
         return (
-            f"too far by {missing}: the wrist would be {length(lack.needed)} from the shoulder, and the stretched "
-            f"elbow reaches {length(lack.bound)}"
+            f"too far by {missing}: the wrist would be {length(shortfall.needed)} from the shoulder, and the stretched "
+            f"elbow reaches {length(shortfall.bound)}"
         )
     return (
-        f"too near by {missing}: the wrist would be {length(lack.needed)} from the shoulder, and the folded elbow "
-        f"keeps it {length(lack.bound)} away"
+        f"too near by {missing}: the wrist would be {length(shortfall.needed)} from the shoulder, and the folded elbow "
+        f"keeps it {length(shortfall.bound)} away"
     )

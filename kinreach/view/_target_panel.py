@@ -367,5 +367,5 @@ class TargetPanel(Panel):
         self._reaching.take(approach.q)
         tip, wanted = self.model.kinematics.fk(approach.q)[:3, 3], self.T[:3, 3]
         self._gap.points = np.array([[tip, wanted]])
-        self._label.text = f"{'at best' if approach.least else 'a search ends'} {length(approach.distance)} away"
+        self._label.text = f"{'at best' if approach.proven else 'a search ends'} {length(approach.distance)} away"
         self._label.position = (tip + wanted) / 2

@@ -55,7 +55,7 @@ def test_every_branch_is_reached_or_has_a_reason(calibrated, root):
         lacks = kinematics.shortfalls(T)
         apart += found ^ set(lacks) != set(range(8))
         missing += len(lacks)
-        assert all(lack.lack > 0 for lack in lacks.values())
+        assert all(lack.missing > 0 for lack in lacks.values())
         if not calibrated:
             assert found | set(lacks) == set(range(8))
             assert not found & set(lacks)
@@ -128,14 +128,14 @@ def test_what_is_missing_is_in_the_verdict(ur5):
     T = np.diag([1.0, -1.0, -1.0, 1.0])
     T[:3, 3] = 1.2, 0.0, 0.0
     answer = ur5.answer(ur5.goal(POSE, T), ur5.home)
-    least = min(lack.lack for lack in ur5.kinematics.shortfalls(T).values())
+    least = min(lack.missing for lack in ur5.kinematics.shortfalls(T).values())
     assert answer.verdict.startswith("No posture reaches this target. Too far by ")
     assert f"{1000 * least:.0f} mm" in answer.verdict
     near = ur5.kinematics.nearest_in_reach(T)[:3, 3]
     tip = ur5.kinematics.fk(answer.approach.q)
     np.testing.assert_allclose(tip[:3, 3], near, atol=1e-6)
     np.testing.assert_allclose(tip[:3, :3], T[:3, :3], atol=1e-6)
-    assert answer.approach.least
+    assert answer.approach.proven
     assert answer.approach.distance == pytest.approx(np.linalg.norm(near - T[:3, 3]), abs=1e-6)
     assert answer.verdict.endswith(
         f"With the tool turned as asked the tip comes within {1000 * answer.approach.distance:.0f} mm of it (amber)."
@@ -151,7 +151,7 @@ def test_the_verdict_is_of_the_branch_that_lacks_the_least(ur5):
         if len(lacks) < 8:
             continue
         answer = ur5.answer(ur5.goal(POSE, T), ur5.home)
-        least = min(lacks, key=lambda branch: lacks[branch].lack)
+        least = min(lacks, key=lambda branch: lacks[branch].missing)
         (reason,) = (posture.reason for posture in answer.postures if posture.branch == least)
         assert answer.verdict.startswith(f"No posture reaches this target. {reason[0].upper()}{reason[1:]}.")
         compared += 1
@@ -225,7 +225,7 @@ def test_other_arms(arm):
         assert np.abs(answer.postures[answer.shown].q - model.home).max() < 1e-6
     T[:3, 3] += 5.0
     approach = model.answer(model.goal(model.kinds[0], T), model.home).approach
-    assert approach.least == (arm == "ur5e")
+    assert approach.proven == (arm == "ur5e")
     assert 0 < approach.distance < np.linalg.norm(T[:3, 3])
     assert model.checker is not None
     assert (model.kinds == (POINT,)) == (arm == "arm3")

@@ -28,11 +28,11 @@ class Status(IntEnum):
 
     COMPLETED = 0
     OUT_OF_LIMITS = 1
-    #: In the target the arm would be in an obstacle (`backend="kinematic"`).
+    #: At the target the arm would overlap an obstacle (`backend="kinematic"`).
     COLLISION = 2
-    #: Two parts of the arm would be in one another, or hold each other off the target.
+    #: Two parts of the arm would overlap, or keep each other from the target (both backends).
     SELF_COLLISION = 3
-    #: Something holds the arm off the target (this and the next two: `backend="mujoco"`).
+    #: Something keeps the arm from the target (BLOCKED, TIMEOUT and DIVERGED: `backend="mujoco"`).
     BLOCKED = 4
     TIMEOUT = 5
     DIVERGED = 6

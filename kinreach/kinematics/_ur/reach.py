@@ -33,7 +33,7 @@ class Shortfall:
     bound: float
 
     @property
-    def lack(self) -> float:
+    def missing(self) -> float:
         """How much is missing [m]."""
         return abs(self.needed - self.bound)
 
