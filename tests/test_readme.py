@@ -72,7 +72,7 @@ CLAIMS = {
         (f"{DATA}/moving-ball.csv", '[94.0, 100.0]","95.0 [86.3, 98.3]","93.3 [84.1, 97.4]"'),
         (f"{DATA}/moving-trainings.csv", 'count,"86.5 [79.8, 93.0]","57.7 [44.3, 71.1]","10.7 [2.4, 19.0]"'),
     ],
-    "each learned method is one of five trainings.": [
+    "A learned method without an interval is one of five trainings.": [
         (TRAINING, "The policy of `ppo-moving` is seed 1"),
         (
             TRAINING,

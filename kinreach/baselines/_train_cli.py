@@ -72,7 +72,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     evaluations = {f"seed {seeds[number]}": summary for number, summary in found}
     console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} {arguments.split} goals"))
     again = f"kinreach evaluate {quoted(str(out / recipe.name))}/seed-*/policy.safetensors"
-    console.note(f"On held-out goals, also with dynamics or cameras: {again}")
+    console.note(f"On held-out goals: {again}")
     return 0
 
 

@@ -19,8 +19,15 @@ from kinreach.envs._lift.task import HEIGHT, HOLD, MULTI
 from kinreach.kinematics._solvers import new_solver
 from kinreach.plots._style import name_label, new_figure
 
-#: Stages at which a grasp can fail, in their order.
-CAUSES = ("seen", "reached", "closed", "slipped", "dropped")
+#: Stages at which a grasp can fail, in their order, and how tables and figures call them.
+_STAGES = {
+    "seen": "not seen",
+    "reached": "not reached",
+    "closed": "not closed",
+    "slipped": "slipped",
+    "dropped": "dropped",
+}
+CAUSES = tuple(_STAGES)
 #: Title of the second table.
 TIME_TABLE = "Distances and times"
 
@@ -56,7 +63,7 @@ def draw_causes(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         axes.text(1.0, row, f"{left:.1f}", va="center", color="white", fontsize=9, weight="bold")
         for cause, shade in zip(CAUSES, shades, strict=True):
             share = 100.0 * method["failed"][cause]
-            axes.barh(row, share, left=left, color=shade, height=0.6, label=cause if row == 0 else None)
+            axes.barh(row, share, left=left, color=shade, height=0.6, label=_STAGES[cause] if row == 0 else None)
             left += share
     axes.set_yticks(range(len(methods)), [name_label(method["name"]) for method in methods])
     axes.set_ylim(len(methods) - 0.4, -0.6)
@@ -66,7 +73,6 @@ def draw_causes(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     return figure
 
 
-_HEADINGS = {"seen": "not\nseen", "reached": "not\nreached", "closed": "not\nclosed"}
 LIFT_TASK = Task(
     name="lift",
     title="A UR5 grasps an object and lifts it",
@@ -86,7 +92,7 @@ LIFT_TASK = Task(
     columns=(
         Column("reached", "reached", RATE, "lifted %\n[95 % CI]", "interval"),
         *(
-            Column(f"failed.{cause}", _failed(cause), RATE, f"{_HEADINGS.get(cause, cause)}\n%", "share")
+            Column(f"failed.{cause}", _failed(cause), RATE, _STAGES[cause].replace(" ", "\n") + "\n%", "share")
             for cause in CAUSES
         ),
         Column("impossible", "impossible", RATE, "impos-\nsible %", "share"),
