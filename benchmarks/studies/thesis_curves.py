@@ -210,7 +210,7 @@ def tables(runs: Path | None = None) -> list[str]:
     curves = (single_rows(single), multi_rows(multi, load_logs("thesis-ppo-multi", EPISODE, runs=runs)))
     measured = {}
     for task, rows in zip(("single", "multi"), curves, strict=True):
-        measured[f"{task}-step"] = [*rows, *policy_rows(logged_policies(f"thesis-{task}", runs=runs))]
+        measured[f"{task}-step"] = [*rows, *policy_rows(logged_policies(f"thesis-ppo-{task}", runs=runs))]
     if runs is None:
         measured["single-step, five more"] = list(side_by_side_rows())
     titles = ("the thesis", *(f"seed {seed}" for seed in single), "mean [95 % CI over seeds]")
