@@ -54,10 +54,7 @@ ik_net = register_recipe(
         summary="No reinforcement learning: the network of `ranked-single`, regressed on the closed form's postures.",
         algorithm="Regression",
         reward="own",
-        settings={
-            **get_recipe("gradient-moving").settings,
-            "tries": 1,
-            "minibatches": 4,
-        },  # samples and updates of ranked PPO
+        # samples and updates of ranked PPO
+        settings={**get_recipe("gradient-moving").settings, "tries": 1, "minibatches": 4},
     )
 )

@@ -12,9 +12,9 @@ internal.
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING, Any
 
+from kinreach._lazy import on_first_use
 from kinreach.errors import InstallationError
 
 if TYPE_CHECKING:
@@ -65,12 +65,11 @@ __all__ = [
     "train",
 ]
 
+_get = on_first_use(__name__, _MODULES)
+
 
 def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:
-        module = importlib.import_module(f"{__name__}.{_MODULES[name]}")
+        return _get(name)
     except ModuleNotFoundError as error:
         raise InstallationError(f"{name} needs {error.name}: pip install 'kinreach[train]'") from error
-    return getattr(module, name)

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from kinreach._lazy import on_first_use
 
 if TYPE_CHECKING:
     from kinreach.envs._single import RecordMotion
@@ -14,10 +16,5 @@ __all__ = [
     "RecordMotion",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name != "RecordMotion":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from kinreach.envs._single import RecordMotion  # when it is first used: it loads MuJoCo
-
-    return RecordMotion
+#: Imported when it is first used: it loads MuJoCo.
+__getattr__ = on_first_use(__name__, {"RecordMotion": "_single"})

@@ -20,6 +20,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from kinreach._lazy import on_first_use
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
@@ -77,10 +78,10 @@ __all__ = [
     "tool_line",
 ]
 
+_get = on_first_use(__name__, _MODULES)
+
 
 def __getattr__(name: str) -> Any:
     if name == "check":
         return importlib.import_module(f"{__name__}._check")
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+    return _get(name)

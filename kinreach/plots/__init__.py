@@ -10,8 +10,9 @@ internal.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from kinreach._lazy import on_first_use
 
 if TYPE_CHECKING:
     from kinreach.plots._maps import draw_error_maps
@@ -41,8 +42,4 @@ __all__ = [
     "new_figure",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+__getattr__ = on_first_use(__name__, _MODULES)

@@ -12,8 +12,9 @@ draw; `_page` is one tab, `_server` serves all.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from kinreach._lazy import on_first_use
 
 if TYPE_CHECKING:
     from kinreach.view._players import new_player
@@ -29,8 +30,4 @@ _MODULES = {
 
 __all__ = ["TargetModel", "new_player", "read_results"]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+__getattr__ = on_first_use(__name__, _MODULES)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from kinreach._checks import check_known
+from kinreach._lazy import on_first_use
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._solvers.base import ClosedFormSolver, Solver, Tolerance
@@ -53,7 +54,4 @@ def new_solver(name: str, kinematics: ArmKinematics) -> Solver:
     return getattr(importlib.import_module(__name__), SOLVERS[name])(kinematics)
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _ITERATIVE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_ITERATIVE[name]}"), name)
+__getattr__ = on_first_use(__name__, _ITERATIVE)
