@@ -86,7 +86,7 @@ class DrawingError(KinreachError, RuntimeError):
 
 def raise_unknown(kind: str, name: str, available: Iterable[str]) -> NoReturn:
     """Raise `UnknownNameError` with the value, the available names, and those that have it as a part or are close."""
-    available = sorted(available)
+    available = sorted(set(available))
     near = [each for each in available if name in each.split("-")]
     if not near and len(name) <= LONGEST_NAME:
         near = get_close_matches(name.lower(), available, n=1)

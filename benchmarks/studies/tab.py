@@ -237,13 +237,13 @@ def _messages(data: bytes) -> list[dict[str, Any]]:
     return messages
 
 
-def wait_for(condition: Callable[[], object]) -> None:
+def wait_for(condition: Callable[[], object], *, patience: float = PATIENCE) -> None:
     """Wait until a condition holds.
 
     Raises:
-        TimeoutError: It does not for `PATIENCE`.
+        TimeoutError: It does not for so many seconds.
     """
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + patience
     while not condition():
         if time.monotonic() > deadline:
             raise TimeoutError("the page does not answer")

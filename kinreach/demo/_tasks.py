@@ -162,6 +162,6 @@ def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -
         return as_policy(task.methods[name].make(env))
     policy = trained_policy(name, task.name)
     if policy is None:
-        known = dict.fromkeys((*POLICIES, *task.solvers, *task.methods, *all_trained(task.name)))
+        known = (*POLICIES, *task.solvers, *task.methods, *all_trained(task.name))
         raise_unknown(f"policy for {task.name}", name, ("a file of a policy", *known))
     return policy

@@ -83,8 +83,10 @@ def test_a_player_of_ones_own():
     env = gym.make(SINGLE, backend="kinematic")
     assert new_player("kinreach.kinematics._solvers:ClosedFormSolver", env).reset
     for name, said in (("nobody:Nothing", "cannot import"), ("wisdom", "unknown policy for"), ("button", "unknown")):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=said) as refused:
             new_player(name, env)
+        names = str(refused.value).partition("available: ")[2].partition(";")[0].split(", ")
+        assert len(names) == len(set(names))
     with pytest.raises(InputError, match="there is no environment 'kinreach/Nothing-v0'"):
         playable("kinreach/Nothing-v0")
     with pytest.raises(InputError, match="cannot import the environment nothing:a/B-v0"):
