@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import re
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from math import inf
 from numbers import Real
 from pathlib import Path
@@ -40,6 +40,11 @@ def shown(value: object) -> str:
 def printable(text: str) -> str:
     """Escape the control characters of a text; ends of lines stay."""
     return _UNUSUAL.sub(lambda found: found[0] if found[0].isprintable() else ascii(found[0])[1:-1], text)
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return words with commas between them, and "and" before the last."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def check_count(name: str, value: object, *, least: int = 1, most: int | None = None) -> int:

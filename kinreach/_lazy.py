@@ -13,6 +13,6 @@ def on_first_use(package: str, modules: Mapping[str, str]) -> Callable[[str], An
     def get(name: str) -> Any:
         if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(importlib.import_module(f"{package}.{modules[name]}"), name)
+        return getattr(importlib.import_module(f".{modules[name]}", package), name)
 
     return get

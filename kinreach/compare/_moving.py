@@ -16,7 +16,7 @@ from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
 from kinreach.compare._methods.interception import FirstSight, Interception, LastSight
-from kinreach.compare._task import CONTROLLER, Method, Replay, Task, episode_seed
+from kinreach.compare._task import CONTROLLER, Method, Replay, Task, resets_in_turn
 from kinreach.envs import _moving as ball
 from kinreach.kinematics import ArmKinematics
 from kinreach.plots._maps import view_from_the_robot
@@ -31,14 +31,8 @@ SIGHTS = 6
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
     """Return all paths at the first speed, then at the next, and so on with other balls."""
     options: ball.MovingOptions = env.unwrapped.options  # type: ignore[attr-defined]
-    cases = [(speed, path) for speed in options.speeds for path in options.paths]
-    return [
-        {
-            "seed": episode_seed(seed, index // len(cases)),
-            "options": dict(zip(("speed", "path"), cases[index % len(cases)], strict=True)),
-        }
-        for index in range(count)
-    ]
+    cases = [{"speed": speed, "path": path} for speed in options.speeds for path in options.paths]
+    return resets_in_turn(cases, count, seed)
 
 
 def touched(*, speed: float | None = None, path: str | None = None) -> Callable[[Trial], bool | None]:

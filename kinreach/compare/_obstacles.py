@@ -13,7 +13,7 @@ from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import draw_strip_grid
 from kinreach.compare._methods import waypoints as ways
 from kinreach.compare._reach import METHODS
-from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, episode_seed, policy_version
+from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, policy_version, resets_in_turn
 from kinreach.envs._obstacles import MAX_CLUTTER, ObstaclesOptions
 from kinreach.kinematics._collision import PATH_MARGIN
 
@@ -26,12 +26,7 @@ MARGIN = f"{1e3 * PATH_MARGIN:g} mm unless --margin is given"
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
     """Return a scene with each number of obstacles, then the next ones."""
     options: ObstaclesOptions = env.unwrapped.options  # type: ignore[attr-defined]
-    clutter = options.clutter
-    size = len(clutter)
-    return [
-        {"seed": episode_seed(seed, index // size), "options": {"clutter": clutter[index % size]}}
-        for index in range(count)
-    ]
+    return resets_in_turn([{"clutter": clutter} for clutter in options.clutter], count, seed)
 
 
 def _reached_among(count: int) -> Callable[[Trial], bool | None]:

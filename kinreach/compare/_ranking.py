@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from kinreach._checks import listed
 from kinreach._statistics import number
 
 Entry = Mapping[str, Any]
@@ -56,7 +57,7 @@ def finding(results: Mapping[str, Any]) -> list[str]:
     near = ranked[len(top) :]
     every = f"every one of {goals} goals" if goals > 1 else "the goal"
     share_text = every if share == 1 else f"{100 * share:.1f} % of {goals} goals"
-    who = _listed(_names(top)) if len(top) <= 3 else f"{len(top)} of {len(entries)} methods"
+    who = listed(_names(top)) if len(top) <= 3 else f"{len(top)} of {len(entries)} methods"
     if len(top) == len(entries) > 1:
         who = "Both methods" if len(top) == 2 else f"All {len(top)} methods"
     sentence = f"{who} {'reach' if len(top) > 1 else 'reaches'} {share_text}"
@@ -77,7 +78,7 @@ def finding(results: Mapping[str, Any]) -> list[str]:
 def _first(ranked: Sequence[Entry], key: str) -> str:
     first, *same = best_in(ranked, key)
     text = f"{first['name']} {RANKED[key].format(number(first[key]['median']))}"
-    return f"{text}; {_listed(_names(same))} {'are' if len(same) > 1 else 'is'} indistinguishable" if same else text
+    return f"{text}; {listed(_names(same))} {'are' if len(same) > 1 else 'is'} indistinguishable" if same else text
 
 
 def _overlap(one: Sequence[float], other: Sequence[float]) -> bool:
@@ -89,8 +90,4 @@ def _names(entries: Sequence[Entry]) -> list[str]:
 
 
 def _shares(entries: Sequence[Entry]) -> str:
-    return _listed([f"{entry['name']} ({100 * entry['reached']:.1f} %)" for entry in entries])
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    return listed([f"{entry['name']} ({100 * entry['reached']:.1f} %)" for entry in entries])

@@ -75,11 +75,10 @@ def write_report(
     trials: Sequence[Trial],
     results: Mapping[str, Any],
     charts: Mapping[str, Path],
-    notes: Sequence[str],
 ) -> None:
     """Write the report, and beside it `scene.png`, an ordinary success of the best method.
 
-    Charts are PNG files of figures, by title; the first one opens the report. Notes are lines under the tables.
+    Charts are PNG files of figures, by title; the first one opens the report.
     """
     renderings: list[Rendering] | str
     try:
@@ -90,7 +89,7 @@ def write_report(
         if renderings:
             with replacing(path.with_name("scene.png")) as temporary:
                 Image.fromarray(renderings[0].image).save(temporary, "PNG")
-    write_text(path, printable(report_html(task, trials, results, charts, renderings, notes)))
+    write_text(path, printable(report_html(task, trials, results, charts, renderings)))
 
 
 def report_html(
@@ -99,7 +98,6 @@ def report_html(
     results: Mapping[str, Any],
     charts: Mapping[str, Path],
     renderings: Sequence[Rendering] | str,
-    notes: Sequence[str],
 ) -> str:
     """Return the page; arguments as in `write_report`, and renderings or the reason why there are none."""
     settings = results["settings"]
@@ -126,7 +124,7 @@ def report_html(
         if opening
         else "",
         tables="\n".join(_tables(task.columns, results["methods"], trials)),
-        notes="<br>\n".join(map(escape, [*_legend(results["methods"]), *notes])),
+        notes="<br>\n".join(map(escape, [*_legend(results["methods"]), *task.notes(results)])),
         figures="\n".join(shown[1:]) or "<p>None besides the one above.</p>",
         failures=_failures(task, renderings, scene, results["methods"]),
         settings="\n".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in _words(task, results)),

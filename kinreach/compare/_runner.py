@@ -389,18 +389,14 @@ def results_of(
     }
 
 
-def notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
+def notes(task: Task, results: Mapping[str, Any]) -> list[str]:
     settings = results["settings"]
     return [
         f"{settings['goals']} goals, seed {settings['seed']}. Reached: {settings['terms']['reached']}; its 95 % "
         "interval is Wilson's.",
-        *_own_notes(comparison_task, results),
+        *task.notes(results),
         *(f"Left out: {name}: {reason}" for name, reason in settings["left_out"].items()),
     ]
-
-
-def _own_notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
-    return [] if comparison_task.notes is None else comparison_task.notes(results)
 
 
 def _compare_on_disk(
@@ -434,9 +430,7 @@ def _compare_on_disk(
     write_text(out / "results.csv", trials_csv(trials))
     drawings = {**comparison.task.figures, **_path_figure(comparison)}
     drawn = figures.write_figures(drawings, out, trials, results)
-    report.write_report(
-        out / "report.html", comparison.task, trials, results, drawn, _own_notes(comparison.task, results)
-    )
+    report.write_report(out / "report.html", comparison.task, trials, results, drawn)
     write_text(out / RESULTS, json.dumps(results, indent=2, allow_nan=False) + "\n")
     records.remove()
     return results

@@ -118,7 +118,7 @@ class Task:
     variants: Mapping[str, str] = field(default_factory=dict)
     observations: tuple[str, ...] = ()
     terms: Mapping[str, str] = field(default_factory=dict)
-    notes: Callable[[Mapping[str, Any]], list[str]] | None = None
+    notes: Callable[[Mapping[str, Any]], list[str]] = lambda results: []
     scene: MakeScene | None = None
     paths: DrawPaths | None = None
 
@@ -199,6 +199,12 @@ def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
 def episode_seed(seed: int, index: int) -> int:
     """Return the environment's seed for an episode of a comparison."""
     return int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0])
+
+
+def resets_in_turn(cases: Sequence[Mapping[str, Any]], count: int, seed: int) -> list[dict[str, Any]]:
+    """Return a reset with the options of each case, then again with the next seed, and so on."""
+    size = len(cases)
+    return [{"seed": episode_seed(seed, index // size), "options": cases[index % size]} for index in range(count)]
 
 
 def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:

@@ -19,7 +19,8 @@ from kinreach.compare._options import add_flags, flags_of, given_options
 from kinreach.demo._caption import SIZE, Caption, colours
 from kinreach.demo._drawn import Drawn
 from kinreach.demo._film import Film
-from kinreach.demo._tasks import POLICIES, TASKS, DemoTask, make_policy, options_for, trained_for
+from kinreach.demo._players import RANDOM, new_player, options_for, playable, trained_for
+from kinreach.demo._tasks import TASKS, DemoTask
 from kinreach.errors import InputError
 from kinreach.kinematics._solvers import SOLVERS
 from kinreach.sim._picture import ScenePicture
@@ -38,12 +39,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     mode = "rgb_array_list" if arguments.video else "human" if screen else None
     if mode is None:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
-    scripted = arguments.policy == "analytic" and (task.solvers or "closed-form" in task.methods)
-    caption = Caption("closed-form" if scripted else arguments.policy, done=task.done)
-    own = task.methods[arguments.policy].options if arguments.policy in task.methods else {}
-    env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name) | own, caption)
+    caption = Caption(arguments.policy, done=task.done)
+    env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name), caption)
     try:
-        policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
+        policy = new_player(arguments.policy, env, seed=arguments.seed)
         film = Film(arguments.video, fps=task.fps, colours=colours()) if arguments.video else nullcontext()
         with film as reel:
             reached, episodes, steps = _run(env, policy, arguments, printed, reel, caption)
@@ -63,7 +62,7 @@ def _make(task: DemoTask, mode: str | None, options: Mapping[str, Any], caption:
             picture.size, picture.drawn = SIZE, caption.follow
 
     options = {**task.settings, **options}
-    if not task.drawn:
+    if not playable(task.name).drawn:
         env = gym.make(task.name, **options)
         return env if mode is None else Drawn(env, mode=mode, fps=task.fps, prepare=prepare)
     env = gym.make(task.name, render_mode=mode, **options)
@@ -205,7 +204,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--env", default="single", help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
     parser.add_argument(
         "--policy",
-        help=f"one of: {', '.join([*POLICIES, *SOLVERS, *trained])}; a method of the task; or the file of a policy "
+        help=f"one of: {', '.join([RANDOM, *SOLVERS, *trained])}; a method of the task; or the file of a policy "
         f"(default for {by_task('policy')})",
     )
     parser.add_argument("--steps", type=int, metavar="N", help=f"default for {by_task('steps')}")

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 from kinreach._lazy import on_first_use
 
 if TYPE_CHECKING:
-    from kinreach.view._players import new_player
+    from kinreach.demo._players import new_player
     from kinreach.view._results import read_results
     from kinreach.view._target import TargetModel
 
 #: Name -> its module, imported when the name is first used.
 _MODULES = {
     "TargetModel": "_target",
-    "new_player": "_players",
+    "new_player": ".demo._players",
     "read_results": "_results",
 }
 

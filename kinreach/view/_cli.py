@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import webbrowser
 from collections.abc import Sequence
+from typing import Any
 
 from kinreach._checks import check_count
 from kinreach.cli import Parser
@@ -49,18 +50,15 @@ def setup_of(
     calibration: str | None = None,
     repair: bool = False,
     tool: Tool | None = None,
-    tip: str | None = None,
-    joints: Sequence[str] | None = None,
-    package_dirs: Sequence[str] = (),
     simple: bool = False,
     policy: str | None = None,
     results: str | None = None,
     environment: str | None = None,
+    **options: Any,
 ) -> Setup:
-    """Check the arguments and return the setup of every tab."""
-    options = {"tip": tip, "joints": joints, "package_dirs": package_dirs}
-    description = arm_with(arm, calibration=calibration, repair=repair, tool=tool, **options)  # type: ignore[arg-type]
-    nominal = None if calibration is None else arm_with(arm, tool=tool, **options)  # type: ignore[arg-type]
+    """Check the arguments and return the setup of every tab; the other options are those of `arm_with`."""
+    description = arm_with(arm, calibration=calibration, repair=repair, tool=tool, **options)
+    nominal = None if calibration is None else arm_with(arm, tool=tool, **options)
     given = "".join(f", {name}={value!r}" for name, value in options.items() if value)
     module, _, attribute = arm.partition(":")
     sheet = repr(arm.lower()) if arm.lower() in arm_names() else f"import_module({module!r}).{attribute}"

@@ -16,13 +16,12 @@ from kinreach._checks import Floats
 from kinreach._statistics import Trial
 from kinreach.baselines._loop import rollout
 from kinreach.demo._drawn import arm_of, put, scene_of
-from kinreach.demo._tasks import options_for
+from kinreach.demo._players import ARM, new_player, options_for, playable, trained_in
 from kinreach.errors import KinreachError
 from kinreach.robots import ArmDescription
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.view._mujoco_scene import Contact, MujocoScene
 from kinreach.view._names import length
-from kinreach.view._players import ARM, new_player, playable, trained_in
 from kinreach.view._snippet import robots
 from kinreach.vision._goal_view import CameraGoalView, GoalMeasurement
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from kinreach.demo._players import BACKEND, OBSERVATION, playable
 from kinreach.envs._reach.task import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
@@ -19,7 +20,6 @@ from kinreach.view._inputs import by_user
 from kinreach.view._messages import error_message
 from kinreach.view._names import plain
 from kinreach.view._panel import Panel
-from kinreach.view._players import BACKEND, OBSERVATION, playable
 from kinreach.vision._goal_view import GoalMeasurement
 
 PLAY, PAUSE, STEP, START = "play", "pause", "step", "start"

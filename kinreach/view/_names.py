@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import degrees
 
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
@@ -36,7 +35,3 @@ def length(value: float) -> str:
         return "< 1 µm" if value < 1e-6 else f"{1e6 * value:.0f} µm"
     digits = 0 if value >= 0.01 or value == 0.0 else 1 if value >= 0.001 else 2
     return f"{1000 * value:.{digits}f} mm"
-
-
-def listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
@@ -107,13 +108,7 @@ class RealArm:
 
 def colours(values: Floats, most: float) -> NDArray[np.uint8]:
     """Viridis from 0 to `most` as RGBA, shape (..., 4); transparent for NaN."""
-    import cv2
-
-    shares = np.clip(np.nan_to_num(values) / most, 0.0, 1.0)
-    grey = np.round(255 * np.atleast_2d(shares)).astype(np.uint8)
-    rgb = cv2.cvtColor(cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS), cv2.COLOR_BGR2RGB).reshape(*values.shape, 3)
-    alpha = np.where(np.isfinite(values), 255, 0).astype(np.uint8)
-    return np.concatenate([rgb, alpha[..., None]], axis=-1)
+    return colormaps["viridis"](values / most, bytes=True)
 
 
 def _surface(kinematics: URKinematics) -> tuple[Floats, tuple[float, float]]:

@@ -22,8 +22,6 @@ RESULTS, TRIALS = "results.json", "results.csv"
 MAX_BYTES = 256 * 1024 * 1024
 #: Largest number of goals and methods.
 MAX_GOALS, MAX_METHODS = 20_000, 64
-#: Task -> its arm, for files that do not name it.
-UNNAMED = {"ur5": "ur5", "space": "ur5", "real-arm": "ur5", "moving": "ur5", "arm3": "arm3", "button": "arm3"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,16 +95,9 @@ def read_results(file: str | Path) -> Results:
         goals, ends = _trials(rows, names)
     except (InputError, csv.Error) as error:
         raise InputError(f"{trials} was not written by a comparison: {error}") from None
-    task, arm = str(settings.get("task", "")), _arm(settings)
+    task, arm = str(settings.get("task", "")), str(settings.get("arm", ""))
     colours = {name: _rgb(colour) for name, colour in method_colours(names).items()}
     return Results(path, str(settings.get("title", task)), arm if arm in arm_names() else "", colours, goals, ends)
-
-
-def _arm(settings: Mapping[str, Any]) -> str:
-    """The name of the arm; from the options or the task if the settings have none."""
-    options = settings.get("options")
-    named = options.get("arm") if isinstance(options, dict) else None
-    return str(settings.get("arm", named or UNNAMED.get(str(settings.get("task")), "")))
 
 
 def _refuse(constant: str) -> NoReturn:

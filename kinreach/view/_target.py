@@ -11,7 +11,7 @@ from math import pi
 
 import numpy as np
 
-from kinreach._checks import Floats, check_known
+from kinreach._checks import Floats, check_known, listed
 from kinreach.kinematics import (
     ArmKinematics,
     AxisGoal,
@@ -31,7 +31,7 @@ from kinreach.kinematics._solvers import SOLVERS, LevenbergMarquardtSolver, Solv
 from kinreach.kinematics._ur.geometry import Miss
 from kinreach.kinematics._ur.reach import Shortfall
 from kinreach.robots import ArmDescription
-from kinreach.view._names import angle, branch_name, length, listed, plain
+from kinreach.view._names import angle, branch_name, length, plain
 from kinreach.view._policy_solver import PolicySolver
 
 #: Kinds of goals.

@@ -60,7 +60,7 @@ def trials():
 
 @pytest.fixture
 def task(toy):
-    return replace(toy, title=HOSTILE, reached=HOSTILE)
+    return replace(toy, title=HOSTILE, reached=HOSTILE, notes=lambda results: [f"a note {HOSTILE}"])
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def page(results, task, trials, tmp_path):
         Image.new("RGB", (160, 80), "red").save(path)
     black = np.zeros((9, 16, 3), dtype=np.uint8)
     pictures = [Rendering("lm", "a success", black, True), Rendering(HOSTILE, f"caption {HOSTILE}", black)]
-    return report_html(task, trials, results, charts, pictures, [f"a note {HOSTILE}"])
+    return report_html(task, trials, results, charts, pictures)
 
 
 class Reader(HTMLParser):
@@ -295,14 +295,14 @@ def test_a_posture_beyond_the_limits_is_drawn(name, needs_gl):
 
 
 def test_what_cannot_be_drawn_is_said_and_a_mistake_is_raised(task, trials, results, tmp_path, needs_gl):
-    write_report(tmp_path / "report.html", task, trials, results, {}, [])
+    write_report(tmp_path / "report.html", task, trials, results, {})
     assert "None: its environment has no `arm`, and the task has no `scene`" in (tmp_path / "report.html").read_text()
 
     def mistaken(env, trial):
         raise ValueError("a mistake")
 
     with pytest.raises(ValueError, match="a mistake"):
-        write_report(tmp_path / "report.html", replace(task, scene=mistaken), trials, results, {}, [])
+        write_report(tmp_path / "report.html", replace(task, scene=mistaken), trials, results, {})
 
 
 @pytest.mark.parametrize("error", [InstallationError("no library"), DrawingError("no memory")])
@@ -311,7 +311,7 @@ def test_without_pictures_a_sentence_says_why(error, task, trials, results, tmp_
         raise error
 
     monkeypatch.setattr("kinreach.compare._report.render_trials", fails)
-    write_report(tmp_path / "report.html", task, trials, results, {}, [])
+    write_report(tmp_path / "report.html", task, trials, results, {})
     assert f"None: {error}" in (tmp_path / "report.html").read_text()
     assert not (tmp_path / "scene.png").exists()
 

@@ -233,8 +233,6 @@ def test_episodes_are_short_unless_options_say_otherwise(monkeypatch, capsys):
 
 
 def test_films_name_the_method_that_acts(monkeypatch):
-    """`analytic` is the closed form, except where a script of its own acts."""
-
     class Seen(Exception):
         pass
 
@@ -242,14 +240,9 @@ def test_films_name_the_method_that_acts(monkeypatch):
         raise Seen(caption.name)
 
     monkeypatch.setattr("kinreach.demo._cli._make", make)
-    cases = (
-        ("single", "analytic", "closed-form"),
-        ("lift", "analytic", "closed-form"),
-        ("button", "analytic", "analytic"),
-    )
-    for env, policy, name in (*cases, ("moving", "interception", "interception")):
+    for env, given, name in (("single", [], "closed-form"), ("button", ["--policy", "analytic"], "analytic")):
         with pytest.raises(Seen, match=f"^{name}$"):
-            main(["demo", "--env", env, "--policy", policy])
+            main(["demo", "--env", env, *given])
 
 
 def test_methods_of_a_comparison_act(capsys):
@@ -264,7 +257,7 @@ def test_methods_of_a_comparison_act(capsys):
     [
         (["--env", "chess"], "button, lift, moving, multi, obstacles, real-arm, single, space"),
         (["--env", "button", "--actuation", "magic"], "report, tuned"),
-        (["--policy", "wisdom"], "closed-form, lm, panda-single, pixels-single, placo, ppo-single, qp, random"),
+        (["--policy", "wisdom"], "closed-form, hybrid, lm, panda-single, pixels-single, placo, ppo-single, qp, random"),
         (["--policy", "space-single"], "unknown policy for kinreach/UR5SingleStep-v0"),
         (["--steps", "0"], "at least 1"),
         (["--print", "money"], "nothing"),

@@ -7,6 +7,7 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import BUTTON, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
+from kinreach.demo._players import new_player
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
@@ -14,7 +15,6 @@ from kinreach.view import _html as html
 from kinreach.view._episodes import Recording, Stopped, circled
 from kinreach.view._figure import Figure
 from kinreach.view._mujoco_scene import MujocoScene, _triangles
-from kinreach.view._players import new_player
 
 
 @pytest.fixture(scope="module")

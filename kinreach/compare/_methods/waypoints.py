@@ -14,7 +14,7 @@ from kinreach.baselines._loop import Policy
 from kinreach.baselines._policies import load_policy
 from kinreach.envs._obstacles import ObstaclesEnv
 from kinreach.envs._reach.task import MULTI_STEP
-from kinreach.errors import InputError, PathError
+from kinreach.errors import PathError
 from kinreach.kinematics import joint_line, plan_path
 
 #: Time limit of a path's search [s].
@@ -73,7 +73,7 @@ def from_above(env: ObstaclesEnv, target: Floats) -> Floats:
 
 def solver_from_above(env: gym.Env[Any, Any]) -> Waypoints:
     """Go to the closed form's nearest acceptable posture in two phases."""
-    world = _among(env)
+    world: Any = env.unwrapped
     return Waypoints(world, lambda observation: from_above(world, _nearest(world)))
 
 
@@ -82,7 +82,7 @@ def free_way(env: gym.Env[Any, Any]) -> Waypoints:
 
     The way is straight, or from above.
     """
-    world = _among(env)
+    world: Any = env.unwrapped
 
     def waypoints(observation: Any) -> Floats:
         goals = world.goal_postures()
@@ -97,7 +97,7 @@ def free_way(env: gym.Env[Any, Any]) -> Waypoints:
 
 def path_to_one(env: gym.Env[Any, Any]) -> Waypoints:
     """Follow a path to the closed form's nearest acceptable posture."""
-    world = _among(env)
+    world: Any = env.unwrapped
     return Waypoints(
         world, lambda observation: plan_path(world.clearance, world.home, _nearest(world), timeout=TIMEOUT)[1:]
     )
@@ -105,7 +105,7 @@ def path_to_one(env: gym.Env[Any, Any]) -> Waypoints:
 
 def path_to_any(env: gym.Env[Any, Any]) -> Waypoints:
     """Follow a path to the first posture that is found at the goal, of all branches and turns of the tool."""
-    world = _among(env)
+    world: Any = env.unwrapped
     return Waypoints(
         world, lambda observation: plan_path(world.clearance, world.home, world.goal_postures(), timeout=TIMEOUT)[1:]
     )
@@ -115,7 +115,8 @@ def trained_posture(name: str) -> Callable[[gym.Env[Any, Any]], Waypoints]:
     """Return a maker of a policy of `kinreach/UR5SingleStep-v0`, whose posture is approached in two phases."""
 
     def make(env: gym.Env[Any, Any]) -> Waypoints:
-        world, policy = _among(env), load_policy(name)
+        world: Any = env.unwrapped
+        policy = load_policy(name)
         return Waypoints(world, lambda observation: from_above(world, world.posture_for(policy.act(observation))))
 
     return make
@@ -123,16 +124,9 @@ def trained_posture(name: str) -> Callable[[gym.Env[Any, Any]], Waypoints]:
 
 def trained_steps(name: str) -> Callable[[gym.Env[Any, Any]], Steps]:
     """Return a maker of a policy of `kinreach/UR5MultiStep-v0`."""
-    return lambda env: Steps(_among(env), load_policy(name))
+    return lambda env: Steps(env.unwrapped, load_policy(name))  # type: ignore[arg-type]
 
 
 def _nearest(world: ObstaclesEnv) -> Floats:
     goals = world.goal_postures()
     return np.asarray(goals[np.abs(goals - world.home).max(axis=1).argmin()])
-
-
-def _among(env: gym.Env[Any, Any]) -> ObstaclesEnv:
-    world = env.unwrapped
-    if not isinstance(world, ObstaclesEnv):
-        raise InputError(f"this method is for kinreach/Obstacles-v0, got {env}")
-    return world

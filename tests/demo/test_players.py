@@ -6,11 +6,11 @@ import pytest
 import kinreach  # noqa: F401
 from kinreach._registration import BUTTON, MOVING, REAL_ARM, SINGLE, SINGLE_KINEMATIC, TRAINING_ENVIRONMENTS
 from kinreach.compare._task import get_task, task_names
+from kinreach.demo._players import new_player, playable, playable_names
 from kinreach.errors import InputError
 from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots import get_arm
 from kinreach.view._episodes import Recording
-from kinreach.view._players import new_player, playable, playable_names
 from tests.cases import slow
 
 #: Beside the page's own: these episodes are watched by nobody.

@@ -1,30 +1,36 @@
-"""Environments that the page plays, and the players for each of them, by name."""
+"""Environments that the demo and the page play, and the players for each of them, by name."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator
 
 from kinreach._objects import load_module
-from kinreach._registration import ENVIRONMENTS, KINEMATIC_ENVIRONMENTS, SINGLE_ENVIRONMENTS
+from kinreach._registration import ENVIRONMENTS, KINEMATIC_ENVIRONMENTS, REAL_ARM, SINGLE_ENVIRONMENTS
 from kinreach.baselines._loop import Policy, RandomPolicy, as_policy
+from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names, trained_arm
+from kinreach.baselines._solver_policy import SolverPolicy
 from kinreach.compare import Method, Task
 from kinreach.compare._methods import resolve_methods
 from kinreach.compare._task import POLICY, get_task, task_names
-from kinreach.demo._tasks import SHORTER, all_trained, solver_policy, trained_for, trained_policy
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._solvers import SOLVERS
+from kinreach.kinematics._solvers import SOLVERS, new_solver
 from kinreach.robots import ArmDescription
 
 RANDOM = "random"
 #: Options of environments that the page lets the user choose.
 ARM, OBSERVATION, BACKEND = "arm", "observation", "backend"
+#: Arm of policies whose card names none.
+TRAINED_ARM = "ur5"
+#: Otherwise than in the comparison: an episode that can be watched to its end.
+SHORTER: Mapping[str, Mapping[str, Any]] = {REAL_ARM: {"balls": 4, "budgets": (0, 5, 20)}}
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,7 @@ def new_player(name: str, env: gym.Env[Any, Any], *, seed: int = 0) -> Policy:
     if name == RANDOM:
         return RandomPolicy(env.action_space, seed=seed)
     if name in SOLVERS and known.solvable:
-        return solver_policy(name, env)
+        return SolverPolicy(new_solver(name, env.get_wrapper_attr("kinematics")), env)
     if name in methods:
         return as_policy(methods[name].make(env))
     if ":" in name:
@@ -133,3 +139,35 @@ def trained_in(environment: str) -> str:
     """Return the id of the environment that policies for this one are trained in: the one with dynamics."""
     points = KINEMATIC_ENVIRONMENTS.get(environment)
     return next((name for name, others in ENVIRONMENTS.items() if others == points), environment)
+
+
+def trained_for(environment: str, arm: str | None = None, *, eyes: bool = False) -> list[str]:
+    """Return names of the package's policies for an environment, of all arms or of the arm of a name.
+
+    With `eyes` those that observe pictures, instead of those that observe the goal.
+    """
+    found = {name: load_policy(name) for name in pretrained_names()}
+    return [
+        name
+        for name, policy in found.items()
+        if policy.card.environment == environment
+        and arm in (None, trained_arm(policy).get("arm", TRAINED_ARM))
+        and bool(policy.network.eyes) == eyes
+    ]
+
+
+def all_trained(environment: str) -> list[str]:
+    """Return names of the package's policies for an environment, of every arm and with eyes or without."""
+    return [*trained_for(environment), *trained_for(environment, eyes=True)]
+
+
+def trained_policy(name: str, environment: str) -> LearnedPolicy | None:
+    """Return a policy of the package for an environment, or from a file; None where the name is of neither."""
+    known = name in all_trained(environment) or bool(Path(name).suffix)
+    return load_policy(name, environment=environment) if known else None
+
+
+def options_for(name: str, environment: str) -> dict[str, Any]:
+    """Return the options that a trained policy needs (`needed_options`); none for other policies."""
+    policy = trained_policy(name, environment)
+    return {} if policy is None else needed_options(policy)
