@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.speed.measure import EachContender, Timings, clock_seconds, interleaved_each, ratios
-from benchmarks.speed.peers.analytic import ANALYTIC
+from benchmarks.speed.peers.analytic import ANALYTIC, make_eaik
 from benchmarks.speed.peers.base import IKPeer, installed, silent
 from benchmarks.speed.peers.numeric import (
     SEARCHES,
@@ -43,10 +43,10 @@ BRANCHES_TEXT = """\
 (reading the clock takes {clock:.2g} us of it). A pose is turned into the peer's own frames before the clock runs.
 
 The formulas, with 20 arctangents and 7 square roots, run in pure Python on floats
-(`kinreach.kinematics._ur.closed_form`); the peers are C++. What bounds the formulas is the interpreter. The public call
-also checks that the pose is a finite rigid motion, and applies joint limits; it takes {public:.3g} times as long as the
-formulas. The array of the postures is made when it is asked for, which takes {array:.2g} times as long as the formulas
-once more.
+(`kinreach.kinematics._ur.closed_form`); the peers are C++. What bounds the formulas is the interpreter. They and
+EAIK are level: which is ahead differs from run to run. The public call also checks that the pose is a finite rigid
+motion, and applies joint limits; it takes {public:.3g} times as long as the formulas. The array of the postures is made
+when it is asked for, which takes {array:.2g} times as long as the formulas once more.
 
 {profiled}: the public call adds some time to the formulas. Two fifths of it go into reading and checking the pose, a
 quarter into the object that it returns, the rest into calls and defaults."""
@@ -125,7 +125,7 @@ TOLERANCE = Tolerance()
 #: A solver stops within the tolerance, as it computes it; ours is computed anew.
 ROUNDING = 1.0 + 1e-6
 LIMIT_SLACK = 1e-6
-NEAREST = "kinreach, nearest"
+NEAREST, EAIK_NEAREST = "kinreach, nearest", "EAIK, nearest branch"
 SEED_COLUMNS = (
     "one posture near a seed", "solved [%]", "from the seed alone [%]", "median [us]", "p95 [us]",
     "x kinreach", "of the rounds",
@@ -134,8 +134,9 @@ SEED_COLUMNS = (
 SEED_TEXT = """\
 {poses} poses of tool0, drawn from postures within +-pi; all start from the same home posture. A posture counts when
 Pinocchio's forward kinematics puts it within {position:g} m and {orientation:g} rad of the pose and all joints are
-within +-pi. The closed form gives the posture nearest to the seed over all branches and windings; the others give some
-posture. Times are of all calls, failures included.
+within +-pi. kinreach gives the posture nearest to the seed over all branches and windings. EAIK has no such call: its
+row is the branch of `IK(T).Q` that is nearest to the seed, which two lines of numpy find. The others give some posture.
+Times are of all calls, failures included.
 
 placo, pink, mink and kinreach's own two solvers run the same loop until the tolerance is met: at most {steps} steps
 an attempt, and up to {restarts} restarts from random postures. Steps of placo, pink, mink and QP last 0.2 s under
@@ -215,10 +216,22 @@ _OWN = ("kinreach, LM", "kinreach, QP")
 
 
 def _makers(seed: Floats) -> dict[str, Callable[[], IKPeer]]:
-    makers: dict[str, Callable[[], IKPeer]] = {name: partial(_loop, kind, seed) for name, kind in _SOLVERS.items()}
+    makers: dict[str, Callable[[], IKPeer]] = {EAIK_NEAREST: partial(_nearest_branch, seed)}
+    makers |= {name: partial(_loop, kind, seed) for name, kind in _SOLVERS.items()}
     makers["roboticstoolbox"] = partial(make_roboticstoolbox, seed, TOLERANCE)
     makers["TRAC-IK"] = partial(make_trac_ik, seed, TOLERANCE)
     return makers
+
+
+def _nearest_branch(seed: Floats) -> IKPeer:
+    """EAIK, and of its branches, whose angles are within +-pi, the one nearest to the seed."""
+    branches = make_eaik()
+
+    def call(T: Floats) -> Floats:
+        q = branches.postures(branches.call(T))
+        return q[np.argsort(((q - seed) ** 2).sum(axis=1))[:1]]
+
+    return IKPeer(f"{branches.note}, then the nearest row", branches.prepare, call, lambda q: q)
 
 
 def _loop(kind: type[Any], seed: Floats) -> IKPeer:

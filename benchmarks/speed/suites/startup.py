@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.speed.child import ChildRun, peak_memory, run_child
-from benchmarks.speed.measure import LAP, Contender, EachContender, Timings, interleaved, interleaved_each
+from benchmarks.speed.measure import LAP, Contender, EachContender, interleaved, interleaved_each
 from benchmarks.speed.sections import Cell, Options, Progress, Section, Target
 from benchmarks.speed.tables import samples, short_of_cores, slow, time_row
 from kinreach.baselines._policies import load_policy
@@ -16,12 +16,12 @@ from kinreach.baselines._policies import load_policy
 AGAIN = "python -m benchmarks.speed --suite startup"
 #: Fresh processes of each kind, at least, but with `--quick`.
 STARTS = 10
-PYTHON, NUMPY, GYMNASIUM = "pass", "import numpy", "import gymnasium"
+PYTHON = "pass"
 OURS, KINEMATICS = "import kinreach", "import kinreach.kinematics"
 PROGRAMS = (
     PYTHON,
-    NUMPY,
-    GYMNASIUM,
+    "import numpy",
+    "import gymnasium",
     OURS,
     KINEMATICS,
     "import kinreach.envs",
@@ -39,8 +39,8 @@ IMPORTS_TEXT = """\
 Each start is a fresh process, from its creation to its end, the interpreter included; files come from the system's
 cache, bytecode is compiled beforehand. Starts take turns. Memory is the most that a process held.
 
-Of what `import kinreach` takes beyond a bare Python, {gymnasium:.0f} % is Gymnasium, numpy included, which by itself is
-{numpy:.0f} %. `import kinreach.kinematics` is that and Pinocchio with coal, shared libraries that have to be loaded."""
+`import kinreach` and `import kinreach.envs` load neither numpy nor Gymnasium: names are imported on first use.
+`import kinreach.kinematics` loads numpy and Pinocchio with coal, shared libraries, and no Gymnasium."""
 
 DECISION_TEXT = """\
 One observation in, one action out (`load_policy(name).act`), call by call. The networks are small and in numpy. The
@@ -62,7 +62,7 @@ def _imports(options: Options, progress: Progress) -> Section:
     contenders = [Contender(f"`{code}`", partial(start, code), 1) for code in PROGRAMS]
     rounds = options.rounds if options.quick else max(options.rounds, STARTS)
     timings = interleaved(contenders, rounds, on_round=lambda done, of: progress("starts", done, of))
-    bare, gymnasium = timings[f"`{PYTHON}`"], float(np.median(timings[f"`{GYMNASIUM}`"]))
+    bare = timings[f"`{PYTHON}`"]
     rows: list[list[Cell]] = []
     for code in PROGRAMS:
         seconds = timings[f"`{code}`"]
@@ -72,7 +72,7 @@ def _imports(options: Options, progress: Progress) -> Section:
         rows.append([f"`{code}`", *milliseconds, beyond, peak_memory(code)])
     return Section(
         title="Imports",
-        text=IMPORTS_TEXT.format(gymnasium=_share(timings, GYMNASIUM), numpy=_share(timings, NUMPY)),
+        text=IMPORTS_TEXT,
         columns=(
             "`python -c`",
             "wall, median [ms]",
@@ -90,18 +90,12 @@ def _imports(options: Options, progress: Progress) -> Section:
                 "at most",
                 float(np.median(timings[f"`{code}`"])),
                 "s",
-                _busy(starts[code]) or f"`{GYMNASIUM}` alone took {gymnasium:.2g} s of it",
+                _busy(starts[code]) or f"a bare Python alone took {np.median(bare):.2g} s of it",
             )
             for code, bound in LONGEST.items()
         ],
         samples=samples(timings),
     )
-
-
-def _share(timings: Timings, code: str) -> float:
-    """What a program takes beyond a bare Python, as a share of what our import takes beyond it [%]."""
-    bare, part, ours = (timings[f"`{name}`"] for name in (PYTHON, code, OURS))
-    return float(100 * np.median((part - bare) / (ours - bare)))
 
 
 def _busy(starts: list[ChildRun]) -> str:

@@ -32,7 +32,7 @@ MODULES = {"pink": "pink", "mink": "mink", "ikpy": "ikpy", "roboticstoolbox": "r
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("name", [*ik_single._SOLVERS, "roboticstoolbox", "TRAC-IK"])
+@pytest.mark.parametrize("name", ik_single._makers(HOME))
 def test_seeded_peers_reach(name):
     if name in MODULES:
         pytest.importorskip(MODULES[name], exc_type=ImportError)
@@ -47,6 +47,13 @@ def test_seeded_peers_reach(name):
             assert FLANGE.within_limits(q, tolerance=1e-6)
             solved += 1
     assert solved >= 14
+
+
+def test_the_nearest_branch_of_eaik_is_ours():
+    peer = ik_single._makers(HOME)[ik_single.EAIK_NEAREST]()
+    for pose in random_poses(np.random.default_rng(5), 50):
+        (q,) = peer.solve(pose)
+        assert q == pytest.approx(FLANGE.nearest(pose, HOME).q, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ANALYTIC)
