@@ -5,16 +5,22 @@
     expression = term {"-" term} [">" term {"-" term}] {"or" ...}
     term       = NUMBER | STRING | "True" | "False" | NAME | NAME "[" expression "]" | call | list | "p" list | "-" term
 
+A statement is a line, and so is each of "def", "if", "else:" and "end". Expressions are written as in Python.
+
 A function that is not in `FUNCTIONS`, an argument that it does not have, and a name that was not assigned before are
 refused when the text is read, before anything moves, as a controller refuses them.
 """
 
 from __future__ import annotations
 
-import math
+import ast
 import re
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial, reduce
+from sys import float_info
+from typing import Any
 
 from kinreach._checks import shown
 from kinreach.errors import InputError
@@ -38,10 +44,14 @@ FUNCTIONS: Mapping[str, Mapping[str, float | bool | str | None]] = {
 }
 #: Functions that return a value, only for expressions.
 VALUES = ("get_actual_joint_positions", "norm")
-_TOKEN = re.compile(
-    r"(?P<space>[ \t\r]+|\#[^\n]*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<string>\"[^\"\n]*\")|"
-    r"(?P<pose>p(?=\[))|(?P<name>[A-Za-z_]\w*)|(?P<line>\n)|(?P<sign>[()\[\],:=>-])"
+#: The signs of a line without its comment, which is not in the first group; other signs are refused.
+_TOKENS = re.compile(
+    r"((?:[ \t\r]|(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?+\d++)?+(?![\w.])|\"[^\"\\]*+\"|[A-Za-z_]\w*+|[()\[\],:=>-])*+)"
+    r"(?:#.*+)?+",
+    re.ASCII,
 )
+_DEF, _IF = re.compile(r"def\s+(\w+)\s*\(\s*\)\s*:"), re.compile(r"if\b(.*):")
+_ASSIGNMENT = re.compile(r"(\w+)\s*=(?!=)(.*)")
 _KEYWORDS = ("def", "end", "if", "else", "or", "True", "False")
 
 
@@ -132,251 +142,156 @@ class Script:
 def parse(text: str) -> Script:
     if len(text) > MAX_CHARACTERS:
         raise ScriptError(1, f"a program may have {MAX_CHARACTERS} characters, got {len(text)}")
-    return _Parser(text).program()
+    reader = _Reader(text)
+    line, code = reader.next()
+    if found := _DEF.fullmatch(code):
+        script = Script(found[1], reader.body("end")[0])
+    else:
+        script = Script("", (reader.statement(line, code),))
+    if reader.lines:
+        raise ScriptError(
+            reader.lines[0][0], f"syntax error: nothing more is expected, got {shown(reader.lines[0][1])}"
+        )
+    return script
 
 
-class _Parser:
+class _Reader:
+    """Reads a program line by line; Python's own parser, which runs nothing, divides what is within a line."""
+
     def __init__(self, text: str) -> None:
-        self.tokens: list[tuple[str, str, int]] = []
-        self.place, self.depth, self.known = 0, 0, set[str]()
-        line, at = 1, 0
-        for found in _TOKEN.finditer(text):
-            if found.start() != at:
-                break
-            kind, at = str(found.lastgroup), found.end()
-            if kind == "line":
-                self.tokens.append((kind, "\n", line))
-                line += 1
-            elif kind != "space":
-                self.tokens.append((kind, found[0], line))
-        if at < len(text):
-            raise ScriptError(line, f"syntax error at {shown(text[at])}")
-        self.tokens.append(("line", "\n", line))
-        self.tokens.append(("end of the program", "", line))
+        lines = text.split("\n")
+        self.lines: deque[tuple[int, str]] = deque()
+        self.last, self.depth, self.known = len(lines), 0, set[str]()
+        for line, content in enumerate(lines, start=1):
+            found: Any = _TOKENS.match(content)
+            if found.end() < len(content):
+                raise ScriptError(line, f"syntax error at {shown(content[found.end()])}")
+            if code := found[1].strip():
+                self.lines.append((line, code))
 
-    @property
-    def line(self) -> int:
-        return self.tokens[self.place][2]
+    def next(self) -> tuple[int, str]:
+        if not self.lines:
+            raise ScriptError(self.last, "syntax error: the program ends where a statement is expected")
+        return self.lines.popleft()
 
-    def next_is(self, text: str) -> bool:
-        return self.tokens[self.place][1] == text
-
-    def take(self, text: str) -> None:
-        if not self.next_is(text):
-            self.refuse(f"{shown(text)} is expected")
-        self.place += 1
-
-    def take_kind(self, kind: str) -> str:
-        if self.tokens[self.place][0] != kind:
-            self.refuse(f"a {kind} is expected")
-        self.place += 1
-        return self.tokens[self.place - 1][1]
-
-    def refuse(self, why: str) -> None:
-        kind, text, line = self.tokens[self.place]
-        raise ScriptError(line, f"syntax error: {why}, got {shown(text) if text else kind}")
-
-    def skip_lines(self) -> None:
-        while self.tokens[self.place][0] == "line":
-            self.place += 1
-
-    def program(self) -> Script:
-        self.skip_lines()
-        name, body = "", []
-        if self.next_is("def"):
-            self.place += 1
-            name = self.take_kind("name")
-            for sign in "():":
-                self.take(sign)
-            body = self.body("end")
-            self.take("end")
-            self.take("\n")
-        else:
-            body = [self.statement()]
-        self.skip_lines()
-        if self.tokens[self.place][1]:
-            self.refuse("nothing more is expected")
-        return Script(name, tuple(body))
-
-    def body(self, *ends: str) -> list[Statement]:
-        self.take("\n")
-        self.go_deeper()
+    def body(self, *ends: str) -> tuple[tuple[Statement, ...], str]:
+        """Read statements up to one of the ends; return that, too."""
+        self.depth += 1
         statements: list[Statement] = []
-        self.skip_lines()
-        while not any(map(self.next_is, ends)):
-            statements.append(self.statement())
-            self.skip_lines()
+        while (found := self.next())[1] not in ends:
+            if self.depth > MAX_DEPTH:
+                raise ScriptError(found[0], f"more than {MAX_DEPTH} levels within one another")
+            statements.append(self.statement(*found))
         self.depth -= 1
-        return statements
+        return tuple(statements), found[1]
 
-    def statement(self) -> Statement:
-        line = self.line
-        if self.next_is("if"):
-            return self.choice()
-        name = self.take_kind("name")
-        if self.next_is("="):
-            self.check_name(name)
-            self.place += 1
-            value = self.expression()
-            self.take("\n")
+    def statement(self, line: int, code: str) -> Statement:
+        if found := _IF.fullmatch(code):
+            return self.choice(line, found[1])
+        if found := _ASSIGNMENT.fullmatch(code):
+            name = found[1]
+            if name in _KEYWORDS or name in FUNCTIONS:
+                raise ScriptError(line, f"compile error: {shown(name)} cannot be a variable")
+            value = self.expression(found[2], line)
             self.known.add(name)
             return Assignment(name, value, line)
-        if not self.next_is("("):
-            raise ScriptError(line, f"compile error: {shown(name)} is not in the URScript that kinreach runs")
-        if name in VALUES:
-            raise ScriptError(line, f"compile error: the value of {name} is not used")
-        call = self.call(name, line)
-        self.take("\n")
+        tree = self.tree(code, line)
+        if not isinstance(tree, ast.Call):
+            raise ScriptError(line, f"compile error: {shown(code)} is not in the URScript that kinreach runs")
+        call = self.call(tree, line)
+        if call.function in VALUES:
+            raise ScriptError(line, f"compile error: the value of {call.function} is not used")
         return call
 
-    def choice(self) -> Choice:
-        line = self.line
-        self.take("if")
-        condition = self.expression()
-        self.take(":")
+    def choice(self, line: int, condition: str) -> Choice:
+        asked = self.expression(condition, line)
         before = set(self.known)
-        then = self.body("else", "end")
-        in_then, self.known = self.known, set(before)
-        otherwise: list[Statement] = []
-        if self.next_is("else"):
-            self.place += 1
-            self.take(":")
-            otherwise = self.body("end")
+        then, end = self.body("else:", "end")
+        in_then, self.known = self.known, before
+        otherwise = self.body("end")[0] if end == "else:" else ()
         self.known &= in_then
-        self.take("end")
-        self.take("\n")
-        return Choice(condition, tuple(then), tuple(otherwise), line)
+        return Choice(asked, then, otherwise, line)
 
-    def expression(self) -> Expression:
-        if (number := self.plain_number()) is not None:
-            return number
-        value = self.comparison()
-        while self.next_is("or"):
-            self.place += 1
-            value = Operation("or", value, self.comparison())
-        return value
+    def expression(self, code: str, line: int) -> Expression:
+        return self.value(self.tree(code, line), line)
 
-    def comparison(self) -> Expression:
-        value = self.difference()
-        if self.next_is(">"):
-            self.place += 1
-            value = Operation(">", value, self.difference())
-        return value
+    def tree(self, code: str, line: int) -> ast.expr:
+        try:
+            return ast.parse(code.strip(), mode="eval").body
+        except SyntaxError as error:
+            raise ScriptError(line, f"syntax error: {error.msg}, in {shown(code)}") from None
+        except (ValueError, MemoryError, RecursionError):  # a number of too many digits, or too many brackets
+            raise ScriptError(line, f"syntax error in {shown(code)}") from None
 
-    def difference(self) -> Expression:
-        value = self.term()
-        while self.next_is("-"):
-            self.place += 1
-            value = Operation("-", value, self.term())
-        return value
+    def value(self, tree: ast.expr, line: int, depth: int = 0) -> Expression:
+        if depth > MAX_DEPTH:
+            raise ScriptError(line, f"more than {MAX_DEPTH} levels within one another")
 
-    def term(self) -> Expression:
-        kind, text, line = self.tokens[self.place]
-        self.place += 1
-        if kind == "number":
-            if not math.isfinite(float(text)):
-                raise ScriptError(line, f"syntax error: {shown(text)} is too large")
-            return Constant(float(text))
-        if kind == "string":
-            return Constant(text[1:-1])
-        if text == "-":
-            self.go_deeper()
-            value = self.term()
-            self.depth -= 1
-            if isinstance(value, Constant) and isinstance(value.value, float):
-                return Constant(-value.value)
-            return Negative(value)
-        if text in ("True", "False"):
-            return Constant(text == "True")
-        if kind == "pose" or text == "[":
-            if kind == "pose":
-                self.take("[")
-            return Numbers(tuple(self.entries("]")), kind == "pose")
-        if kind != "name" or text in _KEYWORDS:
-            self.place -= 1
-            self.refuse("a value is expected")
-        if self.next_is("("):
-            if text in FUNCTIONS and text not in VALUES:
-                raise ScriptError(line, f"compile error: {text} returns no value")
-            return self.call(text, line)
-        if text not in self.known:
-            raise ScriptError(line, f"compile error: name {shown(text)} is not defined")
-        if not self.next_is("["):
-            return Name(text)
-        self.place += 1
-        index = self.expression()
-        self.take("]")
-        return Entry(text, index)
+        def inner(part: ast.expr) -> Expression:
+            return self.value(part, line, depth + 1)
 
-    def entries(self, end: str) -> list[Expression]:
-        self.go_deeper()
-        values: list[Expression] = []
-        while not self.next_is(end):
-            if values:
-                self.take(",")
-            values.append(self.expression())
-        self.place += 1
-        self.depth -= 1
-        return values
+        match tree:
+            case ast.Constant(value=bool() | str() as value):
+                return Constant(value)
+            case ast.Constant(value=int() | float() as number):
+                if not abs(number) <= float_info.max:
+                    raise ScriptError(line, f"syntax error: {shown(number)} is too large")
+                return Constant(float(number))
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                negated = inner(operand)
+                if isinstance(negated, Constant) and isinstance(negated.value, float):
+                    return Constant(-negated.value)
+                return Negative(negated)
+            case ast.List(elts=entries):
+                return Numbers(tuple(map(inner, entries)), is_pose=False)
+            case ast.Subscript(value=ast.Name(id="p"), slice=entries):
+                parts = entries.elts if isinstance(entries, ast.Tuple) else [entries]
+                return Numbers(tuple(map(inner, parts)), is_pose=True)
+            case ast.Subscript(value=ast.Name(id=name), slice=index):
+                return Entry(self.defined(name, line), inner(index))
+            case ast.Name(id=name):
+                return Name(self.defined(name, line))
+            case ast.BinOp(op=ast.Sub(), left=left, right=right):
+                return Operation("-", inner(left), inner(right))
+            case ast.Compare(left=left, ops=[ast.Gt()], comparators=[right]):
+                return Operation(">", inner(left), inner(right))
+            case ast.BoolOp(op=ast.Or(), values=sides):
+                return reduce(partial(Operation, "or"), map(inner, sides))
+            case ast.Call():
+                call = self.call(tree, line, depth)
+                if call.function not in VALUES:
+                    raise ScriptError(line, f"compile error: {call.function} returns no value")
+                return call
+        raise ScriptError(line, "syntax error: a value is expected that the URScript of kinreach has")
 
-    def plain_number(self) -> Constant | None:
-        """Parse a number that is a whole argument or entry, as most of a long program is; None if it is not one."""
-        negative = self.tokens[self.place][1] == "-"
-        kind, text, _ = self.tokens[self.place + negative]
-        if kind != "number" or self.tokens[self.place + negative + 1][1] not in (",", "]", ")"):
-            return None
-        value = float(text)
-        if not math.isfinite(value):
-            return None
-        self.place += 1 + negative
-        return Constant(-value if negative else value)
+    def defined(self, name: str, line: int) -> str:
+        if name not in self.known:
+            raise ScriptError(line, f"compile error: name {shown(name)} is not defined")
+        return name
 
-    def call(self, function: str, line: int) -> Call:
+    def call(self, tree: ast.Call, line: int, depth: int = 0) -> Call:
+        function = tree.func.id if isinstance(tree.func, ast.Name) else ""
         if function not in FUNCTIONS:
             raise ScriptError(line, f"compile error: function {shown(function)} is not in the URScript that kinreach "
                               f"runs: {', '.join(FUNCTIONS)}")  # fmt: skip
         parameters = FUNCTIONS[function]
-        self.take("(")
-        self.go_deeper()
-        given: dict[str, Expression] = {}
-        while not self.next_is(")"):
-            if given:
-                self.take(",")
-            name = self.parameter(function, given, line)
-            given[name] = self.expression()
-        self.place += 1
-        self.depth -= 1
+        if len(tree.args) > len(parameters):
+            raise ScriptError(line, f"compile error: {function} has {len(parameters)} arguments, got {len(tree.args)}")
+        given = dict(zip(parameters, tree.args, strict=False))
+        for keyword in tree.keywords:
+            if keyword.arg is None or keyword.arg in given or keyword.arg not in parameters:
+                known = ", ".join(parameters) or "none"
+                raise ScriptError(
+                    line, f"compile error: {function} has no free argument {shown(keyword.arg)}; it has: {known}"
+                )
+            given[keyword.arg] = keyword.value
+        arguments: dict[str, Expression] = {name: self.value(value, line, depth + 1) for name, value in given.items()}
         for name, default in parameters.items():
             if name not in given:
                 if default is None:
                     raise ScriptError(line, f"compile error: {function} needs the argument {name}")
-                given[name] = Constant(default)
-        return Call(function, given, line)
-
-    def parameter(self, function: str, given: Mapping[str, Expression], line: int) -> str:
-        """Name of the next argument: as it is written, or by its place."""
-        parameters = list(FUNCTIONS[function])
-        if self.tokens[self.place][0] == "name" and self.tokens[self.place + 1][1] == "=":
-            name = self.take_kind("name")
-            self.take("=")
-            if name in given or name not in parameters:
-                known = ", ".join(parameters) or "none"
-                raise ScriptError(
-                    line, f"compile error: {function} has no free argument {shown(name)}; it has: {known}"
-                )
-            return name
-        if len(given) >= len(parameters) or list(given) != parameters[: len(given)]:
-            raise ScriptError(line, f"compile error: {function} has {len(parameters)} arguments, by place before name")
-        return parameters[len(given)]
-
-    def check_name(self, name: str) -> None:
-        if name in _KEYWORDS or name in FUNCTIONS:
-            raise ScriptError(self.line, f"compile error: {shown(name)} cannot be a variable")
-
-    def go_deeper(self) -> None:
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise ScriptError(self.line, f"more than {MAX_DEPTH} levels within one another")
+                arguments[name] = Constant(default)
+        return Call(function, arguments, line)
 
 
 def is_number(value: object) -> bool:
