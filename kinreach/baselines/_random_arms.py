@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from copy import deepcopy
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -121,11 +120,6 @@ class RandomArmEpisodes:
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         self._streams.seed(index, rng)
-
-    def copy_from(self, other: RandomArmEpisodes) -> None:
-        self._streams.copy_from(other._streams)
-        others = {name: value for name, value in vars(other).items() if name not in ("chain", "_streams")}
-        self.__dict__.update(deepcopy(others))
 
     def begin(self, ids: Ids, start: RandomArmStart = ALL_DRAWN) -> None:
         errors, ball, budget, moves, look_noise, ball_noise, noise = np.split(
@@ -244,7 +238,6 @@ class RandomArmVectorEnv(NativeVectorEnv):
             check_actions=partial(check_actions, count=num_envs),
             check_start=_no_start,
             autoreset_mode=autoreset_mode,
-            made_with={"num_envs": num_envs, "autoreset_mode": autoreset_mode},
         )
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 from gymnasium import spaces
@@ -74,9 +73,6 @@ class RowStreams:
         self._rngs[index] = rng
         self._next[index] = ROWS_AHEAD
 
-    def copy_from(self, other: RowStreams) -> None:
-        self._rngs, self._ahead, self._next = deepcopy((other._rngs, other._ahead, other._next))
-
     def draw(self, ids: np.ndarray) -> Floats:
         """Draw the next row of each of the given environments, shape (len(ids), size)."""
         return self._taken(ids).copy()
@@ -120,10 +116,6 @@ class Episodes(Protocol):
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generator."""
-        ...
-
-    def copy_from(self, other: Any) -> None:
-        """Copy the state of another object of the same kind and size."""
         ...
 
     def begin(self, ids: Ids, start: Any = ...) -> None:
@@ -202,7 +194,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         autoreset_mode: Gymnasium's, or its value.
         picture: Draws one environment, for `render_mode="rgb_array"`.
         device: Of torch, such as `"cuda"` or `"cpu"`; None for arrays of numpy.
-        made_with: Keywords of the constructor, for `copy.deepcopy`, which copies the whole state.
+        numbers_only: Whether `info` has numbers only.
 
     Raises:
         InputError: Unknown mode, or no such device.
@@ -227,7 +219,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         picture: BatchPicture | None = None,
         device: str | None = None,
-        made_with: Mapping[str, Any],
+        numbers_only: bool = False,
     ) -> None:
         try:
             mode = AutoresetMode(autoreset_mode)
@@ -243,24 +235,13 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self.observation_space = batch_space(observation_space, num_envs)
         self._episodes = episodes
         self._check_actions, self._check_start = check_actions, check_start
-        self._mode, self._picture, self._made_with = mode, picture, made_with
+        self._mode, self._picture, self._numbers_only = mode, picture, numbers_only
         self._device = None if device is None else as_device(device)
         self.autoreset_mode = mode  # where TorchRL looks for it
-        self._numbers_only = made_with.get("info") == "numbers"
         self._everyone = np.arange(num_envs)
         self._started = False
         self._starting: frozenset[str] = frozenset()
         self._ended = np.zeros(num_envs, dtype=np.bool_)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        twin = type(self)(**self._made_with)
-        for name in ("single_action_space", "single_observation_space", "action_space", "observation_space"):
-            setattr(twin, name, deepcopy(getattr(self, name)))
-        twin.spec = self.spec
-        twin._started, twin._ended = self._started, self._ended.copy()
-        twin._starting = self._starting
-        twin._episodes.copy_from(self._episodes)
-        return twin
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

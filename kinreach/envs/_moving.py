@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -212,12 +211,6 @@ class MovingEpisodes:
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generator."""
         self._rngs[index] = rng
-
-    def copy_from(self, other: MovingEpisodes) -> None:
-        """Copy the state of another object with as many environments."""
-        self.__dict__.update(
-            deepcopy({name: value for name, value in vars(other).items() if name not in ("arm", "chain", "checker")})
-        )
 
     def begin(self, ids: Ids, start: MovingStart = ALL_DRAWN) -> None:
         """Draw other balls; the arms rest in their start posture."""
@@ -463,7 +456,6 @@ class MovingVectorEnv(NativeVectorEnv):
             check_actions=partial(check_actions, count=num_envs),
             check_start=partial(check_start, count=num_envs),
             autoreset_mode=autoreset_mode,
-            made_with=dict(options, num_envs=num_envs, autoreset_mode=autoreset_mode),
         )
         self.metadata = {**self.metadata, "render_fps": FRAMES}
 

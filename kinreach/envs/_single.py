@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from copy import deepcopy
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -83,24 +82,14 @@ class SingleEnv(gym.Env[Any, Any]):
         return first_row(info)
 
 
-class CopyableEnv(SingleEnv, EzPickle):
-    """An environment that `copy.deepcopy` copies with its whole state, generators included.
+class DrawnEnv(SingleEnv, EzPickle):
+    """An environment with a `render_mode`.
 
-    Renderers are not copied but made anew with the first frame. Pickling keeps only the options, as in Gymnasium: reset
-    the result before its first step.
+    Copies and pickles keep only the options, as in Gymnasium: reset the result before its first step.
     """
 
     options: Any
     _picture: ScenePicture | None
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        twin = type(self)(**self._ezpickle_kwargs)
-        twin._np_random, twin._np_random_seed = deepcopy((self._np_random, self._np_random_seed))
-        twin.action_space, twin.observation_space = deepcopy((self.action_space, self.observation_space))
-        twin.spec = self.spec
-        twin._started, twin._over = self._started, self._over
-        twin._episodes.copy_from(self._episodes)
-        return twin
 
     def render(self) -> Any:
         """Draw a frame in the `render_mode`; with "human" update the viewer.
@@ -122,7 +111,7 @@ class CopyableEnv(SingleEnv, EzPickle):
         return numbers_of(row) if self.options.info == "numbers" else row
 
 
-class ArmEnv(CopyableEnv):
+class ArmEnv(DrawnEnv):
     """An environment with one arm; a subclass sets `_task` and `_simulation`."""
 
     _task: Any

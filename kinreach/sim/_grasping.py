@@ -150,14 +150,6 @@ class Grasping:
     def put_back(self, ids: Ids, states: Floats) -> None:
         self._plant.put_back(ids, states)
 
-    def copy_from(self, other: Grasping) -> None:
-        """Copy objects and full states of as many other simulations of the same scene."""
-        everyone = np.arange(self.count)
-        for which, kinds in enumerate(other._kinds):
-            self._make(everyone, which, kinds)
-        self._table[:] = other._table
-        self._plant.put(everyone, other._plant.states(everyone))
-
     @property
     def q(self) -> Floats:
         """Postures [rad], shape (count, n)."""

@@ -130,10 +130,6 @@ class ArmSimulation:
         target = as_vector("q_target", q_target, len(self.arm.joints))
         return self.controller.move(self._plant, self._only, target[None], two_phase=two_phase)[0]
 
-    def copy_state(self, other: ArmSimulation) -> None:
-        """Copy the whole state of another simulation of the same arm."""
-        self._plant.put(self._only, other._plant.states(other._only))
-
     @property
     def watch(self) -> Callable[[], object] | None:
         """Called after every control period of a move (0.008 s), for example to draw it; must not change the state."""
@@ -310,11 +306,6 @@ class BatchSimulation:
         ids = self._as_ids(ids)
         targets = self._as_rows("targets", targets, len(ids), len(self.arm.joints))
         return self.controller.move(self._plant, ids, targets, two_phase=two_phase)
-
-    def copy_states(self, other: BatchSimulation) -> None:
-        """Copy the whole states of another batch of the same arm and size."""
-        everyone = np.arange(self.count)
-        self._plant.put(everyone, other._plant.states(everyone))
 
     @property
     def q(self) -> Floats:

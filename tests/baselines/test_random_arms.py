@@ -1,6 +1,5 @@
 """Arms with random errors: what looks say of them is what is true of them, and a policy learns from it."""
 
-from copy import deepcopy
 from dataclasses import replace
 
 import gymnasium as gym
@@ -117,16 +116,6 @@ def test_a_single_environment_is_that_of_the_batch(env):
 def test_nothing_of_an_episode_can_be_asked_for(env):
     with pytest.raises(InputError, match="unknown reset options"):
         env.reset(options={"goal": np.zeros((COUNT, 3))})
-
-
-def test_a_copy_goes_on_alike(env):
-    actions = np.random.default_rng(0).uniform(-1, 1, (6, COUNT, 6))
-    env.step(actions[0])
-    twin = deepcopy(env)
-    for action in actions[1:]:
-        for ours, theirs in zip(env.step(action)[:4], twin.step(action)[:4], strict=True):
-            np.testing.assert_array_equal(ours, theirs)
-    np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
 
 
 def test_arms_balls_and_noise_are_as_large_as_promised(env):

@@ -1,6 +1,5 @@
 """Batches that speak torch: the numbers are those of the same batch in numpy, whoever computed them."""
 
-import copy
 import sys
 
 import gymnasium as gym
@@ -62,16 +61,6 @@ def test_tensors_are_the_arrays(task, mode, device):
     assert {value.device.type for value in given[:4]} == {device}
     assert compared >= 4 * 10
     assert ends >= (0 if task == "multi" else COUNT)
-
-
-def test_a_mask_of_tensors_restarts_and_a_copy_goes_on_alike():
-    env = batch("single", autoreset_mode="Disabled", device="cpu")
-    env.reset(seed=0)
-    _, _, terminated, truncated, _ = env.step(torch.zeros(COUNT, 6))
-    twin = copy.deepcopy(env)
-    mask = terminated | truncated
-    assert mask.all()
-    assert torch.equal(env.reset(options={"reset_mask": mask})[0], twin.reset(options={"reset_mask": mask})[0])
 
 
 def test_on_the_processor_memory_is_shared():

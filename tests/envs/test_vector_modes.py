@@ -1,6 +1,5 @@
-"""Native batches as Gymnasium's users have them: when episodes start anew, Gymnasium's wrappers, copies, pictures."""
+"""Native batches as Gymnasium's users have them: when episodes start anew, Gymnasium's wrappers, pictures."""
 
-import copy
 from itertools import product
 
 import gymnasium as gym
@@ -236,45 +235,6 @@ def test_a_refused_reset_changes_nothing(task):
                     one.reset(seed=1, options={"gaol": [0.4, 0, -0.175]})
         goals.append(np.vstack([env.reset()[1]["goal"], native.reset()[1]["goal"]]))
     np.testing.assert_array_equal(*goals)
-
-
-@pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("kind", ["single", "wrapped", "batch"])
-def test_a_copy_goes_on_as_the_original_does(task, kind):
-    """Action for action, through the ends of episodes: states, goals and generators."""
-    name, own = TASKS[task]
-    env = batch(task) if kind == "batch" else gym.make(name, **own)
-    env = env.unwrapped if kind == "single" else env
-    env.reset(seed=5)
-    env.action_space.seed(1)
-    if not task.startswith("single"):
-        for _ in range(3):
-            env.step(env.action_space.sample())
-    twin = copy.deepcopy(env)
-    compared = 0
-    for _ in range(4):
-        action = env.action_space.sample()
-        np.testing.assert_array_equal(action, twin.action_space.sample())
-        one, other = env.step(action), twin.step(action)
-        for first, second in zip(one[:4], other[:4], strict=True):
-            np.testing.assert_array_equal(first, second)
-        np.testing.assert_array_equal(one[4]["goal"], other[4]["goal"])
-        compared += 1
-        if kind != "batch" and (one[2] or one[3]):
-            np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
-    assert compared == 4
-    env.step(env.action_space.sample())  # what becomes of one is nothing to the other
-    np.testing.assert_array_equal(twin.reset(seed=9)[0], env.reset(seed=9)[0])
-
-
-def test_a_copy_has_generators_of_its_own_for_the_cameras_noise(needs_gl):
-    env = gym.make(SINGLE, backend="kinematic", observation="camera", depth_noise=0.003, width=160, height=90).unwrapped
-    env.reset(seed=5)
-    twin = copy.deepcopy(env)
-    for _ in range(2):
-        np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
-    env.close()
-    twin.close()
 
 
 @pytest.mark.parametrize("task", ["single", "multi", "button"])

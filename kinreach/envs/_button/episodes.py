@@ -167,14 +167,6 @@ class ButtonEpisodes:
         self._streams.seed(index, rng)
         self._has_target[index] = False
 
-    def copy_from(self, other: ButtonEpisodes) -> None:
-        self.world.copy_from(other.world)
-        self._streams.copy_from(other._streams)
-        for name in (
-            "goals", "_has_target", "_state", "_control", "_pushed", "_steps", "_wrong_presses", "_energy", "_seen",
-        ):  # fmt: skip
-            setattr(self, name, getattr(other, name).copy())
-
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
         goals, q = option_rows(options, {"goal": 3, "q": JOINTS}, count)
         if goals is not None:

@@ -55,7 +55,7 @@ class ButtonPressVectorEnv(NativeVectorEnv):
             autoreset_mode=autoreset_mode,
             picture=None if given.render_mode is None else _picture(given, episodes),
             device=device,
-            made_with=dict(options, num_envs=num_envs, threads=threads, autoreset_mode=autoreset_mode, device=device),
+            numbers_only=given.info == "numbers",
         )
         self.metadata = {**self.metadata, "render_fps": round(1 / given.motors.period)}
 

@@ -22,7 +22,6 @@ from kinreach.sim._visuals import DRAWN_ONLY, add_camera
 Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 #: Targets are in the four diagonal directions; the arm's own overview has two of them behind the arm.
 OVERVIEW = CameraMount(CAMERA, "world", (2.35, -0.35, 1.35), (0.0, 0.0, 0.46), fovy=37.0)
 FLOOR = "floor"
@@ -164,8 +163,6 @@ class TorqueWorld(Protocol):
         """Simulate one step of the environment under controls, shape (count, 3), of all arms or of those that act."""
         ...
 
-    def copy_from(self, other: Any) -> None: ...
-
     def show(self, state: ButtonState) -> None: ...
 
 
@@ -202,13 +199,6 @@ class SingleTorqueWorld:
         mujoco.mj_step(self.model, self.data, self._frame_skip)
         mujoco.mj_kinematics(self.model, self.data)  # after a step the poses are those before its last substep
 
-    def copy_from(self, other: SingleTorqueWorld) -> None:
-        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
-        mujoco.mj_getState(other.model, other.data, state, _STATE)
-        mujoco.mj_setState(self.model, self.data, state, _STATE)
-        mujoco.mj_fwdPosition(self.model, self.data)
-        self._target = other._target.copy()
-
     def show(self, state: ButtonState) -> None:
         self._drawing.show(self.data.mocap_pos, self._target, state)
         if self.watch is not None:
@@ -243,10 +233,6 @@ class BatchTorqueWorld:
         self._ctrl[:] = control
         ids = None if acting is None else np.flatnonzero(acting)
         self._batch.step(ids=ids, nstep=self._frame_skip, stage=mujoco.mjtStage.mjSTAGE_POS)
-
-    def copy_from(self, other: BatchTorqueWorld) -> None:
-        self._batch.state[:] = other._batch.state
-        self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
 
     def show(self, state: ButtonState) -> None:
         """Do nothing: a batch is not drawn."""

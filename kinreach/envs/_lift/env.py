@@ -223,5 +223,5 @@ class LiftVectorEnv(NativeVectorEnv):
             check_actions=partial(task.check_actions, count=num_envs),
             check_start=partial(task.reset_options, count=num_envs),
             autoreset_mode=autoreset_mode,
-            made_with={"num_envs": num_envs, "threads": threads, "autoreset_mode": autoreset_mode, **options},
+            numbers_only=given.info == "numbers",
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -75,13 +74,6 @@ class LiftEpisodes:
         """Give an environment its own generators: of starts, and of the cameras' noise."""
         starts, self._sensors[index] = rng.spawn(2)
         self._streams.seed(index, starts)
-
-    def copy_from(self, other: LiftEpisodes) -> None:
-        kept = ("task", "world", "_camera", "_pixels", "_streams")
-        self.__dict__.update(deepcopy({name: value for name, value in vars(other).items() if name not in kept}))
-        self._streams.copy_from(other._streams)
-        if self.world is not None and other.world is not None:
-            self.world.copy_from(other.world)
 
     def begin(self, ids: Ids, start: LiftStart = ALL_DRAWN) -> None:
         rows = self._streams.draw(ids)

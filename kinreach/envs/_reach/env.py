@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.utils import EzPickle
@@ -70,11 +70,6 @@ class ReachEnv(ArmEnv):
     @classmethod
     def _new_task(cls, options: Mapping[str, Any]) -> ReachTask:
         return ReachTask(options_from(ReachOptions, options), cls.variant)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        twin = super().__deepcopy__(memo)
-        twin._follow()
-        return twin
 
     def accept(self, q: ArrayLike) -> bool:
         """Return whether a posture [rad], shape (n,), is free of collisions, and natural where that is rewarded.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -57,21 +56,6 @@ class ReachEpisodes:
         """Give an arm its own generators, for goals and for noise."""
         goal_rng, self._sensors[index] = rng.spawn(2)
         self._streams.seed(index, goal_rng)
-
-    def copy_from(self, other: ReachEpisodes) -> None:
-        self.world.copy_from(other.world)
-        self._streams.copy_from(other._streams)
-        self.goals, self.found, self.seen = other.goals.copy(), other.found.copy(), other.seen.copy()
-        self._sensors = deepcopy(other._sensors)
-        self._pictures = {name: part.copy() for name, part in other._pictures.items()}
-        for mine, theirs in (
-            (self.directions, other.directions),
-            (self._observation, other._observation),
-            (self._steps, other._steps),
-            (self._move_time, other._move_time),
-            (self._changed, other._changed),
-        ):
-            mine[:] = theirs
 
     def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
         """Start new episodes with given values or drawn ones; goals are measured once, from the start pose."""

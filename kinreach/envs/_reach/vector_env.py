@@ -95,14 +95,7 @@ class ReachVectorEnv(NativeVectorEnv):
             autoreset_mode=autoreset_mode,
             picture=None if given.render_mode is None else _picture(episodes),
             device=device,
-            made_with={
-                "num_envs": num_envs,
-                "variant": variant,
-                "threads": threads,
-                "autoreset_mode": autoreset_mode,
-                "device": device,
-                **options,
-            },
+            numbers_only=given.info == "numbers",
         )
 
 

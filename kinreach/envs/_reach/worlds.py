@@ -98,8 +98,6 @@ class ReachWorld(Protocol):
         """
         ...
 
-    def copy_from(self, other: Any) -> None: ...
-
     def snapshot(self) -> tuple[Any, Any]:
         """Copy `q` and `tip`, as tensors if the world has a device."""
         ...
@@ -160,9 +158,6 @@ class KinematicWorld:
     def snapshot(self) -> tuple[Floats, Floats]:
         return self.q.copy(order="K"), self.tip.copy(order="K")
 
-    def copy_from(self, other: KinematicWorld) -> None:
-        self._q[:], self._tip[:] = other._q, other._tip
-
     @property
     def q(self) -> Floats:
         return self._q.T
@@ -197,9 +192,6 @@ class SingleDynamicWorld:
 
     def snapshot(self) -> tuple[Floats, Floats]:
         return self.q, self.tip
-
-    def copy_from(self, other: SingleDynamicWorld) -> None:
-        self.simulation.copy_state(other.simulation)
 
     @property
     def q(self) -> Floats:
@@ -258,9 +250,6 @@ class BatchDynamicWorld:
             return self.q, self.tip
         q = on_device(self.q, self._device)
         return q, self._kinematics.positions(q)
-
-    def copy_from(self, other: BatchDynamicWorld) -> None:
-        self._batch.copy_states(other._batch)
 
     @property
     def q(self) -> Floats:

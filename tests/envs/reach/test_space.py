@@ -1,6 +1,5 @@
 """Reaching in space: goals in a volume, tool directions, starts, on several arms."""
 
-import copy
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -195,19 +194,6 @@ def test_rewards_of_a_users_own_are_given_the_angle():
         assert terms in info["reward_terms"]
         angle = angle_of(env.unwrapped.kinematics, info["q"], info["direction"])
         np.testing.assert_allclose(info["posture_error"], angle, atol=1e-7)
-
-
-def test_copies_go_on_with_the_same_direction():
-    for env in (make(backend="kinematic", **WIDE), make_vec(3, backend="kinematic", **WIDE)):
-        env.reset(seed=1)
-        twin = copy.deepcopy(env)
-        action = env.action_space.sample()
-        for _ in range(2):
-            one, other = env.step(action), twin.step(action)
-            np.testing.assert_array_equal(one[0], other[0])
-            np.testing.assert_array_equal(one[4]["direction"], other[4]["direction"])
-            if not hasattr(env, "num_envs"):
-                env.reset(), twin.reset()
 
 
 @pytest.mark.parametrize(
