@@ -13,6 +13,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
+from scipy.spatial.transform import Rotation
 
 from kinreach._checks import Floats
 from kinreach.errors import InputError, InstallationError
@@ -266,11 +267,7 @@ def deviation(real: ArmKinematics, believed: ArmKinematics, *, seed: int = 0, co
     """Compute how far the tips of a real arm and of another description of it are apart in the same postures."""
     q = random_postures(real, count, seed)
     T, expected = real.fk(q), believed.fk(q)
-    turned = np.einsum("nij,nik->njk", expected[:, :3, :3], T[:, :3, :3])
-    sine = 0.5 * np.linalg.norm(
-        turned[:, (2, 0, 1), (1, 2, 0)] - turned[:, (1, 2, 0), (2, 0, 1)], axis=1
-    )  # of the angle, exact where it is small
-    angle = np.arctan2(sine, 0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0))
+    angle = Rotation.from_matrix(expected[:, :3, :3].swapaxes(1, 2) @ T[:, :3, :3]).magnitude()
     distance = np.linalg.norm(T[:, :3, 3] - expected[:, :3, 3], axis=1)
     return Deviation(from_first_joint(real, T[:, :3, 3]), distance, angle)
 

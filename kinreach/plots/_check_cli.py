@@ -172,12 +172,8 @@ def _singular(kin: ArmKinematics, found: check.Singular) -> str:
 
 
 def _subject(arguments: argparse.Namespace) -> Subject:
-    """The arm of a name or URDF with its calibration and tool; with a model, that of a calibration file."""
-    if arguments.model is not None:
-        if arguments.calibration is not None:
-            raise InputError("give a calibration with --model, or an arm with --calibration")
-        arguments.arm, arguments.calibration = arguments.model, arguments.arm
-    elif Path(arguments.arm).suffix.lower() in (".yaml", ".yml", ".conf"):
+    """The arm of a name or URDF, with its calibration and tool."""
+    if Path(arguments.arm).suffix.lower() in (".yaml", ".yml", ".conf"):
         raise InputError(f"{arguments.arm} is a calibration: name its UR too, such as check ur5e --calibration FILE")
     print_notes(arm := arm_of(arguments.arm, arguments))
     real = ArmKinematics.of(arm)
@@ -196,11 +192,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "arm",
         metavar="FILE|NAME",
-        help="a URDF, the name of an arm, module:attribute, or with --model the calibration of a UR",
-    )
-    parser.add_argument(
-        "--model",
-        help="the file is the calibration of this UR, ur3 to ur30: kinematics.yaml, calibration.conf or a URDF",
+        help="a URDF, the name of an arm, or module:attribute; the name of a UR with --calibration",
     )
     parser.add_argument(
         "--poses", type=int, default=POSES, help=f"number of poses that the solvers are tried on ({POSES})"

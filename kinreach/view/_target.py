@@ -21,13 +21,13 @@ from kinreach.kinematics import (
     PositionGoal,
     URKinematics,
 )
-from kinreach.kinematics._chain import rotation_to
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import NoShapesError, Pair
 from kinreach.kinematics._goals import Goal, goal_error
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._solutions import ANGLES, BRANCH, nearest_winding
 from kinreach.kinematics._solvers import SOLVERS, LevenbergMarquardtSolver, Solver, new_solver
+from kinreach.kinematics._solvers.iterative import goal_frame
 from kinreach.kinematics._ur.geometry import Miss
 from kinreach.kinematics._ur.reach import Shortfall
 from kinreach.robots import ArmDescription
@@ -281,7 +281,7 @@ class TargetModel:
             found.add(branch)
             yield self._judged(branch, q, seed)
         if isinstance(self.kinematics, URKinematics):
-            for branch, shortfall in self.kinematics.shortfalls(_frame(goal)).items():
+            for branch, shortfall in self.kinematics.shortfalls(goal_frame(goal)).items():
                 if branch not in found:
                     name = branch_name(self.kinematics, branch)
                     yield Posture(branch, name, State.UNREACHED, _why_short(shortfall), shortfall=shortfall)
@@ -321,7 +321,7 @@ class TargetModel:
     def _approach(self, goal: Goal, seed: Floats) -> Approach:
         """The nearest posture of a UR; for other arms the best end of several searches."""
         if isinstance(self.kinematics, URKinematics):
-            T = _frame(goal)
+            T = goal_frame(goal)
             nearest = self.kinematics.nearest_in_reach(T)
             way = nearest[:3, 3] - T[:3, 3]
             for depth in DEPTHS:
@@ -409,15 +409,6 @@ def _missing_least(postures: Sequence[Posture]) -> str:
         return ""
     sentence = _why_short(min(shortfalls, key=lambda shortfall: shortfall.missing))
     return sentence[0].upper() + sentence[1:]
-
-
-def _frame(goal: Goal) -> Floats:
-    """A frame (4, 4) that meets a goal for six joints."""
-    if isinstance(goal, PoseGoal):
-        return goal.T
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation_to(goal.axis), goal.position  # type: ignore[union-attr]
-    return T
 
 
 def _why_short(shortfall: Shortfall) -> str:

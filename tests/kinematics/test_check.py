@@ -186,7 +186,7 @@ def test_names_are_drawn_as_they_are(tmp_path, capsys):
 def test_what_a_calibration_changes(tmp_path, capsys):
     picture = tmp_path / "error.png"
     file = PUBLISHED_CALIBRATIONS["ur5_a"]
-    assert main([str(file), "--model", "ur5", "--poses", "10", "--picture", str(picture)], prog="check") == 0
+    assert main(["ur5", "--calibration", str(file), "--poses", "10", "--picture", str(picture)], prog="check") == 0
     text = capsys.readouterr().out
     kept.check("checks_calibrated.txt", {"printed": lines("ur5", text)})
     assert "UR with its calibration" in text
@@ -208,9 +208,9 @@ def test_bad_input():
         (["nowhere.urdf"], "cannot read"),
         (["ur5", "--tip", "nose"], "unknown tip 'nose'"),
         (["ur5", "--poses", "0"], "--poses must be at least 1"),
-        (["nowhere.yaml", "--model", "ur5"], "cannot read"),
-        ([str(PUBLISHED_CALIBRATIONS["ur5_a"]), "--model", "ur10"], "it fits ur5"),
-        ([str(CALIBRATIONS / "ur5e_folded.yaml"), "--model", "ur5e"], "folded at"),
+        (["ur5", "--calibration", "nowhere.yaml"], "cannot read"),
+        (["ur10", "--calibration", str(PUBLISHED_CALIBRATIONS["ur5_a"])], "it fits ur5"),
+        (["ur5e", "--calibration", str(CALIBRATIONS / "ur5e_folded.yaml")], "folded at"),
         (["kinematics.yaml"], "name its UR too"),
     ):
         with pytest.raises(InputError, match=said):

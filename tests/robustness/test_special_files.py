@@ -141,7 +141,7 @@ def test_special_files_are_refused_at_once(reader, name, kind, tmp_path):
 @pytest.mark.parametrize("argv", [
     ["compare", "--goals", "1", "--methods", "{}.safetensors"], ["compare", "--goals", "1", "--methods", "{}.zip"],
     ["compare", "--goals", "1", "--arm", "{}.urdf"], ["evaluate", "{}.safetensors"], ["evaluate", "{}.zip"],
-    ["demo", "--policy", "{}.safetensors"], ["check", "{}.urdf"], ["check", "{}.yaml", "--model", "ur5"],
+    ["demo", "--policy", "{}.safetensors"], ["check", "{}.urdf"], ["check", "ur5", "--calibration", "{}.yaml"],
     ["view", "--results", "{}.json"], ["view", "--calibration", "{}.yaml"], ["train", "--search", "{}.yaml"],
 ])  # fmt: skip
 def test_commands_refuse_special_files_in_one_line(argv, tmp_path, monkeypatch, capsys):
