@@ -37,8 +37,8 @@ TEXT = """\
 {poses} poses of tool0 in random postures of a real UR10e (`kinreach.robots.PUBLISHED_CALIBRATIONS`: {robot}), whose
 axes neither meet nor are parallel. kinreach fits the nearest arm with a closed form when it is made
 ({preparation:.2g} s). It finds each branch by Newton's method, or all by elimination where branches may merge
-([how](accuracy.md#calibrated-urs)). ssik prepares a solver for one arm first{prepared}. EAIK has no class for
-such an arm, and ur-analytic-ik takes no calibration. For comparison the closed form of the data sheet on the same
+([how](accuracy.md#calibrated-urs)). ssik prepares a solver for one arm first, which takes minutes if its cache does
+not have the arm{prepared}. EAIK has no class for such an arm, and ur-analytic-ik takes no calibration. For comparison the closed form of the data sheet on the same
 poses, which misses them by millimetres."""
 BATCH_TEXT = """\
 {poses} poses of the same arm at once. ssik is called in a loop over the first {looped}. Calls are repeated until a turn
@@ -54,7 +54,7 @@ def run(options: Options, progress: Progress) -> list[Section]:
     nominal = URKinematics(MODEL)
     start = perf_counter()
     peers, missing = installed({"EAIK": partial(eaik_of, kin), SSIK: _ssik(kin, options)})
-    prepared = f", here {perf_counter() - start:.0f} s" if SSIK in peers else ""
+    prepared = f"; here it took {perf_counter() - start:.0f} s" if SSIK in peers else ""
     return [
         _one(options, progress, kin, nominal, peers, missing, preparation, prepared),
         _many(options, progress, kin, nominal, peers),
