@@ -38,7 +38,8 @@ TEXT = """\
 axes neither meet nor are parallel. kinreach fits the nearest arm with a closed form when it is made
 ({preparation:.2g} s). It finds each branch by Newton's method, or all by elimination where branches may merge
 ([how](accuracy.md#calibrated-urs)). ssik prepares a solver for one arm first, which takes minutes if its cache does
-not have the arm{prepared}. EAIK has no class for such an arm, and ur-analytic-ik takes no calibration. For comparison the closed form of the data sheet on the same
+not have the arm{prepared}. EAIK has no class for such an arm, and ur-analytic-ik takes no calibration.
+For comparison the closed form of the data sheet on the same
 poses, which misses them by millimetres."""
 BATCH_TEXT = """\
 {poses} poses of the same arm at once. ssik is called in a loop over the first {looped}. Calls are repeated until a turn
