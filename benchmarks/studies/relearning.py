@@ -25,11 +25,22 @@ import numpy as np
 import torch
 from gymnasium import spaces
 
-from benchmarks.studies.damage import KINDS, SIGMA, Damage, damage, numeric, off_by, reached
-from benchmarks.studies.parts import each
+from benchmarks.studies.damage import (
+    FIRST,
+    KINDS,
+    SIGMA,
+    Damage,
+    damage,
+    how_far,
+    numeric,
+    off_by,
+    reached,
+    share_of_faults,
+)
+from benchmarks.studies.parts import each, kept
 from benchmarks.studies.tables import head, line
 from kinreach._checks import Floats, check_count
-from kinreach._files import replacing
+from kinreach._files import make_writable, replacing
 from kinreach._jobs import add_options
 from kinreach._statistics import bootstrap_intervals, mean
 from kinreach.baselines._adaptive_ppo import AdaptiveRate, Exploration
@@ -42,7 +53,6 @@ from kinreach.cli import Parser, finish
 from kinreach.envs._reach.task import goal_block
 from kinreach.plots._methods import METHOD_COLOURS
 from kinreach.plots._style import FAINT, FONT_SIZE, key, label_ends, new_figure, text_colour
-from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 PROG = "python -m benchmarks.studies.relearning"
 POLICY, SHIPPED, NOTHING, KNOWN = "ranked-single", "the policy", "nothing", "IK, fault known"
@@ -66,7 +76,7 @@ class Start:
     budgets: Sequence[int]
 
 
-#: From a policy that is a little wrong, and from one that knows nothing; chosen on other faults (seeds from 10).
+#: From a policy that is a little wrong, and from one that knows nothing; chosen on other faults (seeds from 10 on).
 STARTS = {
     SHIPPED: Start(Exploration(0.05, 3e-4, 0.85), 32, (0, 1_000, 3_000, 10_000, 30_000, 100_000)),
     NOTHING: Start(Exploration(0.2, 3e-4, 0.85), 128, (100_000, 300_000, 1_000_000)),
@@ -97,10 +107,7 @@ def actor_of(network: Network, *, fresh: bool = False) -> torch.nn.Sequential:
 
 def outcome(fault: Damage, actions: Floats, balls: Floats, noise: Floats) -> Floats:
     """How good moves of a damaged arm to balls (n, 3) look: 0 at best, above -1 what counts as reached, shape (n,)."""
-    T = fault.chain.fk(fault.executed(math.pi * np.clip(actions, -1.0, 1.0)))
-    apart = np.linalg.norm(T[:, :3, 3] + noise - balls, axis=1)
-    off = np.arccos(np.clip(-T[:, 2, 2], -1.0, 1.0))
-    return -np.maximum(apart / REACHED_DISTANCE, off / REACHED_POSTURE_ERROR)
+    return -how_far(fault, math.pi * np.clip(actions, -1.0, 1.0), balls - noise)
 
 
 def learn(fault: Damage, actor: torch.nn.Module, start: Start, episodes: int, seed: int) -> None:
@@ -132,6 +139,13 @@ def learn(fault: Damage, actor: torch.nn.Module, start: Start, episodes: int, se
             optimizer.step()
         with torch.no_grad():
             rate = RATE.after(rate, float((actor(seen) - before).square().sum(1).mean()) / (2 * std**2))
+
+
+def found_before(kind: str, number: int, seed: int, start: str, count: int, most: int, folder: str) -> Curve:
+    """The result of `curve`, from its file if there is one."""
+    key = {"kind": kind, "fault": number, "seed": seed, "start": start, "balls": count, "most": most}
+    found = kept(Path(folder), key, lambda: list(curve(kind, number, seed, start, count, most).items()))
+    return {episodes: (share, middle, took) for episodes, (share, middle, took) in found}
 
 
 def curve(kind: str, number: int, seed: int, start: str, count: int, most: int) -> Curve:
@@ -174,7 +188,7 @@ def budgets(start: str, most: int) -> list[int]:
 
 def draw(drawn: Mapping[tuple[str, str, int], Sequence[float]], file: Path) -> None:
     """Balls reached against episodes, a panel a kind of fault, a line a start, with 95 % intervals."""
-    note = f"{PROG}; 95 % intervals over faults and seeds; dashed: IK, fault known"
+    note = f"{PROG}; 95 % intervals over faults; dashed: IK, fault known"
     figure, panels = new_figure("A damaged arm learns again", size=(10.6, 4.0), columns=len(KINDS), note=note)
     colours = {f"from {SHIPPED}": METHOD_COLOURS["ranked-single"], f"from {NOTHING}": METHOD_COLOURS["random"]}
     for kind, axes in zip(KINDS, panels, strict=True):
@@ -202,20 +216,22 @@ def draw(drawn: Mapping[tuple[str, str, int], Sequence[float]], file: Path) -> N
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table, and draw a figure."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--faults", type=int, default=3, help="of each kind (default: %(default)s)")
-    parser.add_argument("--seeds", type=int, default=2, help="of the learning of each fault (default: %(default)s)")
-    parser.add_argument("--balls", type=int, default=100, help="for each fault (default: %(default)s)")
+    parser.add_argument("--faults", type=int, default=60, help="of each kind (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=1, help="of the learning of each fault (default: %(default)s)")
+    parser.add_argument("--balls", type=int, default=40, help="for each fault (default: %(default)s)")
     parser.add_argument("--most", type=int, default=1_000_000, help="episodes (default: %(default)s)")
     parser.add_argument("--figure", type=Path, metavar="FILE", help="PNG file")
+    parser.add_argument("--out", type=Path, default=Path("results/relearning"), help="where finished curves are kept")
     add_options(parser)
     arguments = parser.parse_args(argv)
     for name in ("faults", "seeds", "balls", "most"):
         check_count(f"--{name}", getattr(arguments, name))
-    count, most = arguments.balls, arguments.most
+    make_writable(arguments.out)
+    count, most, out = arguments.balls, arguments.most, str(arguments.out.resolve())
     groups = [(kind, start) for kind in KINDS for start in (KNOWN, *STARTS) if budgets(start, most)]
-    runs = [(fault, seed) for fault in range(arguments.faults) for seed in range(arguments.seeds)]
-    parts = [(kind, fault, seed, start, count, most) for kind, start in groups for fault, seed in runs]
-    found = each(arguments, curve, parts)
+    runs = [(FIRST + fault, seed) for fault in range(arguments.faults) for seed in range(arguments.seeds)]
+    parts = [(kind, fault, seed, start, count, most, out) for kind, start in groups for fault, seed in runs]
+    found = each(arguments, found_before, parts)
     drawn = {}
     cells: dict[tuple[str, int], list[str]] = defaultdict(list)
     seconds: dict[tuple[str, int], list[float]] = defaultdict(list)
@@ -223,10 +239,10 @@ def main(argv: list[str] | None = None) -> int:
         curves = [next(found) for _ in runs]
         for episodes in budgets(start, most):
             shares, middles, took = np.array([one[episodes] for one in curves]).T
-            ((low, high),) = bootstrap_intervals(shares, (mean,))
+            by_fault = shares.reshape(arguments.faults, -1).mean(axis=1)
+            ((low, high),) = bootstrap_intervals(by_fault, (mean,))
             drawn[kind, start, episodes] = (shares.mean(), low, high)
-            share = f"{100 * shares.mean():.1f} [{100 * low:.1f}, {100 * high:.1f}]"
-            cells[start, episodes].append(f"{share}; {off_by(middles)}")
+            cells[start, episodes].append(f"{share_of_faults(by_fault)}; {off_by(middles)}")
             seconds[start, episodes].append(took.mean())
     print(head("begun with", "episodes", "processor, s", *KINDS))
     for (start, episodes), row in cells.items():
