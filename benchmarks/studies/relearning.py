@@ -69,17 +69,19 @@ class Start:
         exploration: Standard deviation of the actions, in half turns.
         balls: Of an update.
         budgets: Numbers of episodes.
+        faults: Of each kind, at most; None for all.
     """
 
     exploration: Exploration
     balls: int
     budgets: Sequence[int]
+    faults: int | None = None
 
 
 #: From a policy that is a little wrong, and from one that knows nothing; chosen on other faults (seeds from 10 on).
 STARTS = {
     SHIPPED: Start(Exploration(0.05, 3e-4, 0.85), 32, (0, 1_000, 3_000, 10_000, 30_000, 100_000)),
-    NOTHING: Start(Exploration(0.2, 3e-4, 0.85), 128, (100_000, 300_000, 1_000_000)),
+    NOTHING: Start(Exploration(0.2, 3e-4, 0.85), 128, (100_000, 300_000, 1_000_000), 20),
 }
 #: Of a fault and a start, by episodes: share of balls reached, median distance [mm], processor time [s].
 Curve = Mapping[int, tuple[float, float, float]]
@@ -229,17 +231,19 @@ def main(argv: list[str] | None = None) -> int:
     make_writable(arguments.out)
     count, most, out = arguments.balls, arguments.most, str(arguments.out.resolve())
     groups = [(kind, start) for kind in KINDS for start in (KNOWN, *STARTS) if budgets(start, most)]
-    runs = [(FIRST + fault, seed) for fault in range(arguments.faults) for seed in range(arguments.seeds)]
-    parts = [(kind, fault, seed, start, count, most, out) for kind, start in groups for fault, seed in runs]
+    every = range(FIRST, FIRST + arguments.faults)
+    faults = {KNOWN: every} | {name: every[: start.faults] for name, start in STARTS.items()}
+    runs = {start: [(fault, seed) for fault in own for seed in range(arguments.seeds)] for start, own in faults.items()}
+    parts = [(kind, fault, seed, start, count, most, out) for kind, start in groups for fault, seed in runs[start]]
     found = each(arguments, found_before, parts)
     drawn = {}
     cells: dict[tuple[str, int], list[str]] = defaultdict(list)
     seconds: dict[tuple[str, int], list[float]] = defaultdict(list)
     for kind, start in groups:
-        curves = [next(found) for _ in runs]
+        curves = [next(found) for _ in runs[start]]
         for episodes in budgets(start, most):
             shares, middles, took = np.array([one[episodes] for one in curves]).T
-            by_fault = shares.reshape(arguments.faults, -1).mean(axis=1)
+            by_fault = shares.reshape(len(faults[start]), -1).mean(axis=1)
             ((low, high),) = bootstrap_intervals(by_fault, (mean,))
             drawn[kind, start, episodes] = (shares.mean(), low, high)
             cells[start, episodes].append(f"{share_of_faults(by_fault)}; {off_by(middles)}")
