@@ -138,7 +138,8 @@ def numeric(chain: SerialChain, points: Floats, *, stuck: int | None = None, at:
     anywhere = np.random.default_rng(0).uniform(-math.pi, math.pi, (STARTS, *nominal.shape)).reshape(-1, 6)
     found = _descended(chain, held(anywhere, stuck, at), np.tile(points, (STARTS, 1)), free)
     q = np.concatenate([near[None], found[0].reshape(STARTS, *nominal.shape)])
-    best = np.concatenate([worst[None], found[1].reshape(STARTS, -1)]).argmin(axis=0)
+    worst = np.concatenate([worst[None], found[1].reshape(STARTS, -1)])
+    best = np.maximum(worst, SOLVED).argmin(axis=0)  # the closed form's posture where it does: looks are near it
     return q[best, np.arange(len(points))]
 
 

@@ -59,6 +59,13 @@ def test_a_stuck_elbow_is_worked_around():
     assert reached(fault, numeric(fault.chain, balls, stuck=2, at=fault.at), balls)[0] >= 15
 
 
+def test_a_posture_near_the_looks_is_kept():
+    """A ball out of reach starts a search anywhere; what the closed form's posture leads to is kept for the others."""
+    chain, balls = ur5().chain, ur5().arm.workcell.draw_goals(np.random.default_rng(0), 20)
+    far = numeric(chain, np.vstack([balls, [[3.0, 0.0, 0.0]]]))[:-1]
+    assert np.abs(far - numeric(chain, balls)).max() < 1e-3
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_looks_find_it(kind):
     found = known = 0
