@@ -47,9 +47,9 @@ class SessionFolder:
         self._patch.setenv("ORT_DISABLE_TELEMETRY", "1")  # onnxruntime's
 
     def left(self) -> list[str]:
-        """What lies in the two folders beside pytest's own folder and Ray's token, which it keeps for good."""
+        """What lies in the two folders, without those that pytest, Ray and Warp keep: Warp until its process ends."""
         found = [path for name in ("home", "tmp") for path in (self.path / name).iterdir()]
-        ours = [path for path in found if path.name != ".ray" and not path.name.startswith("pytest-of-")]
+        ours = [path for path in found if path.name != ".ray" and not path.name.startswith(("pytest-of-", "wp_pch_"))]
         return sorted(str(path.relative_to(self.path)) for path in ours)
 
     def close(self) -> None:
