@@ -1,4 +1,4 @@
-"""What is declared stays: signatures, options of commands, tasks with methods and columns, recipes, arms, environments.
+"""What is declared stays: signatures, options of commands, tasks with methods and columns, recipes.
 
 Each is a list in tests/data/declared; what is new needs no line there. `KINREACH_KEEP=1 pytest tests/test_declared.py`
 keeps what there is now; its change in git is to be read before it is committed.
@@ -10,12 +10,10 @@ import inspect
 import os
 import pkgutil
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from functools import partial
-from hashlib import sha256
 from pathlib import Path
 
-import gymnasium as gym
 import pytest
 
 import kinreach
@@ -24,12 +22,6 @@ from kinreach.baselines._recipes.lift import LIFT_RECIPES
 from kinreach.baselines._recipes.reach import REACH_RECIPES
 from kinreach.cli import COMMANDS
 from kinreach.compare._task import _OWN, get_task
-from kinreach.demo._tasks import TASKS
-from kinreach.plots._methods import METHOD_COLOURS
-from kinreach.robots import get_arm
-from kinreach.robots._description import no_package
-from kinreach.robots._tools import TOOLS
-from kinreach.robots._ur import UR_LENGTHS, nominal_urdf, ur_speeds
 
 KEPT = Path(__file__).parent / "data" / "declared"
 FACES = sorted(f"kinreach.{each.name}" for each in pkgutil.iter_modules(kinreach.__path__) if each.name[0] != "_")
@@ -111,32 +103,7 @@ def recipes():
         yield from listed(recipe, recipe.name)
 
 
-def arms():
-    """What each arm of the package is, its URDF as a digest; arms that tests register are not among them."""
-    for name in (*UR_LENGTHS, "arm3", "panda"):
-        arm = get_arm(name)
-        yield from listed(replace(arm, build_urdf=get_arm, package_root=no_package), name)
-        yield f"{name}.urdf: {sha256(arm.urdf.encode()).hexdigest()}"
-    for name in UR_LENGTHS:
-        yield f"{name}: speeds {ur_speeds(name)}, URDF of its lengths {sha256(nominal_urdf(name).encode()).hexdigest()}"
-    yield from listed(TOOLS, "tools")
-
-
-def environments():
-    for name, spec in gym.registry.items():
-        if name.startswith("kinreach/"):
-            limits = (spec.reward_threshold, spec.nondeterministic, spec.max_episode_steps, spec.order_enforce)
-            yield f"{name}: {spec.entry_point} {spec.vector_entry_point} {said(spec.kwargs)} {said(limits)}"
-    for face in FACES:
-        for name, value in vars(importlib.import_module(face)).items():
-            if name.endswith("Options") and is_dataclass(value):
-                yield from (f"{name}.{field.name}: {said(field.metadata)}" for field in fields(value))
-    for name, task in TASKS.items():
-        yield from listed(task, name)
-    yield from listed(METHOD_COLOURS, "colours")
-
-
-@pytest.mark.parametrize("declared", [signatures, commands, tasks, recipes, arms, environments])
+@pytest.mark.parametrize("declared", [signatures, commands, tasks, recipes])
 def test_what_is_declared_stays(declared):
     lines = list(declared())
     assert len(lines) > 40

@@ -116,6 +116,10 @@ class ArmKinematics:
         self.T_world_base: Floats
         self.base, self.T_world_base = self._base_frame(base)
         self.T_base_world: Floats = np.asarray(np.linalg.inv(self.T_world_base), dtype=np.float64)
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Prepare what this kind of kinematics needs, and refuse an arm of another kind."""
 
     def _base_frame(self, base: str | ArrayLike) -> tuple[str, Floats]:
         """Return the base frame's name and pose in the world."""

@@ -35,7 +35,6 @@ from kinreach.kinematics._solutions import (
     nearest_windings,
 )
 from kinreach.kinematics._tensors import like, namespace, on_host
-from kinreach.robots import ArmDescription, Tool
 
 #: Steps with which a posture is moved into the limits, and the error at which it has arrived [m, rad].
 STEPS, ARRIVED = 10, 1e-12
@@ -58,15 +57,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
     _closed_forms: ClassVar = {}
     knows_all_postures = True
 
-    def __init__(
-        self,
-        arm: str | ArmDescription,
-        *,
-        tip: str | None,
-        base: str | ArrayLike,
-        tool: Tool | str | ArrayLike | None,
-    ) -> None:
-        super().__init__(arm, tip=tip, base=base, tool=tool)
+    def _prepare(self) -> None:
         self._low: list[float] = self.lower.tolist()
         self._high: list[float] = self.upper.tolist()
         # where every joint covers a full turn, a principal value is always within the limits,

@@ -17,7 +17,6 @@ from kinreach.kinematics._seven_axis.curves import SelfMotions, within_limits
 from kinreach.kinematics._seven_axis.tracing import JOINTS, SelfMotionTracer
 from kinreach.kinematics._six_axis.methods import WAYS
 from kinreach.kinematics._solutions import Accept, IKResult, Status, check_accept, nearest_windings
-from kinreach.robots import ArmDescription, Tool
 
 #: Turns about an axis goal's direction that are tried [rad].
 TURNS = np.linspace(-np.pi, np.pi, 120, endpoint=False)
@@ -45,15 +44,7 @@ class SevenAxisKinematics(ArmKinematics):
     _closed_forms: ClassVar = {}
     knows_all_postures = True
 
-    def __init__(
-        self,
-        arm: str | ArmDescription,
-        *,
-        tip: str | None = None,
-        base: str | ArrayLike = "base_link",
-        tool: Tool | str | ArrayLike | None = None,
-    ) -> None:
-        super().__init__(arm, tip=tip, base=base, tool=tool)
+    def _prepare(self) -> None:
         if self.n != JOINTS:
             raise InputError(f"arm {self.arm.name!r} has {self.n} joints; seven are needed")
         self._tracer = SelfMotionTracer(self.chain)

@@ -24,7 +24,6 @@ from kinreach.kinematics._six_axis.methods import MIN_SHARE, SINGULAR, WAYS, met
 from kinreach.kinematics._six_axis.reach import WristReach
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, ErrorOf, IKResult, IKSolutions, Row, Tolerance
 from kinreach.kinematics._solvers.iterative import GoalTask
-from kinreach.robots import ArmDescription, Tool
 
 #: Values of free joints that are tried beside the seed's where the limits forbid that [rad], the nearest first.
 OTHERS = sorted(np.linspace(-np.pi, np.pi, 48, endpoint=False).tolist(), key=abs)
@@ -57,15 +56,8 @@ class SixAxisKinematics(ClosedFormKinematics):
 
     joints = 6
 
-    def __init__(
-        self,
-        arm: str | ArmDescription,
-        *,
-        tip: str | None = None,
-        base: str | ArrayLike = "base_link",
-        tool: Tool | str | ArrayLike | None = None,
-    ) -> None:
-        super().__init__(arm, tip=tip, base=base, tool=tool)
+    def _prepare(self) -> None:
+        super()._prepare()
         if self.n != self.joints:
             raise InputError(f"arm {self.arm.name!r} has {self.n} joints; six are needed")
         placements, axes = self._joint_frames()
