@@ -6,6 +6,7 @@ from dataclasses import fields
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import kinreach  # noqa: F401 (registers the environments)
@@ -34,6 +35,19 @@ ALONE = {
     "real arm": (REAL_ARM, {"balls": 2, "budgets": (0, 5), "again": 1}),
     "obstacles": (OBSTACLES, {"clutter": (2,), "max_steps": 2}),
 }
+#: Other spaces, and other ways of going on.
+FORMS = (
+    TASKS
+    | ALONE
+    | {
+        "multi, dynamics": (MULTI, {}),
+        "space, small steps": (SPACE, {"backend": "kinematic", "steps": "multi", "tilt": 30.0, "start_spread": 0.3}),
+        "space, dynamics": (SPACE, {}),
+        "button, as in the report": (BUTTON, {"actuation": "report"}),
+        "moving, free": (MOVING, {"collisions": False}),
+        "lift, small steps": (LIFT, {"steps": "multi", "max_steps": 12}),
+    }
+)
 COUNT = 3
 COSTLY = ("moving", "lift", "judged", "small steps")
 #: One arm takes the URDF's angles as they are written, many take right angles where almost right ones are written.
@@ -66,6 +80,15 @@ def same(one, other, *, row=None, atol=0.0):
         np.testing.assert_allclose(one, other, rtol=0, atol=atol)
         assert (one.dtype == np.bool_) == (other.dtype == np.bool_)
     return 1
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_gymnasium_and_stable_baselines3_agree(form):
+    name, options = FORMS[form]
+    env = gym.make(name, disable_env_checker=True, **options).unwrapped
+    check_env(env, skip_render_check=True)
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(env, warn=form != "real arm", skip_render_check=True)  # one look is a row
 
 
 @pytest.mark.parametrize("task", TASKS | ALONE)

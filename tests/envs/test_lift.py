@@ -6,7 +6,6 @@ from itertools import product
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
 import kinreach  # noqa: F401
 from kinreach._registration import LIFT
@@ -309,30 +308,6 @@ def test_what_is_drawn_is_in_its_range_and_reaches_both_ends():
     assert {"place", "yaw", "shape", "size"} == set(starts)
 
 
-def test_episodes_repeat():
-    for options in ({"clutter": True, **RANGE}, {"steps": "multi", **RANGE}):
-        env, same = make(**options).unwrapped, make(**options).unwrapped
-        for seed in (3, None):
-            observation, _ = env.reset(seed=seed)
-            np.testing.assert_array_equal(observation, same.reset(seed=seed)[0])
-            action = np.append(scripted(env).act(observation)[:6] * 0.9, -0.5)
-            one, other = env.step(action), same.step(action)
-            np.testing.assert_array_equal(one[0], other[0])
-            assert one[1:4] == other[1:4]
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_gymnasium_agrees(form):
-    check_env(make(**FORMS[form]).unwrapped, skip_render_check=True)
-
-
-@pytest.mark.parametrize("form", ["single", "multi"])
-def test_stable_baselines3_agrees(form):
-    from stable_baselines3.common.env_checker import check_env as sb3_check_env
-
-    sb3_check_env(make(**FORMS[form]), skip_render_check=True)
-
-
 @pytest.mark.parametrize("form", ["single", "multi"])
 def test_a_simulation_that_diverges_ends_the_episode(form):
     env = make(attempts=3, **FORMS[form])
@@ -435,15 +410,11 @@ def test_geometry_predicts_what_the_dynamics_do():
             InputError,
             "from 0.01 to 0.045 m, got 0.09: it is 0.18 m wide, and the fingers come open",
         ),
-        ({"sizes": (0.005,)}, InputError, "size"),
         ({"sizes": ()}, InputError, "sizes must be a list of at least one"),
         ({"masses": (0.0,)}, InputError, "mass .* at least 0.001 and at most 1, got 0"),
-        ({"masses": (0.1, -0.1)}, InputError, "mass"),
         ({"frictions": (-0.1,)}, InputError, "friction must be finite and at least 0 and at most 3, got -0.1"),
         ({"shapes": ("cone",)}, UnknownNameError, "cone"),
-        ({"table": (0.0, 0.0, 0.2)}, InputError, "table"),
         ({"steps": "two"}, UnknownNameError, "two"),
-        ({"attempts": 0}, InputError, "attempts must be at least 1"),
         ({"clutter": 1}, InputError, "clutter"),
         ({"arm": "panda"}, InputError, "arm 'panda'"),
         ({"arm": "arm3"}, InputError, "flange 'tool0', a UR; arm 'arm3' has none"),

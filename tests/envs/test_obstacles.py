@@ -173,8 +173,6 @@ def test_who_finds_no_way_says_why(env):
     ({"clutter": (30,)}, "clutter must be at most 20"),
     ({"clutter": ()}, "clutter must be a list of at least one number"),
     ({"heights": (0.4, 0.1)}, "the smaller one first"),
-    ({"margin": 0.0}, "margin"),
-    ({"max_steps": 0}, "max_steps"),
 ])  # fmt: skip
 def test_bad_options(options, said):
     with pytest.raises(InputError, match=said):
