@@ -20,7 +20,6 @@ from kinreach.errors import InputError
 from kinreach.kinematics._collision import check_shapes, disabled_pairs
 from kinreach.robots import ArmDescription
 from kinreach.robots._meshes import collision_mesh
-from kinreach.robots._urdf import without_shapes
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import add_free_objects
 from kinreach.sim._imperfections import IDEAL, Imperfections
@@ -114,7 +113,12 @@ def scene_model(
 
 
 def _import_urdf(arm: ArmDescription) -> Any:
-    spec = mujoco.MjSpec.from_string(ET.tostring(without_shapes(arm.urdf, "visual"), encoding="unicode"))
+    robot = ET.fromstring(arm.urdf)
+    for link in robot.iter("link"):
+        for visual in link.findall("visual"):
+            if visual.find("geometry/mesh") is not None:  # of the others the importer takes the colour
+                link.remove(visual)
+    spec = mujoco.MjSpec.from_string(ET.tostring(robot, encoding="unicode"))
     for mesh in spec.meshes:
         vertices, faces = collision_mesh(mesh.file, arm.package_root(), mesh.scale)
         mesh.file, mesh.uservert, mesh.userface = "", vertices.ravel(), faces.ravel()

@@ -174,6 +174,22 @@ def test_visual_meshes_are_drawn_and_collision_meshes_are_hidden():
     assert {int(model.geom_group[i]) for i in solid} == {3}
 
 
+@pytest.mark.parametrize(
+    ("name", "colours"),
+    [
+        ("ur5", {"gripper_palm": (0.62, 0.64, 0.67), "finger_left": (0.20, 0.21, 0.23)}),
+        ("arm3", {"base_link": (0.25, 0.26, 0.28), "link_1": (0.20, 0.36, 0.55), "link_3": (0.86, 0.48, 0.16)}),
+    ],
+)
+def test_boxes_and_cylinders_have_the_colours_of_the_urdf(name, colours):
+    """Policies that see pictures were trained with them."""
+    model = ArmSimulation(name, visual=False).model
+    for link, colour in colours.items():
+        shown = model.geom_rgba[model.geom_bodyid == model.body(link).id]
+        assert len(shown) >= 1
+        assert shown[:, :3] == pytest.approx(np.tile(colour, (len(shown), 1)))
+
+
 def test_models_are_shared_and_specs_are_not():
     arm = get_arm("arm3")
     assert scene_model(arm, visual=False) is scene_model(arm, visual=False)
