@@ -30,7 +30,8 @@ from kinreach.baselines._evaluation import HELD_OUT
 from kinreach.baselines._learning_curve import curve_csv
 from kinreach.cli import Parser, finish
 from kinreach.envs._reach.observers import CameraObserver
-from kinreach.envs._reach.task import SINGLE_STEP, ReachOptions, ReachTask
+from kinreach.envs._reach.task import ReachOptions
+from kinreach.robots import get_arm
 
 PROG = "python -m benchmarks.studies.thesis_world"
 
@@ -59,7 +60,7 @@ COLUMNS = (
 
 def looked_at(places: np.ndarray) -> np.ndarray:
     """How the thesis's pipeline sees goals in the world [m], shape (k, 3): rendered, shape (k, 6)."""
-    observer = CameraObserver(ReachTask(ReachOptions(backend="kinematic", **SEEN), SINGLE_STEP))
+    observer = CameraObserver(get_arm("ur5"), ReachOptions(backend="kinematic", **SEEN))
     views = observer.measure(places, np.zeros(len(places), dtype=np.intp), [np.random.default_rng(0)]).views
     observer.close()
     return views

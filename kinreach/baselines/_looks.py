@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,14 +21,14 @@ class Looks:
     """
 
     def __init__(self, task: ReachTask, count: int) -> None:
-        self._task = ReachTask(replace(task.options, observation="pixels"), task.variant)
+        self._task = task
         self.names = sorted(f"{camera.name}_rgb" for camera in task.arm.goal_cameras)
         shape = (count, len(self.names), task.options.height, task.options.width, 3)
         self.pictures: NDArray[np.uint8] = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
 
     def take(self, goals: Floats, rng: np.random.Generator) -> None:
         """Take new looks at balls in the world [m], shape (count, 3); `rng` is of the sensors' noise."""
-        observer = PixelObserver(self._task)
+        observer = PixelObserver(self._task.arm, self._task.options)
         try:
             seen = observer.measure(np.tile(self._task.home, (len(goals), 1)), goals, [rng] * len(goals))
         finally:

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats, as_array
-from kinreach.envs._reach.rewards import Score, nothing
+from kinreach.envs._reach.rewards import Score, Terms, nothing
 from kinreach.errors import InputError
 from kinreach.robots import get_arm
 
@@ -140,25 +139,16 @@ def observation(q: Floats, qd: Floats, tip: Floats, goals: Floats, pushed: Flags
     return np.concatenate([np.cos(q), np.sin(q), goals, tip, qd, tip - goals, pushed[:, None]], axis=1)
 
 
-class RewardTerms(NamedTuple):
-    """Parts of the reward, each of shape (n,); their sum, from left to right, is the reward."""
-
-    distance: Floats
-    near: Floats
-    wrong_press: Floats
-    press: Floats
-
-
-def button_reward(distance: Floats, press: Flags) -> tuple[Floats, RewardTerms]:
-    """Return reward of one step, and its parts, from the distance after it [m], and whether it pressed, shape (n,)."""
+def button_reward(distance: Floats, press: Flags) -> tuple[Floats, Terms]:
+    """Return reward of one step, and its terms, from the distance after it [m], and whether it pressed, shape (n,)."""
     near = distance < PRESS_RADIUS
-    terms = RewardTerms(
-        distance=-distance,
-        near=np.where(near, NEAR_REWARD, 0.0),
-        wrong_press=np.where(press & ~near, WRONG_PRESS_REWARD, 0.0),
-        press=np.where(press & near, PRESS_REWARD, 0.0),
-    )
-    return terms.distance + terms.near + terms.wrong_press + terms.press, terms
+    terms = {
+        "distance": -distance,
+        "near": np.where(near, NEAR_REWARD, 0.0),
+        "wrong_press": np.where(press & ~near, WRONG_PRESS_REWARD, 0.0),
+        "press": np.where(press & near, PRESS_REWARD, 0.0),
+    }
+    return sum(terms.values(), nothing(distance)), terms
 
 
 class ButtonReward:
@@ -167,7 +157,7 @@ class ButtonReward:
     def score(self, distance: Floats, q: Floats, press: Flags, *angle: Floats) -> Score:
         """Reached: pressed, nearer than 0.05 m."""
         reward, terms = button_reward(distance, press)
-        return Score(reward, terms._asdict(), self.posture_error(q), press & (distance < PRESS_RADIUS))
+        return Score(reward, terms, self.posture_error(q), press & (distance < PRESS_RADIUS))
 
     def posture_error(self, q: Floats) -> Floats:
         """Zeros, shape (k,): any posture will do."""

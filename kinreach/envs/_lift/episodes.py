@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.envs._batch import Flags, Ids, Outcome, RowStreams
@@ -26,7 +25,7 @@ from kinreach.envs._lift.task import (
     face_angle,
 )
 from kinreach.envs._reach.observers import CameraObserver, PixelObserver
-from kinreach.envs._reach.task import CAMERA, joint_limits, layout_of
+from kinreach.envs._reach.task import CAMERA, joint_limits
 from kinreach.sim._controller import MoveStatus
 from kinreach.sim._free_objects import CUBE, SHAPES, Objects
 from kinreach.sim._grasping import Grasping
@@ -57,8 +56,9 @@ class LiftEpisodes:
         self.task, self.world, self.count = task, world, count
         self._streams = RowStreams(task.sample, count, size=9)
         self._sensors = [np.random.default_rng() for _ in range(count)]
-        self._camera: Any = CameraObserver(_Camera(task)) if task.options.observation == CAMERA else None  # type: ignore[arg-type]
-        self._pixels: Any = PixelObserver(_Camera(task)) if task.options.observation == "pixels" else None  # type: ignore[arg-type]
+        kind = task.options.observation
+        self._camera = CameraObserver(task.arm, task.options) if kind == CAMERA else None
+        self._pixels = PixelObserver(task.arm, task.options) if kind == "pixels" else None
         self.goals, self.seen = np.empty((count, 3)), np.empty((count, 3))
         self.yaws = np.empty(count)
         self.kinds = Objects(np.empty(count, dtype=np.intp), np.empty(count), np.empty(count), np.empty(count))
@@ -164,7 +164,7 @@ class LiftEpisodes:
         if self.world is None:
             self._judge_grasps(ids, actions)
         else:
-            _Attempt(self, self.world, ids, *self.task.grasps(actions[ids])).play()
+            self._grasp(self.world, ids, *self.task.grasps(actions))
         over = acting & ((self._stage == LIFTED) | (self._steps >= self.task.options.attempts) | self._lost)
         again = np.flatnonzero(acting & ~over)
         outcome = self._outcome(acting, over, np.zeros_like(over))
@@ -198,6 +198,73 @@ class LiftEpisodes:
         closed = ~bad & closes(T, opening, self.goals[ids], self.yaws[ids], kinds, come_open=task.gripper.opening)
         self._gripped[ids] = closed
         self._stage[ids] = np.where(closed, LIFTED, np.where(~bad & (self._distance[ids] <= NEAR), REACHED, STARTED))
+
+    def _grasp(self, world: Grasping, ids: Ids, postures: Floats, openings: Floats) -> None:
+        """Go above, down, close, up, and hold; an arm whose move fails stays where it is.
+
+        Args:
+            world: Simulates arms and objects.
+            ids: Whose grasps they are, shape (k,).
+            postures: In which to close [rad], of all environments, shape (count, n).
+            openings: To which the fingers close [m], likewise, shape (count,).
+        """
+        above = np.full_like(postures, np.nan)
+        above[ids] = self.task.above(postures[ids])
+        solved = np.isfinite(above[ids]).all(axis=1)
+        missing = ids[~solved]
+        self._reasons[missing], self._status[missing] = "out of reach: no posture above the grasp", "impossible"
+        on = self._moved(world, self._moved(world, ids[solved], above), postures)
+        self.q[:] = world.q
+        self._distance[ids] = np.linalg.norm(self._tips(ids) - world.pose()[0][ids], axis=1)
+        self._stage[on] = np.where(self._distance[on] <= NEAR, REACHED, STARTED)
+        on = self._whole(world, on, lambda some: world.drive(some, openings[some], CLOSING), CLOSING)
+        if len(on):
+            self._stage[on] = np.where(world.grasp(on).gripped, CLOSED, self._stage[on])
+        up = self._moved(world, on, above)
+        self._hold(world, up)
+        self.q[:] = world.q
+        self._read(ids)
+
+    def _moved(self, world: Grasping, ids: Ids, targets: Floats) -> Ids:
+        """Move arms to their rows of targets [rad], shape (count, n); return those that attained them."""
+        if not len(ids):
+            return ids
+        results = world.move(ids, targets[ids])
+        for index, result in zip(ids, results, strict=True):
+            self._time[index] += result.duration
+            if not result.reached:
+                self._reasons[index] = result.reason
+                self._status[index] = "diverged" if result.status is MoveStatus.DIVERGED else "impossible"
+        return ids[[result.reached for result in results]]
+
+    def _whole(self, world: Grasping, ids: Ids, act: Callable[[Ids], object], seconds: float) -> Ids:
+        """Simulate some; put back those whose simulation diverged, and return the others."""
+        if not len(ids):
+            return ids
+        before = world.states(ids)
+        act(ids)
+        self._time[ids] += seconds
+        return ids[~self._put_back(world, ids, before)]
+
+    def _put_back(self, world: Grasping, ids: Ids, before: Any) -> Flags:
+        """Put back those whose simulation diverged, and return which they are, shape (k,)."""
+        lost = world.diverged(ids)
+        if lost.any():
+            world.put_back(ids[lost], before[lost])
+            self._reasons[ids[lost]] = "diverged: the simulation became unstable"
+            self._status[ids[lost]] = "diverged"
+        return lost
+
+    def _hold(self, world: Grasping, ids: Ids) -> None:
+        for look in range(round(HOLD / LOOK) + 1):
+            if look:
+                ids = self._whole(world, ids, lambda some: world.rest(some, LOOK), LOOK)
+            if not len(ids):
+                return
+            now = world.grasp(ids)
+            ids = ids[now.held & (now.clearance >= HEIGHT)]
+            self._stage[ids] = RAISED
+        self._stage[ids] = LIFTED
 
     def _go_home(self, ids: Ids) -> None:
         world = self.world
@@ -237,9 +304,7 @@ class LiftEpisodes:
         q = np.clip(self.q[ids] + STEP_ANGLE * actions[ids, :-1], *joint_limits(task.arm))
         opening = np.clip(self._opening[ids] + STEP_OPENING * actions[ids, -1], 0.0, task.gripper.stroke)
         world.steer(ids, q, opening, STEP_S)
-        lost = world.diverged(ids)
-        if lost.any():
-            world.put_back(ids[lost], before[lost])
+        lost = self._put_back(world, ids, before)
         self._time[ids] += STEP_S
         now = self._read(ids)
         self._look_at(ids)
@@ -254,9 +319,8 @@ class LiftEpisodes:
             STARTED,
         )
         self._stage[ids] = np.maximum(self._stage[ids], stage)
-        self._reasons[ids[now.collides]], self._status[ids[now.collides]] = "collision", "collision"
-        self._reasons[ids[lost]] = "diverged: the simulation became unstable"
-        self._status[ids[lost]] = "diverged"
+        hit = ids[now.collides & ~lost]
+        self._reasons[hit] = self._status[hit] = "collision"
         ended = acting & ((self._stage == LIFTED) | (self._status == "collision"))
         over = acting & (self._lost | (self._steps >= task.options.max_steps)) & ~ended
         return self._outcome(acting, ended, over)
@@ -310,84 +374,3 @@ class LiftEpisodes:
         for observer in (self._camera, self._pixels):
             if observer is not None:
                 observer.close()
-
-
-class _Attempt:
-    """One grasp of some arms: above, down, close, up, hold; an arm whose move fails stays where it is."""
-
-    def __init__(self, episodes: LiftEpisodes, world: Grasping, ids: Ids, postures: Floats, openings: Floats) -> None:
-        self._episodes, self._world = episodes, world
-        self._ids, self._postures, self._openings = ids, postures, openings
-        self._row = {int(index): row for row, index in enumerate(ids)}
-
-    def play(self) -> None:
-        episodes, world = self._episodes, self._world
-        above = episodes.task.above(self._postures)
-        solved = np.isfinite(above).all(axis=1)
-        missing = self._ids[~solved]
-        episodes._reasons[missing] = "out of reach: no posture above the grasp"
-        episodes._status[missing] = "impossible"
-        on = self._moved(self._moved(self._ids[solved], above), self._postures)
-        episodes.q[:] = world.q
-        tips = episodes._tips(self._ids)
-        episodes._distance[self._ids] = np.linalg.norm(tips - world.pose()[0][self._ids], axis=1)
-        episodes._stage[on] = np.where(episodes._distance[on] <= NEAR, REACHED, STARTED)
-        on = self._whole(on, lambda ids: world.drive(ids, self._openings[self._of(ids)], CLOSING), CLOSING)
-        if len(on):
-            gripped = world.grasp(on).gripped
-            episodes._stage[on] = np.where(gripped, CLOSED, episodes._stage[on])
-        up = self._moved(on, above)
-        self._hold(up)
-        episodes.q[:] = world.q
-        if len(self._ids):
-            episodes._read(self._ids)
-
-    def _of(self, ids: Ids) -> NDArray[np.intp]:
-        return np.array([self._row[int(index)] for index in ids], dtype=np.intp)
-
-    def _moved(self, ids: Ids, targets: Floats) -> Ids:
-        """Move arms; return those that attained their targets."""
-        if not len(ids):
-            return ids
-        episodes = self._episodes
-        results = self._world.move(ids, targets[self._of(ids)])
-        for index, result in zip(ids, results, strict=True):
-            episodes._time[index] += result.duration
-            if not result.reached:
-                episodes._reasons[index] = result.reason
-                episodes._status[index] = "diverged" if result.status is MoveStatus.DIVERGED else "impossible"
-        return ids[[result.reached for result in results]]
-
-    def _whole(self, ids: Ids, act: Callable[[Ids], object], seconds: float) -> Ids:
-        """Simulate some; put back those whose simulation diverged, and return the others."""
-        if not len(ids):
-            return ids
-        episodes, before = self._episodes, self._world.states(ids)
-        act(ids)
-        episodes._time[ids] += seconds
-        lost = self._world.diverged(ids)
-        if lost.any():
-            self._world.put_back(ids[lost], before[lost])
-            episodes._reasons[ids[lost]] = "diverged: the simulation became unstable"
-            episodes._status[ids[lost]] = "diverged"
-        return ids[~lost]
-
-    def _hold(self, ids: Ids) -> None:
-        episodes, world = self._episodes, self._world
-        for look in range(round(HOLD / LOOK) + 1):
-            if look:
-                ids = self._whole(ids, lambda some: world.rest(some, LOOK), LOOK)
-            if not len(ids):
-                return
-            now = world.grasp(ids)
-            ids = ids[now.held & (now.clearance >= HEIGHT)]
-            episodes._stage[ids] = RAISED
-        episodes._stage[ids] = LIFTED
-
-
-class _Camera:
-    """The part of a reach task that observers need."""
-
-    def __init__(self, task: LiftTask) -> None:
-        self.arm, self.options = task.arm, task.options
-        self.layout, self.gripper_opening = layout_of(task.arm), task.gripper.opening

@@ -42,7 +42,7 @@ class ReachEpisodes:
         self.task = task
         self.world = world
         self._observer = goal_observer(task)
-        self._pixels = PixelObserver(task) if task.options.observation == "pixels" else None
+        self._pixels = PixelObserver(task.arm, task.options) if task.options.observation == "pixels" else None
         self._pictures: dict[str, NDArray[Any]] = {}
         self._changed = np.empty(count, dtype=np.bool_)  # since the pictures were taken
         self._streams = task.streams(count)

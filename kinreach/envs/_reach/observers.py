@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from gymnasium import spaces
@@ -12,11 +12,16 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from kinreach._checks import Floats
-from kinreach.envs._reach.task import CAMERA_RANGE, ReachTask, goal_block, observation_space
+from kinreach.envs._reach.task import CAMERA_RANGE, ReachOptions, ReachTask, goal_block, joint_limits, opening_of
 from kinreach.envs._reach.worlds import Ids
+from kinreach.robots import ArmDescription
+from kinreach.sim._controller import BEYOND_LIMIT
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.vision._cameras import RGBDCamera
 from kinreach.vision._goal_view import CameraGoalView, GoalMeasurement, goals_in_world
+
+if TYPE_CHECKING:
+    from kinreach.envs._lift.task import LiftOptions
 
 Flags = NDArray[np.bool_]
 
@@ -82,11 +87,10 @@ class CameraObserver:
 
     last: GoalMeasurement | None = None
 
-    def __init__(self, task: ReachTask) -> None:
-        options = task.options
-        self._simulation = ArmSimulation(task.arm)
+    def __init__(self, arm: ArmDescription, options: ReachOptions | LiftOptions) -> None:
+        self._simulation = ArmSimulation(arm)
         self._view = CameraGoalView(
-            task.arm, width=options.width, height=options.height, pipeline=options.pipeline, noise=options.noise
+            arm, width=options.width, height=options.height, pipeline=options.pipeline, noise=options.noise
         )
 
     def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
@@ -116,7 +120,7 @@ class RememberedObserver:
         self._arm = task.arm
         rng = np.random.default_rng(0)
         goals = task.arm.workcell.draw_goals(rng, task.options.looks)
-        with closing(CameraObserver(task)) as observer:
+        with closing(CameraObserver(task.arm, task.options)) as observer:
             taken = observer.measure(goals, np.zeros(len(goals), dtype=np.intp), [rng])
         self._nearest = cKDTree(goals)
         self._errors, self._found = taken.views - goal_block(task.arm, goals), taken.found
@@ -135,7 +139,7 @@ def goal_observer(task: ReachTask) -> GoalObserver:
     """Return the observer of a task; with pixels it is the true geometry, kept for `info`."""
     if task.options.observation != "camera":
         return GeometricObserver(task)
-    return RememberedObserver(task) if task.options.looks else CameraObserver(task)
+    return RememberedObserver(task) if task.options.looks else CameraObserver(task.arm, task.options)
 
 
 def measured(task: ReachTask, views: Floats) -> Measurements:
@@ -159,25 +163,21 @@ class PixelObserver:
         space: Of what is seen in one posture.
     """
 
-    def __init__(self, task: ReachTask) -> None:
-        self._task = task
-        self._simulation = ArmSimulation(task.arm)
+    def __init__(self, arm: ArmDescription, options: ReachOptions | LiftOptions) -> None:
+        height, width, (lower, upper) = options.height, options.width, joint_limits(arm)
+        self._noise, self._opening = options.noise, opening_of(arm)
+        self._simulation = ArmSimulation(arm)
         self._cameras = {
-            mount.name: RGBDCamera(self._simulation, mount.name, width=task.options.width, height=task.options.height)
-            for mount in task.arm.goal_cameras
+            mount.name: RGBDCamera(self._simulation, mount.name, width=width, height=height)
+            for mount in arm.goal_cameras
         }
-        self.space = self._space()
-
-    def _space(self) -> spaces.Dict:
-        height, width = self._task.options.height, self._task.options.width
-        images: dict[str, spaces.Space[Any]] = {}
+        parts: dict[str, spaces.Space[Any]] = {}
         for name in self._cameras:
-            images[f"{name}_rgb"] = spaces.Box(0, 255, (height, width, 3), np.uint8)
-            images[f"{name}_depth"] = spaces.Box(0.0, DEPTH_RANGE, (height, width, 1), np.float32)
-        whole, joints = observation_space(self._task.arm), self._task.layout.q
-        images["joints"] = spaces.Box(whole.low[joints], whole.high[joints], dtype=np.float64)
-        images["gripper"] = spaces.Box(0.0, CAMERA_RANGE, (1,), np.float64)
-        return spaces.Dict(images)
+            parts[f"{name}_rgb"] = spaces.Box(0, 255, (height, width, 3), np.uint8)
+            parts[f"{name}_depth"] = spaces.Box(0.0, DEPTH_RANGE, (height, width, 1), np.float32)
+        parts["joints"] = spaces.Box(lower - BEYOND_LIMIT, upper + BEYOND_LIMIT, dtype=np.float64)
+        parts["gripper"] = spaces.Box(0.0, CAMERA_RANGE, (1,), np.float64)
+        self.space = spaces.Dict(parts)
 
     def measure(
         self,
@@ -200,11 +200,11 @@ class PixelObserver:
             if openings is not None:
                 self._simulation.open_gripper(openings[row])
             for name, camera in self._cameras.items():
-                frame = camera.capture(noise=self._task.options.noise, rng=rng)
+                frame = camera.capture(noise=self._noise, rng=rng)
                 seen[f"{name}_rgb"][row] = frame.rgb
                 seen[f"{name}_depth"][row, ..., 0] = np.minimum(frame.depth, np.float32(DEPTH_RANGE))
         seen["joints"][:] = postures
-        seen["gripper"][:, 0] = self._task.gripper_opening if openings is None else openings
+        seen["gripper"][:, 0] = self._opening if openings is None else openings
         return seen
 
     def close(self) -> None:

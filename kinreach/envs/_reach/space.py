@@ -20,7 +20,6 @@ from kinreach.envs._options import about, options_from
 from kinreach.envs._reach.rewards import DirectedReward, Score
 from kinreach.envs._reach.task import JOINTS, MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant, Start
 from kinreach.errors import InputError
-from kinreach.kinematics import CollisionChecker
 from kinreach.kinematics._tensors import namespace
 from kinreach.robots import get_arm
 from kinreach.robots._workcell import BoxRegion
@@ -65,49 +64,17 @@ class SpaceOptions(ReachOptions):
             raise InputError(f"goals in a volume need a BoxRegion in the work cell, arm {arm.name!r} has none")
 
 
-class SpaceStarts:
-    """Draws starts of episodes: a row has the goal [m], the direction of the tool and the posture [rad].
+class SpaceTask(ReachTask):
+    """Goals are uniform in the volume, directions on the cap of the sphere around straight down.
 
-    Goals are uniform in the volume, directions on the cap of the sphere around straight down, and joints around the
-    start pose, among the postures that are possible.
+    Arms start with joints around the start pose, in postures that are possible.
     """
 
-    def __init__(self, options: SpaceOptions, checker: CollisionChecker) -> None:
-        self._arm = arm = get_arm(options.arm)
-        self._table: Any = arm.workcell.goals
-        self._height = options.goal_height
-        self._least_z = math.cos(math.radians(options.tilt))
-        self._spread = options.start_spread
-        self._checker = checker
-
-    def sample(self, rng: np.random.Generator, count: int, *, beyond: float = 0.0) -> Floats:
-        """Draw `count` rows, shape (count, 6 + n), with goals up to `beyond` [m] around the volume."""
-        goals: BoxRegion = self._table.wider(beyond, above=self._height)
-        z = rng.uniform(self._least_z, 1.0, count)
-        angle, across = rng.uniform(0.0, 2 * math.pi, count), np.sqrt(1.0 - z * z)
-        directions = np.column_stack([across * np.cos(angle), across * np.sin(angle), -z])
-        return np.column_stack([goals.sample(rng, count), directions, self._postures(rng, count)])
-
-    def _postures(self, rng: np.random.Generator, count: int) -> Floats:
-        home = np.array(self._arm.home)
-        q = np.tile(home, (count, 1))
-        wanted = np.full(count, self._spread > 0.0)
-        for _ in range(20):
-            if not wanted.any():
-                break
-            q[wanted] = home + rng.uniform(-self._spread, self._spread, (int(wanted.sum()), len(home)))
-            wanted[wanted] = self._checker.impossible(q[wanted])
-        q[wanted] = home
-        return q
-
-
-class SpaceTask(ReachTask):
     options: SpaceOptions
     directed = True
 
     def __init__(self, options: SpaceOptions) -> None:
         super().__init__(options, VARIANTS[options.steps])
-        self._starts = SpaceStarts(options, self.checker)
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> SpaceTask:
@@ -117,12 +84,32 @@ class SpaceTask(ReachTask):
     def default_reward(self) -> DirectedReward:
         return DirectedReward(REACHED_DISTANCE)
 
+    def sample(self, rng: np.random.Generator, count: int, *, beyond: float = 0.0) -> Floats:
+        """Draw goals [m], directions and postures [rad], shape (count, 6 + n); goals up to `beyond` [m] outside."""
+        region: Any = self.arm.workcell.goals
+        goals = region.wider(beyond, above=self.options.goal_height).sample
+        z = rng.uniform(math.cos(math.radians(self.options.tilt)), 1.0, count)
+        angle, across = rng.uniform(0.0, 2 * math.pi, count), np.sqrt(1.0 - z * z)
+        directions = np.column_stack([across * np.cos(angle), across * np.sin(angle), -z])
+        return np.column_stack([goals(rng, count), directions, self._postures(rng, count)])
+
+    def _postures(self, rng: np.random.Generator, count: int) -> Floats:
+        q, spread = np.tile(self.home, (count, 1)), self.options.start_spread
+        wanted = np.full(count, spread > 0.0)
+        for _ in range(20):
+            if not wanted.any():
+                break
+            q[wanted] = self.home + rng.uniform(-spread, spread, (int(wanted.sum()), len(self.home)))
+            wanted[wanted] = self.checker.impossible(q[wanted])
+        q[wanted] = self.home
+        return q
+
     def training_starts(self, rng: np.random.Generator, count: int, *, beyond: float) -> dict[str, Floats]:
-        rows = self._starts.sample(rng, count, beyond=beyond)
+        rows = self.sample(rng, count, beyond=beyond)
         return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
 
     def streams(self, count: int) -> RowStreams:
-        return RowStreams(self._starts.sample, count, size=6 + len(self.arm.joints))
+        return RowStreams(self.sample, count, size=6 + len(self.arm.joints))
 
     def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
         """Return goals and a start in which only the view may be missing; rows are drawn in any case."""

@@ -254,6 +254,11 @@ def joint_limits(arm: ArmDescription) -> tuple[Floats, Floats]:
     return low, high
 
 
+def opening_of(arm: ArmDescription) -> float:
+    """Return the gripper's opening in which an arm reaches [m]; 0 without a gripper."""
+    return 0.0 if arm.gripper is None else arm.gripper.opening
+
+
 def action_range(arm: ArmDescription) -> tuple[Floats, Floats]:
     """Return the change by an action of 1, from the middle of each joint's range, and the middle [rad], shape (n,)."""
     low, high = joint_limits(arm)
@@ -366,14 +371,9 @@ class ReachTask:
         self.scorer = scorer_of(options.reward, self.default_reward())
         self.home = np.array(arm.home)
         self.layout = layout_of(arm, directed=self.directed)
-        self.gripper_opening = 0.0 if arm.gripper is None else arm.gripper.opening
+        self.gripper_opening = opening_of(arm)
         _check_views(arm)
-        self._scale: Any = variant.scale
-        self._middle: Floats | None = None
-        if not variant.relative:
-            half, middle = action_range(arm)
-            self._scale = half if (half != variant.scale).any() else variant.scale
-            self._middle = middle if middle.any() else None
+        self._half, self._middle = action_range(arm)
 
     def default_reward(self) -> Scorer:
         """Return the reward without the option `reward`: the arm's own."""
@@ -437,17 +437,16 @@ class ReachTask:
 
     def targets(self, q: Floats, actions: Floats) -> Floats:
         """Joint targets [rad] of checked actions in postures `q`, all of shape (k, n)."""
-        targets: Floats = self._scale * actions
         if self.variant.relative:
-            return q + targets
-        return targets if self._middle is None else targets + self._middle
+            return q + self.variant.scale * actions
+        return self._half * actions + self._middle
 
     def action_for(self, q: Floats, target: Floats) -> Floats:
         """Return the action from a posture `q` to a target [rad], or straight towards it; shape (n,)."""
         if self.variant.relative:
-            way = (target - q) / self._scale
+            way = (target - q) / self.variant.scale
             return np.asarray(way / max(1.0, float(np.abs(way).max())))
-        return np.asarray((target if self._middle is None else target - self._middle) / self._scale)
+        return np.asarray((target - self._middle) / self._half)
 
     def waypoints_to(self, q: Floats, target: Floats) -> list[Floats]:
         """Return the postures that a move passes: with two phases, that in which `arm.moves_last` has yet to move."""

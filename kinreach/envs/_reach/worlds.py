@@ -234,15 +234,10 @@ class BatchDynamicWorld:
 
     def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
         ids = np.arange(self.count) if acting is None else np.flatnonzero(acting)
-        moved = _executed(self._batch.move(ids, targets[ids], two_phase=two_phase))
-        if acting is None or moved.reasons is None or moved.durations is None:
-            return moved
-        status, durations = np.zeros(self.count, dtype=np.uint8), np.zeros(self.count)
-        status[ids], durations[ids] = moved.status, moved.durations
-        reasons = [""] * self.count
-        for index, reason in zip(ids, moved.reasons, strict=True):
-            reasons[index] = reason
-        return Executed(status != Status.COMPLETED, status, reasons, durations)
+        moves = [MoveResult(MoveStatus.REACHED, "", 0.0, q, 0.0) for q in self.q]
+        for index, move in zip(ids, self._batch.move(ids, targets[ids], two_phase=two_phase), strict=True):
+            moves[index] = move
+        return _executed(moves)
 
     def snapshot(self) -> tuple[Any, Any]:
         """Return postures and tips; as tensors, tips are computed on the device."""

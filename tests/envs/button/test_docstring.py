@@ -49,7 +49,7 @@ def test_rewards(doc_tables):
     }
     for name, value, when in rows:
         values, condition = expected.pop(name.strip("`"))
-        assert getattr(terms, name.strip("`")).tolist() == values
+        assert terms[name.strip("`")].tolist() == values
         assert when == condition
         assert value == "-d" or float(value) in values
 

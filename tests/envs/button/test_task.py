@@ -57,7 +57,7 @@ def test_observation_layout():
 )
 def test_each_part_of_the_reward(distance, press, terms):
     reward, parts = button_reward(np.array([distance]), np.array([press]))
-    assert tuple(part[0] for part in parts) == terms
+    assert tuple(part[0] for part in parts.values()) == terms
     assert reward[0] == sum(terms)
 
 

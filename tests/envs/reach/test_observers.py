@@ -27,7 +27,7 @@ def remembered(task):
 @pytest.mark.slow
 def test_goals_are_seen_as_well_as_by_rendering(task, remembered):
     goals = task.arm.workcell.draw_goals(np.random.default_rng(5), LOOKS)
-    rendering = CameraObserver(task)
+    rendering = CameraObserver(task.arm, task.options)
     rendered = rendering.measure(goals, np.zeros(LOOKS, dtype=np.intp), [np.random.default_rng(1)])
     rendering.close()
     found = remembered.measure(goals, np.arange(LOOKS), [])
@@ -48,7 +48,7 @@ def test_goals_are_seen_as_well_as_by_rendering(task, remembered):
 def test_where_a_look_was_taken_the_goal_is_seen_as_it_was(task, remembered):
     rng = np.random.default_rng(0)
     goals = task.arm.workcell.draw_goals(rng, LOOKS)
-    rendering = CameraObserver(task)
+    rendering = CameraObserver(task.arm, task.options)
     rendered = rendering.measure(goals, np.zeros(LOOKS, dtype=np.intp), [rng])
     rendering.close()
     found = remembered.measure(goals, np.arange(LOOKS), [])

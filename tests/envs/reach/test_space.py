@@ -19,7 +19,7 @@ from kinreach.baselines._solver_policy import SolverPolicy
 from kinreach.baselines._training import train
 from kinreach.compare import compare
 from kinreach.envs._reach.rewards import DirectedReward, ThesisReward
-from kinreach.envs._reach.space import SpaceOptions, SpaceStarts
+from kinreach.envs._reach.space import SpaceOptions, SpaceTask
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver
@@ -59,7 +59,7 @@ def test_every_arm(arm):
 def test_what_episodes_start_with():
     arm = get_arm("ur5")
     checker = CollisionChecker(arm)
-    rows = SpaceStarts(SpaceOptions(**WIDE), checker).sample(np.random.default_rng(0), 2000)
+    rows = SpaceTask(SpaceOptions(**WIDE)).sample(np.random.default_rng(0), 2000)
     goals, directions, q = rows[:, :3], rows[:, 3:6], rows[:, 6:]
     box = arm.workcell.goals.wider(0.0, above=0.25)
     for axis, (low, high) in enumerate((box.x, box.y, box.z)):
@@ -74,13 +74,14 @@ def test_what_episodes_start_with():
     assert abs((tilt < 15).mean() - share) < 0.04
     assert 0.29 < np.abs(q - arm.home).max() <= 0.3
     assert sum(checker.free(posture) for posture in q[:300]) == 300
-    still = SpaceStarts(SpaceOptions(), checker).sample(np.random.default_rng(0), 50)
+    still = SpaceTask(SpaceOptions()).sample(np.random.default_rng(0), 50)
     assert (still[:, 3:] == [0.0, 0.0, -1.0, *arm.home]).all()
 
 
 def test_where_every_drawn_start_is_impossible_the_arm_begins_in_its_start_pose():
-    crowded = SimpleNamespace(impossible=lambda q: np.ones(len(q), dtype=bool))
-    rows = SpaceStarts(SpaceOptions(**WIDE), crowded).sample(np.random.default_rng(0), 5)
+    task = SpaceTask(SpaceOptions(**WIDE))
+    task.checker = SimpleNamespace(impossible=lambda q: np.ones(len(q), dtype=bool))
+    rows = task.sample(np.random.default_rng(0), 5)
     np.testing.assert_array_equal(rows[:, 6:], np.tile(get_arm("ur5").home, (5, 1)))
 
 
