@@ -69,6 +69,10 @@ def test_texts_of_values_are_short_whatever_they_are():
     assert shown(3) == "3"
     assert len(shown("x" * 1000)) == len(shown(10**100)) == 60
     assert shown(Hostile()).startswith("<Hostile instance at") or shown(Hostile()) == "an object of type Hostile"
+    endless = []
+    endless.append(endless)
+    for value in (10**9999, "x" * 10**6, [0] * 10**6, endless, b"\xff" * 999, {i: i for i in range(999)}):
+        assert 0 < len(shown(value)) < 300
     assert printable("a\tb\n\x1b\N{SNOWMAN}") == "a\tb\n\\x1b\N{SNOWMAN}"
 
 
