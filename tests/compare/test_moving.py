@@ -1,12 +1,14 @@
 """Rolling balls: who looks ahead touches them, and who looks down touches nothing else."""
 
 import math
+from collections import Counter
 from contextlib import closing
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
+from kinreach.baselines._loop import rollout
 from kinreach.compare import compare
 from kinreach.compare._cli import main
 from kinreach.compare._methods.interception import Interception
@@ -74,6 +76,55 @@ def test_the_noise_is_found_unless_one_is_believed(believed):
         assert found == 3 * [believed]
 
 
+def test_it_checks_no_collisions_where_they_do_not_count(monkeypatch):
+    task = get_task("moving")
+    with closing(gym.make(task.environment, **{**task.options, "collisions": False})) as env:
+        method = task.methods["interception"].make(env)
+        monkeypatch.setattr(method, "_checker", None)
+        observation, info = env.reset(seed=0, options={"speed": 0.8, "path": "circle"})
+        method.reset(observation, info)
+        over = False
+        while not over:
+            observation, _, over, _, info = env.step(method.act(observation))
+    assert info["is_success"]
+
+
+def test_it_keeps_a_way_out_if_sights_are_noisy():
+    """Before it did, it collided with 22 of these 60 balls, and touched 37."""
+    options, ends = {"noise": 0.01, "speeds": (0.4,)}, Counter()
+    task = get_task("moving").with_options(options)
+    with closing(gym.make(task.environment, **task.options | options)) as env:
+        for trial in rollout(env, task.methods["interception"].make(env), task.resets(12, 2, env)):
+            ends[trial["reached"], trial["impossible"]] += 1
+    assert ends.total() == 12
+    assert not ends[False, True]
+    assert ends[True, False] >= 10
+
+
+def test_going_along_ends_beside_the_ball_and_as_fast_as_it():
+    """Within the arm's limits, on a line across the area."""
+    task = get_task("moving")
+    with closing(gym.make(task.environment, **task.options)) as env:
+        env.reset(seed=0)
+        world, method = env.unwrapped, Interception(env)
+        method.reset(None, {"q": world.home})
+        xy = np.array([0.45, -0.1]) + np.arange(1, 61)[:, None] / 30.0 * np.array([0.05, 0.2])
+        way = method._along(world.home, np.zeros(6), xy)
+        tip = method._kinematics.fk(way)[:, :3, 3]
+        frames = np.arange(len(way)) / 8.0 + 1.0 / 8.0 - 1.0  # the first place is a frame ahead
+        balls = np.array([np.interp(frames, np.arange(60), axis) for axis in xy.T]).T
+        acceleration = np.diff(way, 2, axis=0) * (30.0 * 8.0) ** 2
+    away = np.linalg.norm(tip[:, :2] - balls, axis=1)
+    assert away[0] > 0.03
+    assert away[-6 * 8 :].max() < 1e-3
+    joined = len(way) - 6 * 8
+    assert 3 * 8 <= joined <= 30 * 8
+    assert np.abs(acceleration[: joined - 2]).max() <= world.acceleration_limit
+    np.testing.assert_allclose(
+        np.diff(tip[joined - 9 : joined + 8, :2], axis=0).mean(axis=0) * 240.0, [0.05, 0.2], atol=0.03
+    )
+
+
 def forecast_error(rate, noise, *, sights=12, ahead=0.4, known=True):
     """How far off the forecast is of a ball at 0.6 m/s that turns so fast [rad/s], in the mean of 20 [m]."""
     errors = []
@@ -100,6 +151,23 @@ def forecast_error(rate, noise, *, sights=12, ahead=0.4, known=True):
 def test_the_fit_follows_constant_turns(rate):
     assert forecast_error(rate, 0.0) < 1e-3
     assert forecast_error(rate, 9e-5) < 6e-3
+
+
+@pytest.mark.parametrize(("rate", "straight"), [(0.0, 20), (-5.0, 0)])
+def test_a_ball_rolls_straight_on_unless_its_sights_are_of_a_turn(rate, straight):
+    """With some 3 mm of noise, from 20 sights; a few straight balls look like turning ones."""
+    found = []
+    for seed in range(20):
+        rng, fit = np.random.default_rng(seed), TurnRateFit(2e-3)
+        for t in np.arange(20) / 30.0:
+            heading = rate * t
+            place = (
+                0.4 * t * np.array([np.sinc(heading / math.pi), math.sin(heading / 2) * np.sinc(heading / math.tau)])
+            )
+            fit.see(float(t), place + rng.normal(0.0, 2e-3, 2))
+        found.append(fit._fit()[2])
+    assert abs(sum(one == 0.0 for one in found) - straight) <= 3
+    np.testing.assert_allclose(np.median(found), rate, atol=0.3)
 
 
 @pytest.mark.parametrize("noise", [9e-5, 2e-3])

@@ -8,6 +8,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.baselines._expert import GRIPPER, tool_down_postures
@@ -35,6 +36,13 @@ MAX_WAYS, STRIDE = 40, 2
 FRAMES_AHEAD = (3, 2, 1)
 #: Shares of its limits that the arm may turn out to keep, and frames by which it may turn out to be late.
 SHARES, FRAMES_LATE = np.linspace(1.0, 0.1, 91), np.arange(4)
+#: With more noise than this the forecast changes much: it keeps a way out at every frame [m].
+TRUSTED_NOISE = 5e-4
+#: With more noise it goes along with the ball, reached after so many frames or more, for at least so many, with the
+#: speed matched: joints may err by this time's way if their speed errs as much the other way [s].
+FRAMES_TO, FRAMES_ALONG, SPEED_ERROR = 3, 6, 0.1
+#: How many such ways are checked, and how far ahead they are looked for [frames].
+MAX_ALONG, HORIZON_ALONG = 4, 60
 #: Where it waits: this share of the way from the ball to the middle of the area, this high above the ball [m].
 TOWARDS_MIDDLE, WAITING = 0.35, 0.06
 #: Without a way that is free, it keeps to the one that is free the longest if it is lower than this above the ball [m].
@@ -86,8 +94,10 @@ class Interception(_ClosedForm):
 
     A fit of constant speed and turn rate forecasts the ball. For each frame ahead, a posture is searched that the
     joints can have by then, with the tip at the ball and the gripper above the table. The arm follows the earliest way
-    without a collision, else it waits above the ball. The share of the limits that the arm keeps, and how many frames
-    it is late, are fitted to its joints' motions. The constants were chosen with balls of seed 1.
+    without a collision, else it waits above the ball. Where collisions do not count, it checks none. Where they count
+    and sights are noisy, it goes along with the ball if it can, so that its tip is at many places where the ball may
+    be, and goes only to where it could still stop or rise. The share of the limits that the arm keeps, and how many
+    frames it is late, are fitted to its joints' motions. The constants were chosen with balls of seeds 1 to 3.
 
     Args:
         env: `kinreach/Moving-v0`.
@@ -96,12 +106,14 @@ class Interception(_ClosedForm):
 
     def __init__(self, env: gym.Env[Any, Any], *, noise: float | None = None) -> None:
         super().__init__(env)
+        self._counts = self._env.options.collisions
         self._checker = ur5_checker(self._env.options.margin)
         self._noise = noise
         self._known = {"speed": self._env.speed_limit, "acceleration": self._env.acceleration_limit}
         area = self._env.arm.workcell.goals
         self._low, self._high = np.array([area.x, area.y]).T
-        self._table = self._env.height - self._env.arm.workcell.ball_radius
+        self._table = self._env.height - self._env.arm.workcell.ball_radius if self._counts else -math.inf
+        self._aim = self._env.height + (ABOVE if self._counts else 0.0)
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
         """Forget the forecast of the last ball and the limits that its arm kept."""
@@ -110,15 +122,10 @@ class Interception(_ClosedForm):
         self._meeting: float | None = None
         self._limits, self._late, self._missed = dict(self._known), 0, np.zeros((len(FRAMES_LATE), len(SHARES)))
         self._last, self._sent = (np.array(info["q"]), np.zeros(6)), len(FRAMES_LATE) * [self._target]
+        self._escape = self._target
 
     def act(self, observation: Any) -> Floats:
         """Return the action of this frame on the way to the meeting."""
-        action = self._decide(observation)
-        self._sent.append(self._target)
-        return action
-
-    def _decide(self, observation: Any) -> Floats:
-        """Return the action that leads towards the meeting."""
         age, q, v = float(observation[ball.AGE]), np.array(observation[ball.ANGLES]), np.array(observation[ball.RATES])
         self._fit_arm(q, v)
         self._fit.see(self._time - age, observation[ball.BALL])
@@ -126,18 +133,99 @@ class Interception(_ClosedForm):
         age += self._late / ball.FRAMES  # when the action is done, after those that are on their way
         for target in self._sent[len(self._sent) - self._late :]:
             q, v = self._after_a_frame(q, v, target, self._limits)
+        self._choose(q, v, age, observation[ball.BALL])
+        if self._is_cautious():
+            self._keep_a_way_out(q, v)
+        self._sent.append(self._target)
+        return self._target / math.pi
+
+    def _choose(self, q: Floats, v: Floats, age: float, seen: Floats) -> None:
+        """Choose the target that leads towards the meeting.
+
+        Args:
+            q: Joint angles when the action is done [rad], shape (6,).
+            v: Their speeds [rad/s], shape (6,).
+            age: Time from the last sight until then [s].
+            seen: That sight [m], shape (3,).
+        """
         if not self._fit.moving:
-            seen = observation[ball.BALL][:2]
-            return self._wait(q, v, seen + TOWARDS_MIDDLE * ((self._low + self._high) / 2 - seen))
-        parts: Any = ball.PARTS * np.arange(1, HORIZON + 1)
+            self._wait(q, v, seen[:2] + TOWARDS_MIDDLE * ((self._low + self._high) / 2 - seen[:2]))
+            return
+        parts: Any = ball.PARTS * np.arange(1, HORIZON_ALONG + 1)
         xy = self._fit.forecast(age + PART * parts)
         outside = ((xy < self._low) | (xy > self._high)).any(axis=1)
-        count = max(int(outside.argmax()) if outside.any() else HORIZON, 1)
+        xy = xy[: max(int(outside.argmax()) if outside.any() else len(xy), 1)]
+        if self._is_cautious() and (along := self._along(q, v, xy)) is not None:
+            place, speed = along[ball.PARTS - 1], (along[ball.PARTS] - along[ball.PARTS - 2]) / (2.0 * PART)
+            self._target = self._towards(q, v, place + SPEED_ERROR * speed, ball.PARTS, SPEED_ERROR)
+            return
+        count = min(len(xy), HORIZON)
         way, until = self._way(q, v, xy[:count], parts[:count])
         low = self._kinematics.fk(q)[2, 3] < self._env.height + LOW_HEIGHT
         if way is not None and (until >= len(way) or (low and until >= ball.PARTS)):
-            return self._follow(q, v, way)
-        return self._wait(q, v, xy[min(HORIZON // 3, count - 1)])
+            self._follow(q, v, way)
+        else:
+            self._wait(q, v, xy[min(HORIZON // 3, count - 1)])
+
+    def _is_cautious(self) -> bool:
+        """Return whether a changed forecast could lead to a collision."""
+        return self._counts and self._fit.noise > TRUSTED_NOISE
+
+    def _keep_a_way_out(self, q: Floats, v: Floats) -> None:
+        """Rise, stop or take the last way out, if the arm could not stop or rise a frame later without a collision."""
+        for target in (self._target, *self._ways_out(q, v), self._escape):
+            if self._is_free(q, v, target, ball.PARTS):
+                after = self._after_a_frame(q, v, target, self._limits)
+                for escape in self._ways_out(*after):
+                    if self._is_free(*after, escape):
+                        self._target, self._escape = target, escape
+                        return
+
+    def _ways_out(self, q: Floats, v: Floats) -> list[Floats]:
+        """Return targets that stop the arm: above where it would stop, if a posture is there, and just there."""
+        stop = np.clip(q + v * np.abs(v) / (2.0 * self._limits["acceleration"]), -math.pi, math.pi)
+        above = self._above(self._kinematics.fk(stop)[:2, 3])
+        return [above, stop] if np.isfinite(above).all() else [stop]
+
+    def _above(self, xy: Floats) -> Floats:
+        """Return the posture in which the arm waits above a place of the area; not finite if none is there."""
+        place = np.clip(xy, self._low + ball.INSIDE, self._high - ball.INSIDE)
+        return tool_down_postures(self._kinematics, np.array([[*place, self._env.height + WAITING]]))[0]
+
+    def _along(self, q: Floats, v: Floats, xy: Floats) -> Floats | None:
+        """Return the earliest way that ends in going along with the ball, tool down, for some frames, if one is free.
+
+        Joints go there with an acceleration that changes steadily, and arrive with the speed that goes along.
+
+        Args:
+            q: Joint angles [rad], shape (6,).
+            v: Their speeds [rad/s], shape (6,).
+            xy: Of the ball after each frame [m], shape (n, 2).
+
+        Returns:
+            Joint angles after each part of a frame [rad], shape (m, 6).
+        """
+        goal = tool_down_postures(self._kinematics, np.column_stack([xy, np.full(len(xy), self._aim)]))
+        possible = np.isfinite(goal).all(axis=1)
+        goal = goal if possible.all() else goal[: int(possible.argmin())]
+        if len(goal) < FRAMES_TO + FRAMES_ALONG:
+            return None
+        time, speed = np.arange(1, len(goal) + 1)[:, None] / ball.FRAMES, np.gradient(goal, 1.0 / ball.FRAMES, axis=0)
+        first = 6.0 * (goal - q) / time**2 - (4.0 * v + 2.0 * speed) / time
+        last = -6.0 * (goal - q) / time**2 + (2.0 * v + 4.0 * speed) / time
+        middle = v + (3.0 * first + last) * time / 8.0
+        most = np.abs([first, last]).max(axis=0) <= ACCELERATIONS[0] * self._limits["acceleration"]
+        within = (most & (np.abs([middle, speed]).max(axis=0) <= self._limits["speed"])).all(axis=1)
+        within[: FRAMES_TO - 1] = within[len(goal) - FRAMES_ALONG :] = False
+        for index in np.flatnonzero(within)[:MAX_ALONG]:
+            tau, end = PART * np.arange(1, (index + 1) * ball.PARTS + 1)[:, None], time[index]
+            there = q + v * tau + first[index] * tau**2 / 2.0 + (last[index] - first[index]) * tau**3 / (6.0 * end)
+            frames = index + np.arange(1, FRAMES_ALONG * ball.PARTS + 1) / ball.PARTS
+            along = np.array([np.interp(frames, np.arange(len(goal)), joint) for joint in goal.T]).T
+            way = np.concatenate([there, along])
+            if not self._collides(way[STRIDE - 1 :: STRIDE]).any():
+                return way
+        return None
 
     def _fit_arm(self, q: Floats, v: Floats) -> None:
         """Fit the share of the limits, and the frames that the arm is late, to its motions in all frames so far."""
@@ -169,7 +257,7 @@ class Interception(_ClosedForm):
         Returns:
             Joint angles after each part [rad], shape (m, 6), or None; number of parts that are free.
         """
-        places = np.column_stack([xy, np.full(len(xy), self._env.height + ABOVE)])
+        places = np.column_stack([xy, np.full(len(xy), self._aim)])
         down = tool_down_postures(self._kinematics, places)
         start, tried = np.where(np.isfinite(down), down, q), 0
         longest: tuple[Floats | None, int] = (None, 0)
@@ -182,7 +270,7 @@ class Interception(_ClosedForm):
             for index in sorted(possible, key=lambda frame: (frame < wanted - 0.5, frame))[: MAX_WAYS - tried]:
                 way = self._steady(q, v, postures[index], int(parts[index]))
                 checked = np.append(np.arange(STRIDE - 1, len(way) - 1, STRIDE), len(way) - 1)
-                hits = np.flatnonzero(self._checker.causes(way[checked]))
+                hits = np.flatnonzero(self._collides(way[checked]))
                 if not len(hits):
                     self._meeting = self._time + index / ball.FRAMES
                     return way, len(way)
@@ -191,15 +279,13 @@ class Interception(_ClosedForm):
         self._meeting = None
         return longest
 
-    def _wait(self, q: Floats, v: Floats, xy: Floats) -> Floats:
+    def _wait(self, q: Floats, v: Floats, xy: Floats) -> None:
         """Go above a place, continue, or stop: the first that does not collide."""
-        place = np.clip(xy, self._low + ball.INSIDE, self._high - ball.INSIDE)
-        posture = tool_down_postures(self._kinematics, np.array([[*place, self._env.height + WAITING]]))[0]
+        posture = self._above(xy)
         if np.isfinite(posture).all() and self._is_free(q, v, posture):
             self._target = posture
         elif not self._is_free(q, v, self._target):
-            self._target = np.clip(q + v * np.abs(v) / (2.0 * self._limits["acceleration"]), -math.pi, math.pi)
-        return self._target / math.pi
+            self._target = self._ways_out(q, v)[-1]
 
     def _is_free(self, q: Floats, v: Floats, target: Floats, parts: int = 8 * ball.PARTS) -> bool:
         """Return whether the joints can move towards a target for some parts of a frame without a collision."""
@@ -207,26 +293,32 @@ class Interception(_ClosedForm):
         for _ in range(parts):
             q, v = moved(q, v, target, PART, **self._limits)
             way.append(q)
-        return not self._checker.causes(np.array(way[STRIDE - 1 :: STRIDE])).any()
+        return not self._collides(np.array(way[STRIDE - 1 :: STRIDE])).any()
 
-    def _follow(self, q: Floats, v: Floats, way: Floats) -> Floats:
-        """Return the action that leads each joint to where the way is some frames later, the most that are free."""
+    def _collides(self, postures: Floats) -> NDArray[np.bool_]:
+        """Return which postures collide, shape (n, 6) to (n,): none where collisions do not count."""
+        return self._checker.causes(postures) > 0 if self._counts else np.zeros(len(postures), dtype=np.bool_)
+
+    def _follow(self, q: Floats, v: Floats, way: Floats) -> None:
+        """Choose the target that leads each joint to where the way is some frames later, the most that are free."""
         for frames in FRAMES_AHEAD:
             parts = min(frames * ball.PARTS, len(way))
             self._target = self._towards(q, v, way[parts - 1], parts)
             if self._is_free(q, v, self._target, parts):
                 break
-        return self._target / math.pi
 
-    def _towards(self, q: Floats, v: Floats, goal: Floats, parts: int) -> Floats:
-        """Return the angles to go to so that each joint passes its goal after parts of a frame, shape (6,)."""
+    def _towards(self, q: Floats, v: Floats, goal: Floats, parts: int, ahead: float = 0.0) -> Floats:
+        """Return the angles to go to so that each joint passes its goal after parts of a frame, shape (6,).
+
+        With a time `ahead` [s], so that its angle and `ahead` times its speed are then the goal.
+        """
         low, high, joints = np.full(6, -math.pi), np.full(6, math.pi), np.arange(6)
         for _ in range(3):  # where a joint is then grows with the angle that it goes to
             tried = np.linspace(low, high, 33)
             end, speed = np.tile(q, (33, 1)), np.tile(v, (33, 1))
             for _ in range(parts):
                 end, speed = moved(end, speed, tried, PART, **self._limits)
-            first = (end < goal - 1e-6).sum(axis=0)
+            first = (end + ahead * speed < goal - 1e-6).sum(axis=0)
             low, high = tried[np.maximum(first - 1, 0), joints], tried[np.minimum(first, 32), joints]
         return np.asarray(high)
 

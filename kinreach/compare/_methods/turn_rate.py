@@ -1,4 +1,4 @@
-"""Forecast a rolling ball by constant speed and constant turn rate, fitted to its last sights."""
+"""Forecast a rolling ball by constant speed and constant turn rate, or none, fitted to its last sights."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ class TurnRateFit:
 
     With places as complex numbers, p(t) = p0 + v0 (exp(i w t) - 1) / (i w), which is linear in p0 and v0: each turn
     rate w of a grid is one linear least-squares problem, and all windows share its sums. This is the text-book model of
-    a coordinated turn (Bar-Shalom, Li and Kirubarajan 2001, chapter 11).
+    a coordinated turn (Bar-Shalom, Li and Kirubarajan 2001, chapter 11). Before its sights, a ball that rolls straight
+    on is as likely as one that turns.
 
     Args:
         noise: Standard deviation of a coordinate of a sight [m]; if None, it is found from what short fits miss.
@@ -37,6 +38,11 @@ class TurnRateFit:
         self._squares: list[float] = []
         self._times: list[float] = []
         self._places: list[complex] = []
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of a coordinate of a sight that is believed or was found [m]."""
+        return self._noise
 
     @property
     def moving(self) -> bool:
@@ -65,18 +71,34 @@ class TurnRateFit:
             self._squares.append(self._noise**2 * float(misses[:, SIGHTS - 1].min()) / (2 * SIGHTS - 5))
             before, self._noise = self._noise, max(MIN_NOISE, math.sqrt(np.median(self._squares) / MEDIAN_SQUARE))
             costs += misses * ((before / self._noise) ** 2 - 1.0)
+        _, speeds, straight, _ = self._solve(np.zeros(1), t, z)
         best, least = (last, 0j, 0.0), int((t > -1e-3).sum()) + 1
         for count in sorted({min(max(window, least), len(t)) for window in (least, *WINDOWS, len(t))}):
-            index = int(np.clip(costs[:, count - 1].argmin(), 1, len(RATES) - 2))
-            left, middle, right = costs[index - 1 : index + 2, count - 1]  # the least of a parabola through three
-            step = np.clip((left - right) / max(2.0 * (left - 2.0 * middle + right), 1e-12), -1.0, 1.0)
-            rate = RATES[index] + step * (RATES[1] - RATES[0])
+            rate = self._rate(costs[:, count - 1], straight[0, count - 1], abs(speeds[0, count - 1]))
             p0, v0, misses, _ = (values[0, -1] for values in self._solve(np.array([rate]), t[:count], z[:count]))
             freedom = max(2 * count - 5, 1)
             if best[1] and misses > freedom + 4.0 * math.sqrt(2.0 * freedom):
                 break
             best = (last + p0, v0, float(rate))
         return best
+
+    @staticmethod
+    def _rate(costs: Floats, straight: float, speed: float) -> float:
+        """Return the turn rate: 0 if a straight line is likelier than all turns together.
+
+        Args:
+            costs: Squared misses of each turn rate in units of the noise, with the prior.
+            straight: Squared misses of the straight line.
+            speed: [m/s].
+        """
+        least, spacing = costs.min(), RATES[1] - RATES[0]
+        turns = np.exp((least - costs) / 2.0).sum() * spacing * max(speed, 1e-3) / (SIDEWAYS * math.sqrt(math.tau))
+        if straight < least - 2.0 * math.log(turns):
+            return 0.0
+        index = int(np.clip(costs.argmin(), 1, len(RATES) - 2))
+        left, middle, right = costs[index - 1 : index + 2]  # the least of a parabola through three
+        step = np.clip((left - right) / max(2.0 * (left - 2.0 * middle + right), 1e-12), -1.0, 1.0)
+        return float(RATES[index] + step * spacing)
 
     def _solve(self, rates: Floats, t: Floats, z: Any) -> tuple[Any, Any, Floats, Floats]:
         """Return p0, v0, squared misses in units of the noise, and these with the prior, by turn rate and window."""
