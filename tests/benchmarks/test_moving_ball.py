@@ -75,6 +75,25 @@ def test_the_delay_that_is_believed_is_observed():
     assert ages[0] == pytest.approx(ages[1] / 1.3)
 
 
+@pytest.mark.parametrize("share", [0.7, 1.0, 1.3])
+def test_how_late_the_sights_are_is_found(share):
+    """By `interception`, from when the ball begins to move in them; a delay that is believed rightly stays as it is."""
+    found = []
+    with closing(moving_ball.make_world({"delay": 0.05 * share, "believed_delay": 0.05})) as env:
+        method = get_task("moving").methods["interception"].make(env)
+        for seed, path in enumerate(("straight", "circle", "random")):
+            observation, info = env.reset(seed=seed, options={"speed": 0.8, "path": path})
+            method.reset(observation, info)
+            for _ in range(10):
+                method.act(observation)
+                observation, *_ = env.step(env.unwrapped.home / np.pi)
+            found.append(method._fit.age)
+    if share == 1.0:
+        np.testing.assert_allclose(found, 0.05, rtol=1e-12)
+    else:
+        np.testing.assert_allclose(found, 0.05 * share, atol=0.003)
+
+
 @pytest.mark.parametrize("late", [0, 1, 3])
 def test_how_late_the_arm_is_is_found(late):
     """By `interception`, once an action that differs from the first posture was done."""

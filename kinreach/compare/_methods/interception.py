@@ -126,11 +126,11 @@ class Interception(_ClosedForm):
 
     def act(self, observation: Any) -> Floats:
         """Return the action of this frame on the way to the meeting."""
-        age, q, v = float(observation[ball.AGE]), np.array(observation[ball.ANGLES]), np.array(observation[ball.RATES])
+        q, v = np.array(observation[ball.ANGLES]), np.array(observation[ball.RATES])
         self._fit_arm(q, v)
-        self._fit.see(self._time - age, observation[ball.BALL])
+        self._fit.see(self._time, observation[ball.BALL], float(observation[ball.AGE]))
         self._time += 1.0 / ball.FRAMES
-        age += self._late / ball.FRAMES  # when the action is done, after those that are on their way
+        age = self._fit.age + self._late / ball.FRAMES  # when the action is done, after those that are on their way
         for target in self._sent[len(self._sent) - self._late :]:
             q, v = self._after_a_frame(q, v, target, self._limits)
         self._choose(q, v, age, observation[ball.BALL])

@@ -16,6 +16,9 @@ MIN_NOISE, SIGHTS = 1e-4, 4
 #: The median of their squared misses, a degree of freedom, is 0.79 of the variance (chi-squared with 3). By less the
 #: noise is found larger than it is: long windows that are kept too long cost less than ones that are left too early.
 MEDIAN_SQUARE = 0.53
+#: Shares of the believed delay that are tried, and with which numbers of sights. To be found, one must miss by so many
+#: squares less than what is believed, in units of the noise or of what is left of them a degree of freedom.
+DELAYS, FIRST_SIGHTS, BETTER = np.linspace(0.5, 1.8, 27), range(6, 11), 25.0
 #: Numbers of last sights that are fitted, beside all: some 20 % more each time.
 WINDOWS = (3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 30, 40, 60)
 
@@ -28,6 +31,9 @@ class TurnRateFit:
     a coordinated turn (Bar-Shalom, Li and Kirubarajan 2001, chapter 11). Before its sights, a ball that rolls straight
     on is as likely as one that turns.
 
+    A delay of the sights that differs much from what is believed is found from the first sights, which show where the
+    ball begins until they are of later.
+
     Args:
         noise: Standard deviation of a coordinate of a sight [m]; if None, it is found from what short fits miss.
     """
@@ -36,7 +42,9 @@ class TurnRateFit:
         self._known = noise is not None
         self._noise = MIN_NOISE if noise is None else max(noise, 1e-6)
         self._squares: list[float] = []
-        self._times: list[float] = []
+        self._observed: list[float] = []
+        self._ages: list[float] = []
+        self._delay = 1.0
         self._places: list[complex] = []
 
     @property
@@ -47,12 +55,34 @@ class TurnRateFit:
     @property
     def moving(self) -> bool:
         """Whether sights of two times have been seen, so that there is a speed."""
-        return len(self._times) > 1 and self._times[-1] - self._times[0] > 1e-3
+        times = self._times()
+        return len(times) > 1 and times[-1] - times[0] > 1e-3
 
-    def see(self, time: float, place: Floats) -> None:
-        """Add a sight [m], shape (2,) or (3,), that was taken at a time [s], not before the last one."""
-        self._times.append(time)
+    @property
+    def age(self) -> float:
+        """Age that the last sight had when it was observed [s]."""
+        return self._delay * self._ages[-1]
+
+    def see(self, time: float, place: Floats, age: float = 0.0) -> None:
+        """Add a sight [m], shape (2,) or (3,), that is observed at a time [s] and believed to be so old [s]."""
+        self._observed.append(time)
+        self._ages.append(age)
         self._places.append(complex(place[0], place[1]))
+        if age > 0.0 and len(self._places) in FIRST_SIGHTS:
+            self._find_delay()
+
+    def _times(self) -> Floats:
+        """Return when the sights were taken [s]."""
+        return np.array(self._observed) - self._delay * np.array(self._ages)
+
+    def _find_delay(self) -> None:
+        """Find the share of the believed delay with which the first sights are those of one turn."""
+        z, costs = np.array(self._places[::-1]) - self._places[-1], []
+        for delay in (1.0, *DELAYS):
+            t = np.maximum(np.array(self._observed[::-1]) - delay * self._ages[-1], self._observed[0])
+            costs.append(self._solve(RATES, t - t[0], z)[-1][:, -1].min())
+        best, worth = int(np.argmin(costs)), max(min(costs) / (2 * len(z) - 6), 1.0)
+        self._delay = float((1.0, *DELAYS)[best]) if costs[0] - costs[best] > BETTER * worth else 1.0
 
     def forecast(self, ahead: Floats) -> Floats:
         """Return where the ball will be [m], shape (n, 2), at times after the last sight [s], shape (n,)."""
@@ -65,7 +95,8 @@ class TurnRateFit:
         last = self._places[-1]
         if not self.moving:
             return last, 0j, 0.0
-        t, z = np.array(self._times[::-1]) - self._times[-1], np.array(self._places[::-1]) - last
+        times = self._times()
+        t, z = times[::-1] - times[-1], np.array(self._places[::-1]) - last
         *_, misses, costs = self._solve(RATES, t, z)
         if not self._known and len(t) >= SIGHTS:
             self._squares.append(self._noise**2 * float(misses[:, SIGHTS - 1].min()) / (2 * SIGHTS - 5))
