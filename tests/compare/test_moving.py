@@ -90,7 +90,7 @@ def test_it_checks_no_collisions_where_they_do_not_count(monkeypatch):
 
 
 def test_it_keeps_a_way_out_if_sights_are_noisy():
-    """Before it did, it collided with 22 of these 60 balls, and touched 37."""
+    """Of 60 such balls it collided with 21 before, and touched 37."""
     options, ends = {"noise": 0.01, "speeds": (0.4,)}, Counter()
     task = get_task("moving").with_options(options)
     with closing(gym.make(task.environment, **task.options | options)) as env:

@@ -36,10 +36,10 @@ MAX_WAYS, STRIDE = 40, 2
 FRAMES_AHEAD = (3, 2, 1)
 #: Shares of its limits that the arm may turn out to keep, and frames by which it may turn out to be late.
 SHARES, FRAMES_LATE = np.linspace(1.0, 0.1, 91), np.arange(4)
-#: With more noise than this the forecast changes much: it keeps a way out at every frame [m].
+#: With more noise than this [m], where collisions count, it goes along with the ball, reached after so many frames or
+#: more, for at least so many, with the speed matched: joints may err by this time's way if their speed errs as much the
+#: other way [s].
 TRUSTED_NOISE = 5e-4
-#: With more noise it goes along with the ball, reached after so many frames or more, for at least so many, with the
-#: speed matched: joints may err by this time's way if their speed errs as much the other way [s].
 FRAMES_TO, FRAMES_ALONG, SPEED_ERROR = 3, 6, 0.1
 #: How many such ways are checked, and how far ahead they are looked for [frames].
 MAX_ALONG, HORIZON_ALONG = 4, 60
@@ -94,10 +94,10 @@ class Interception(_ClosedForm):
 
     A fit of constant speed and turn rate forecasts the ball. For each frame ahead, a posture is searched that the
     joints can have by then, with the tip at the ball and the gripper above the table. The arm follows the earliest way
-    without a collision, else it waits above the ball. Where collisions do not count, it checks none. Where they count
-    and sights are noisy, it goes along with the ball if it can, so that its tip is at many places where the ball may
-    be, and goes only to where it could still stop or rise. The share of the limits that the arm keeps, and how many
-    frames it is late, are fitted to its joints' motions. The constants were chosen with balls of seeds 1 to 3.
+    without a collision, else it waits above the ball. Where collisions count, it goes only to where it could still stop
+    or rise. If sights are noisy then, it goes along with the ball where it can, so that its tip is at many places where
+    the ball may be. Where they do not count, it checks none. The share of the limits that the arm keeps, and how many
+    frames it is late, are fitted to its joints' motions. The constants were chosen with balls of seeds 1 to 5.
 
     Args:
         env: `kinreach/Moving-v0`.
@@ -134,7 +134,7 @@ class Interception(_ClosedForm):
         for target in self._sent[len(self._sent) - self._late :]:
             q, v = self._after_a_frame(q, v, target, self._limits)
         self._choose(q, v, age, observation[ball.BALL])
-        if self._is_cautious():
+        if self._counts:
             self._keep_a_way_out(q, v)
         self._sent.append(self._target)
         return self._target / math.pi
@@ -155,7 +155,8 @@ class Interception(_ClosedForm):
         xy = self._fit.forecast(age + PART * parts)
         outside = ((xy < self._low) | (xy > self._high)).any(axis=1)
         xy = xy[: max(int(outside.argmax()) if outside.any() else len(xy), 1)]
-        if self._is_cautious() and (along := self._along(q, v, xy)) is not None:
+        noisy = self._counts and self._fit.noise > TRUSTED_NOISE
+        if noisy and (along := self._along(q, v, xy)) is not None:
             place, speed = along[ball.PARTS - 1], (along[ball.PARTS] - along[ball.PARTS - 2]) / (2.0 * PART)
             self._target = self._towards(q, v, place + SPEED_ERROR * speed, ball.PARTS, SPEED_ERROR)
             return
@@ -166,10 +167,6 @@ class Interception(_ClosedForm):
             self._follow(q, v, way)
         else:
             self._wait(q, v, xy[min(HORIZON // 3, count - 1)])
-
-    def _is_cautious(self) -> bool:
-        """Return whether a changed forecast could lead to a collision."""
-        return self._counts and self._fit.noise > TRUSTED_NOISE
 
     def _keep_a_way_out(self, q: Floats, v: Floats) -> None:
         """Rise, stop or take the last way out, if the arm could not stop or rise a frame later without a collision."""
