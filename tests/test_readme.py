@@ -68,7 +68,10 @@ CLAIMS = {
         (f"{DATA}/real-arm.csv", '`policy-informed`,"5.88 [4.23, 7.06]","1.05 [0.92, 1.15]"'),
     ],
     "a planner touches 98 % of balls at 0.6 m/s without collision, PPO's five trainings 11 % (study).": [
-        (f"{DATA}/moving-ball.csv", 'count,`interception`,"100.0 [94.0, 100.0]","100.0 [94.0, 100.0]","98.3 [91.1, 99.7]"'),
+        (
+            f"{DATA}/moving-ball.csv",
+            'count,`interception`,"100.0 [94.0, 100.0]","100.0 [94.0, 100.0]","98.3 [91.1, 99.7]"',
+        ),
         (f"{DATA}/moving-trainings.csv", 'count,"86.5 [79.8, 93.0]","57.7 [44.3, 71.1]","10.7 [2.4, 19.0]"'),
     ],
     "A learned method without an interval is one of five trainings.": [
