@@ -41,6 +41,8 @@ SHARES, FRAMES_LATE = np.linspace(1.0, 0.1, 91), np.arange(4)
 #: other way [s].
 TRUSTED_NOISE = 5e-4
 FRAMES_TO, FRAMES_ALONG, SPEED_ERROR = 3, 6, 0.1
+#: A faster ball is gone before a second try, so a way to it need not have a way out if sights are less noisy [m/s].
+LAST_TRY = 0.7
 #: How many such ways are checked, and how far ahead they are looked for [frames].
 MAX_ALONG, HORIZON_ALONG = 4, 60
 #: Where it waits: this share of the way from the ball to the middle of the area, this high above the ball [m].
@@ -95,9 +97,10 @@ class Interception(_ClosedForm):
     A fit of constant speed and turn rate forecasts the ball. For each frame ahead, a posture is searched that the
     joints can have by then, with the tip at the ball and the gripper above the table. The arm follows the earliest way
     without a collision, else it waits above the ball. Where collisions count, it goes only to where it could still stop
-    or rise. If sights are noisy then, it goes along with the ball where it can, so that its tip is at many places where
-    the ball may be. Where they do not count, it checks none. The share of the limits that the arm keeps, and how many
-    frames it is late, are fitted to its joints' motions. The constants were chosen with balls of seeds 1 to 5.
+    or rise, unless the ball is too fast for a second try. If sights are noisy then, it goes along with the ball where
+    it can, so that its tip is at many places where the ball may be. Where they do not count, it checks none. The share
+    of the limits that the arm keeps, and how many frames it is late, are fitted to its joints' motions. The constants
+    were chosen with balls of seeds 1 to 5.
 
     Args:
         env: `kinreach/Moving-v0`.
@@ -122,7 +125,7 @@ class Interception(_ClosedForm):
         self._meeting: float | None = None
         self._limits, self._late, self._missed = dict(self._known), 0, np.zeros((len(FRAMES_LATE), len(SHARES)))
         self._last, self._sent = (np.array(info["q"]), np.zeros(6)), len(FRAMES_LATE) * [self._target]
-        self._escape = self._target
+        self._escape, self._fast = self._target, False
 
     def act(self, observation: Any) -> Floats:
         """Return the action of this frame on the way to the meeting."""
@@ -134,7 +137,7 @@ class Interception(_ClosedForm):
         for target in self._sent[len(self._sent) - self._late :]:
             q, v = self._after_a_frame(q, v, target, self._limits)
         self._choose(q, v, age, observation[ball.BALL])
-        if self._counts:
+        if self._counts and not (self._fast and self._fit.noise <= TRUSTED_NOISE):
             self._keep_a_way_out(q, v)
         self._sent.append(self._target)
         return self._target / math.pi
@@ -153,6 +156,7 @@ class Interception(_ClosedForm):
             return
         parts: Any = ball.PARTS * np.arange(1, HORIZON_ALONG + 1)
         xy = self._fit.forecast(age + PART * parts)
+        self._fast = bool(np.linalg.norm(xy[1] - xy[0]) * ball.FRAMES > LAST_TRY)
         outside = ((xy < self._low) | (xy > self._high)).any(axis=1)
         xy = xy[: max(int(outside.argmax()) if outside.any() else len(xy), 1)]
         noisy = self._counts and self._fit.noise > TRUSTED_NOISE
