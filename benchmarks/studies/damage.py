@@ -239,11 +239,11 @@ def tried(kind: str, seed: int, count: int) -> Tried:
     methods: dict[str, Callable[[], Floats]] = {
         "closed form, unaware": partial(tool_down_postures, ur5(), balls),
         "IK, fault known": partial(numeric, fault.chain, balls, stuck=fault.stuck, at=fault.at),
-        "policy, unaware": partial(Trained(policy).aim, balls),
+        f"`{LEARNED_POLICY}`, unaware": partial(Trained(policy).aim, balls),
     }
     for n in LOOKS:
         methods[f"IK, fault from {n} looks"] = partial(by_looks, q[:n], seen[:n], balls)
-        methods[f"policy, tuned on {n} looks"] = partial(tuned, policy, own[:n], own_seen[:n], balls)
+        methods[f"`{LEARNED_POLICY}`, tuned on {n} looks"] = partial(tuned, policy, own[:n], own_seen[:n], balls)
     found = {}
     for name, method in methods.items():
         found[name] = reached(fault, method(), balls)

@@ -84,7 +84,8 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
     """Read the calibration of a UR.
 
     Args:
-        file: The driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
+        file: The driver's `kinematics.yaml`, the controller's `calibration.conf`, a calibrated URDF, or the name of a
+            published calibration.
         model: Which UR it is, "ur3" to "ur30".
         repair: Correct what an old exporter folded: the figures of one link with x and y negated.
 
@@ -94,7 +95,7 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
             in another unit, is folded (unless `repair`), or is of another model; the message names joint, value, bound.
     """
     check_known("UR model", model, UR_LENGTHS)
-    path, note = check_path("file", file), ""
+    path, note = PUBLISHED_CALIBRATIONS.get(str(file)) or check_path("file", file), ""
     text = read_text(path, "the calibration", most=MAX_CHARACTERS)
     if text.lstrip().startswith("<"):
         placed = _from_urdf(text)

@@ -334,7 +334,8 @@ class ArmDescription:
         """Return the same arm with its joints where its factory calibration has them.
 
         Args:
-            file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
+            file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, a calibrated URDF, or the
+                name of a published calibration, a key of `kinreach.robots.PUBLISHED_CALIBRATIONS`.
             model: Which UR it is, "ur3" to "ur30"; default is this arm's name.
             repair: Correct what an old exporter folded (`kinreach.robots.read_calibration`).
 

@@ -65,6 +65,13 @@ def test_the_arm_is_the_one_in_the_file(robot):
     assert 1e-4 < calibration.offsets.max() < 8e-3
 
 
+def test_a_published_one_has_a_name():
+    for name, file in PUBLISHED_CALIBRATIONS.items():
+        named, read = (read_calibration(one, model_of(name)) for one in (name, file))
+        assert named.file == read.file
+        np.testing.assert_array_equal(named.placements, read.placements)
+
+
 def test_the_controllers_own_poses():
     """18 postures and poses that a controller showed, as docs/reference/accuracy.md has them."""
     kin = ArmKinematics(get_arm("ur5e").calibrated(FILES / "controller_calibration_ur5e.conf"), tip="tool0")
