@@ -204,8 +204,8 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--env", default="single", help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
     parser.add_argument(
         "--policy",
-        help=f"one of: {', '.join([RANDOM, *SOLVERS, *trained])}; a method of the task; or the file of a policy "
-        f"(default for {by_task('policy')})",
+        help=f"one of: {', '.join([RANDOM, *SOLVERS, *trained])}; a method of the task; the file of a policy; "
+        f"or module:attribute of a policy or solver (default for {by_task('policy')})",
     )
     parser.add_argument("--steps", type=int, metavar="N", help=f"default for {by_task('steps')}")
     parser.add_argument(

@@ -163,7 +163,7 @@ def all_trained(environment: str) -> list[str]:
 
 def trained_policy(name: str, environment: str) -> LearnedPolicy | None:
     """Return a policy of the package for an environment, or from a file; None where the name is of neither."""
-    known = name in all_trained(environment) or bool(Path(name).suffix)
+    known = name in all_trained(environment) or (":" not in name and bool(Path(name).suffix))
     return load_policy(name, environment=environment) if known else None
 
 

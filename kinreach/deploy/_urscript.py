@@ -5,7 +5,8 @@
     expression = term {"-" term} [">" term {"-" term}] {"or" ...}
     term       = NUMBER | STRING | "True" | "False" | NAME | NAME "[" expression "]" | call | list | "p" list | "-" term
 
-A statement is a line, and so is each of "def", "if", "else:" and "end". Expressions are written as in Python.
+A statement is a line, and so is each of "def", "if", "else:" and "end". Expressions are written as in Python. A STRING
+has no backslash, and a variable's NAME is no keyword of Python.
 
 A function that is not in `FUNCTIONS`, an argument that it does not have, and a name that was not assigned before are
 refused when the text is read, before anything moves, as a controller refuses them.
@@ -19,6 +20,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
+from keyword import iskeyword
 from sys import float_info
 from typing import Any
 
@@ -46,13 +48,13 @@ FUNCTIONS: Mapping[str, Mapping[str, float | bool | str | None]] = {
 VALUES = ("get_actual_joint_positions", "norm")
 #: The signs of a line without its comment, which is not in the first group; other signs are refused.
 _TOKENS = re.compile(
-    r"((?:[ \t\r]|(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?+\d++)?+(?![\w.])|\"[^\"\\]*+\"|[A-Za-z_]\w*+|[()\[\],:=>-])*+)"
+    r"((?:[ \t\r]|(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?+\d++)?+(?![\w.])"
+    r"|(?<!\w)\"[^\"\\]*+\"(?!\s*+\")|[A-Za-z_]\w*+|[()\[\],:=>-])*+)"
     r"(?:#.*+)?+",
     re.ASCII,
 )
-_DEF, _IF = re.compile(r"def\s+(\w+)\s*\(\s*\)\s*:"), re.compile(r"if\b(.*):")
-_ASSIGNMENT = re.compile(r"(\w+)\s*=(?!=)(.*)")
-_KEYWORDS = ("def", "end", "if", "else", "or", "True", "False")
+_DEF, _IF = re.compile(r"def\s+([A-Za-z_]\w*)\s*\(\s*\)\s*:"), re.compile(r"if\b(.*):")
+_ASSIGNMENT = re.compile(r"([A-Za-z_]\w*)\s*=(?!=)(.*)")
 
 
 class ScriptError(InputError):
@@ -167,7 +169,7 @@ class _Reader:
             if found.end() < len(content):
                 raise ScriptError(line, f"syntax error at {shown(content[found.end()])}")
             if code := found[1].strip():
-                self.lines.append((line, code))
+                self.lines.append((line, re.sub(r"\s+:$", ":", code)))
 
     def next(self) -> tuple[int, str]:
         if not self.lines:
@@ -190,7 +192,7 @@ class _Reader:
             return self.choice(line, found[1])
         if found := _ASSIGNMENT.fullmatch(code):
             name = found[1]
-            if name in _KEYWORDS or name in FUNCTIONS:
+            if iskeyword(name) or name == "end" or name in FUNCTIONS:
                 raise ScriptError(line, f"compile error: {shown(name)} cannot be a variable")
             value = self.expression(found[2], line)
             self.known.add(name)
@@ -219,7 +221,8 @@ class _Reader:
         try:
             return ast.parse(code.strip(), mode="eval").body
         except SyntaxError as error:
-            raise ScriptError(line, f"syntax error: {error.msg}, in {shown(code)}") from None
+            reason = error.msg.partition(";")[0]  # what follows is advice on Python
+            raise ScriptError(line, f"syntax error: {reason}, in {shown(code)}") from None
         except (ValueError, MemoryError, RecursionError):  # a number of too many digits, or too many brackets
             raise ScriptError(line, f"syntax error in {shown(code)}") from None
 
@@ -255,7 +258,7 @@ class _Reader:
                 return Operation("-", inner(left), inner(right))
             case ast.Compare(left=left, ops=[ast.Gt()], comparators=[right]):
                 return Operation(">", inner(left), inner(right))
-            case ast.BoolOp(op=ast.Or(), values=sides):
+            case ast.BoolOp(op=ast.Or(), values=sides) if len(sides) <= MAX_DEPTH:
                 return reduce(partial(Operation, "or"), map(inner, sides))
             case ast.Call():
                 call = self.call(tree, line, depth)

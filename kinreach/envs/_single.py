@@ -91,6 +91,13 @@ class DrawnEnv(SingleEnv, EzPickle):
     options: Any
     _picture: ScenePicture | None
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "spec": self.spec}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        self.spec = state["spec"]
+
     def render(self) -> Any:
         """Draw a frame in the `render_mode`; with "human" update the viewer.
 

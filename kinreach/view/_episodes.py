@@ -143,7 +143,7 @@ class Recording:
     @property
     def _needed(self) -> dict[str, Any]:
         """Options that a trained player needs; none for `module:attribute`."""
-        return {} if ":" in self.player else options_for(self.player, trained_in(self.name))
+        return options_for(self.player, trained_in(self.name))
 
     @property
     def made_with(self) -> dict[str, Any]:

@@ -272,6 +272,11 @@ def test_bad_input_is_one_line(arguments, message, capsys):
     assert "Traceback" not in err
 
 
+def test_a_policy_of_ones_own(capsys):
+    assert main(["demo", "--policy", "kinreach.kinematics:QPSolver", "--backend", "kinematic", "--steps", "1"]) == 0
+    assert "goal reached in 1" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(("env", "flags"), [
     ("single", ["--observation", "--backend", "--resolution", "--margin"]),
     ("moving", ["--speeds", "--paths", "[m/s]"]),

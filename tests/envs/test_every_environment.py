@@ -1,5 +1,6 @@
 """What holds of every environment: batches, resets, renderers, arguments."""
 
+import copy
 import inspect
 from dataclasses import fields
 
@@ -108,6 +109,18 @@ def test_steps_return_the_types_of_gymnasium(task):
             if terminated or truncated:
                 break
     assert kinds == {(float, bool, bool)}
+
+
+@pytest.mark.parametrize("task", TASKS | ALONE)
+def test_a_copy_is_the_same_after_the_same_seed(task):
+    env = single(task)
+    twin = copy.deepcopy(env)
+    assert twin.spec == env.spec
+    np.testing.assert_array_equal(env.reset(seed=5)[0], twin.reset(seed=5)[0])
+    env.action_space.seed(0)
+    action = env.action_space.sample()
+    for one, other in zip(env.step(action)[:4], twin.step(action)[:4], strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("task", [*(task for task in TASKS if task not in COSTLY), *slow(*COSTLY)])

@@ -97,10 +97,10 @@ class Interception(_ClosedForm):
     A fit of constant speed and turn rate forecasts the ball. For each frame ahead, a posture is searched that the
     joints can have by then, with the tip at the ball and the gripper above the table. The arm follows the earliest way
     without a collision, else it waits above the ball. Where collisions count, it goes only to where it could still stop
-    or rise, unless the ball is too fast for a second try. If sights are noisy then, it goes along with the ball where
-    it can, so that its tip is at many places where the ball may be. Where they do not count, it checks none. The share
-    of the limits that the arm keeps, and how many frames it is late, are fitted to its joints' motions. The constants
-    were chosen with balls of seeds 1 to 5.
+    or rise, unless the ball is too fast for a second try. With noisy sights it also goes along with the ball where it
+    can, so that its tip is at many places where the ball may be. Where collisions do not count, it checks no way. The
+    share of the limits that the arm keeps, and how many frames it is late, are fitted to its joints' motions. The
+    constants were chosen with balls of seeds 1 to 5.
 
     Args:
         env: `kinreach/Moving-v0`.
@@ -173,7 +173,10 @@ class Interception(_ClosedForm):
             self._wait(q, v, xy[min(HORIZON // 3, count - 1)])
 
     def _keep_a_way_out(self, q: Floats, v: Floats) -> None:
-        """Rise, stop or take the last way out, if the arm could not stop or rise a frame later without a collision."""
+        """Rise, stop or take the last way out, if the arm could not stop or rise a frame later without a collision.
+
+        Ways out are checked for as long as `_is_free` looks ahead.
+        """
         for target in (self._target, *self._ways_out(q, v), self._escape):
             if self._is_free(q, v, target, ball.PARTS):
                 after = self._after_a_frame(q, v, target, self._limits)
@@ -181,6 +184,8 @@ class Interception(_ClosedForm):
                     if self._is_free(*after, escape):
                         self._target, self._escape = target, escape
                         return
+        if not self._is_free(q, v, self._target):
+            self._target = self._escape
 
     def _ways_out(self, q: Floats, v: Floats) -> list[Floats]:
         """Return targets that stop the arm: above where it would stop, if a posture is there, and just there."""

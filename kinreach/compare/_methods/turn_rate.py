@@ -17,7 +17,7 @@ MIN_NOISE, SIGHTS = 1e-4, 4
 #: noise is found larger than it is: long windows that are kept too long cost less than ones that are left too early.
 MEDIAN_SQUARE = 0.53
 #: Shares of the believed delay that are tried, and with which numbers of sights. To be found, one must miss by so many
-#: squares less than what is believed, in units of what it misses by a degree of freedom.
+#: squares less than the believed one, in units of its own squares divided by the degrees of freedom.
 DELAYS, FIRST_SIGHTS, BETTER = np.linspace(0.5, 1.8, 27), range(6, 11), 100.0
 #: Numbers of last sights that are fitted, beside all: some 20 % more each time.
 WINDOWS = (3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 30, 40, 60)
@@ -31,8 +31,8 @@ class TurnRateFit:
     a coordinated turn (Bar-Shalom, Li and Kirubarajan 2001, chapter 11). Before its sights, a ball that rolls straight
     on is as likely as one that turns.
 
-    A delay of the sights that differs much from what is believed is found from the first sights, which show where the
-    ball begins until they are of later.
+    Until the delay has passed, sights show where the ball began. A delay that differs much from what is believed is
+    found if the ball moves within its first ten sights, from half of the belief to 1.8 times it.
 
     Args:
         noise: Standard deviation of a coordinate of a sight [m]; if None, it is found from what short fits miss.
