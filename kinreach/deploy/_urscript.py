@@ -22,7 +22,6 @@ from dataclasses import dataclass
 from functools import partial, reduce
 from keyword import iskeyword
 from sys import float_info
-from typing import Any
 
 from kinreach._checks import shown
 from kinreach.errors import InputError
@@ -46,11 +45,9 @@ FUNCTIONS: Mapping[str, Mapping[str, float | bool | str | None]] = {
 }
 #: Functions that return a value, only for expressions.
 VALUES = ("get_actual_joint_positions", "norm")
-#: The signs of a line without its comment, which is not in the first group; other signs are refused.
-_TOKENS = re.compile(
-    r"((?:[ \t\r]|(?:\d++\.?+\d*+|\.\d++)(?:[eE][+-]?+\d++)?+(?![\w.])"
-    r"|(?<!\w)\"[^\"\\]*+\"(?!\s*+\")|[A-Za-z_]\w*+|[()\[\],:=>-])*+)"
-    r"(?:#.*+)?+",
+#: What a line may have before its comment; other signs are refused.
+_TOKEN = re.compile(
+    r"[ \t\r]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])|(?<!\w)\"[^\"\\]*\"(?!\s*\")|[A-Za-z_]\w*|[()\[\],:=>-]",
     re.ASCII,
 )
 _DEF, _IF = re.compile(r"def\s+([A-Za-z_]\w*)\s*\(\s*\)\s*:"), re.compile(r"if\b(.*):")
@@ -165,10 +162,13 @@ class _Reader:
         self.lines: deque[tuple[int, str]] = deque()
         self.last, self.depth, self.known = len(lines), 0, set[str]()
         for line, content in enumerate(lines, start=1):
-            found: Any = _TOKENS.match(content)
-            if found.end() < len(content):
-                raise ScriptError(line, f"syntax error at {shown(content[found.end()])}")
-            if code := found[1].strip():
+            end = 0
+            while end < len(content) and content[end] != "#":
+                found = _TOKEN.match(content, end)
+                if found is None:
+                    raise ScriptError(line, f"syntax error at {shown(content[end])}")
+                end = found.end()
+            if code := content[:end].strip():
                 self.lines.append((line, re.sub(r"\s+:$", ":", code)))
 
     def next(self) -> tuple[int, str]:
