@@ -47,7 +47,8 @@ FUNCTIONS: Mapping[str, Mapping[str, float | bool | str | None]] = {
 VALUES = ("get_actual_joint_positions", "norm")
 #: What a line may have before its comment; other signs are refused.
 _TOKEN = re.compile(
-    r"[ \t\r]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])|(?<!\w)\"[^\"\\]*\"(?!\s*\")|[A-Za-z_]\w*|[()\[\],:=>-]",
+    r"[ \t\r]+|(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])|(?<!\w)\"[^\"\\]*\"(?!\s*\")"
+    r"|[A-Za-z_]\w*|[()\[\],:=>-]",
     re.ASCII,
 )
 _DEF, _IF = re.compile(r"def\s+([A-Za-z_]\w*)\s*\(\s*\)\s*:"), re.compile(r"if\b(.*):")

@@ -340,6 +340,7 @@ REFUSED = {
     "x = 1e999": "too large",
     "x = 1" + 400 * "0": "too large",
     "x = 1" + 9000 * "0": "syntax error",
+    "x = " + 100_000 * "1" + "a": "syntax error at",
     "x = 0x10": "syntax error at",
     "x = \"\\n\"": "syntax error at",
     "x = [1][0]": "syntax error",
