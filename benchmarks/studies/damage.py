@@ -216,8 +216,8 @@ def how_far(fault: Damage, q: Floats, points: Floats) -> Floats:
 
 def reached(fault: Damage, q: Floats, balls: Floats) -> tuple[int, float]:
     """How many balls commanded postures reach, and the median distance [mm]."""
-    apart = np.linalg.norm(fault.chain.positions(fault.executed(q)) - balls, axis=1)
-    return int((how_far(fault, q, balls) < 1.0).sum()), 1e3 * float(np.median(apart))
+    apart, off = _of_bounds(fault.chain.fk(fault.executed(q)), balls)
+    return int((np.maximum(apart, off) < 1.0).sum()), 1e3 * REACHED_DISTANCE * float(np.median(apart))
 
 
 def found_before(kind: str, seed: int, count: int, folder: str) -> Tried:

@@ -119,8 +119,7 @@ class RealArmOptions:
 
 def true_arm(calibration: str | Path) -> ArmDescription:
     """Return a calibrated UR5 by the name of a published calibration, or by a file."""
-    path = check_path("calibration", calibration)
-    file = PUBLISHED_CALIBRATIONS.get(str(path), path)
+    file = check_path("calibration", calibration)
     return _calibrated(file, file.stat().st_mtime_ns if file.exists() else 0)
 
 

@@ -16,9 +16,9 @@ MIN_NOISE, SIGHTS = 1e-4, 4
 #: The median of their squared misses, a degree of freedom, is 0.79 of the variance (chi-squared with 3). By less the
 #: noise is found larger than it is: long windows that are kept too long cost less than ones that are left too early.
 MEDIAN_SQUARE = 0.53
-#: Shares of the believed delay that are tried, and with which numbers of sights. To be found, one must miss by so many
-#: squares less than the believed one, in units of its own squares divided by the degrees of freedom.
-DELAYS, FIRST_SIGHTS, BETTER = np.linspace(0.5, 1.8, 27), range(6, 11), 100.0
+#: Shares of the believed delay that are tried, the whole first, and with which numbers of sights. To be found, one must
+#: miss by so many squares less than the believed one, in units of its own squares divided by the degrees of freedom.
+DELAYS, FIRST_SIGHTS, BETTER = (1.0, *np.linspace(0.5, 1.8, 27).tolist()), range(6, 11), 100.0
 #: Numbers of last sights that are fitted, beside all: some 20 % more each time.
 WINDOWS = (3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 30, 40, 60)
 
@@ -78,12 +78,12 @@ class TurnRateFit:
     def _find_delay(self) -> None:
         """Find the share of the believed delay with which the first sights are those of one turn."""
         z, misses = np.array(self._places[::-1]) - self._places[-1], []
-        for delay in (1.0, *DELAYS):
+        for delay in DELAYS:
             t = np.maximum(np.array(self._observed[::-1]) - delay * self._ages[-1], self._observed[0])
             misses.append(self._solve(RATES, t - t[0], z)[2][:, -1].min())
         best = int(np.argmin(misses))
         unit = max(misses[best] / (2 * len(z) - 6), (MIN_NOISE / self._noise) ** 2)
-        delay = float((1.0, *DELAYS)[best]) if misses[0] - misses[best] > BETTER * unit else 1.0
+        delay = DELAYS[best] if misses[0] - misses[best] > BETTER * unit else 1.0
         if delay != self._delay:
             self._delay = delay
             self._squares.clear()  # misses of fits with another delay
