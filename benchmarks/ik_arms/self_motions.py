@@ -25,10 +25,10 @@ from kinreach._checks import Floats, check_count, check_path
 from kinreach._files import make_writable
 from kinreach.cli import Parser, finish
 from kinreach.kinematics._angles import TURN
-from kinreach.kinematics._identification import moved_frames
 from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._seven_axis.tracing import Curve, SelfMotionTracer
 from kinreach.robots import ArmDescription
+from kinreach.robots._identification import moved_frames
 
 PROG = "python -m benchmarks.ik_arms.self_motions"
 #: Names in ssik.

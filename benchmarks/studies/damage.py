@@ -41,8 +41,8 @@ from kinreach.envs._reach.task import TOOL_DOWN
 from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._chain import SerialChain
-from kinreach.kinematics._identification import IdentifiedArm, Prior
 from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots._identification import IdentifiedArm, Prior
 from kinreach.robots._rotations import placement, rpy
 from kinreach.robots._urdf import parse_urdf, set_origin
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
@@ -191,8 +191,9 @@ def by_looks(q: Floats, seen: Floats, balls: Floats) -> Floats:
         Postures [rad], shape (n, 6).
     """
     chain = ur5().chain
-    arm = IdentifiedArm(chain, q, seen, prior=PRIOR, noise=SIGMA)
-    rest = np.linalg.norm(arm.chain.positions(q) - seen)
+    *links, tip = IdentifiedArm(chain.placements, q, seen, prior=PRIOR, noise=SIGMA).placements
+    arm = SerialChain(links, [np.array((0.0, 0.0, 1.0))] * len(links), tip)
+    rest = np.linalg.norm(arm.positions(q) - seen)
     suspects = []
     for joint in range(6):
         held_there = np.concatenate([held(q, joint, angle) for angle in ANGLES])
@@ -206,7 +207,7 @@ def by_looks(q: Floats, seen: Floats, balls: Floats) -> Floats:
         found = numeric(chain, balls, stuck=joint, at=float(fine[int(np.argmin(off))]))
         found[:, joint] = np.median(q[:, joint])  # as commanded so far: where it hardly moved, it may be off, not stuck
         return found
-    return numeric(arm.chain, balls)
+    return numeric(arm, balls)
 
 
 def how_far(fault: Damage, q: Floats, points: Floats) -> Floats:

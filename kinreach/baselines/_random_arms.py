@@ -26,7 +26,7 @@ from kinreach.envs._options import check_not_over, option_rows
 from kinreach.envs._real_arm import BUDGETS, MEDIAN_LENGTH, NEAR, NOISE
 from kinreach.envs._single import SingleEnv
 from kinreach.kinematics import UR5Kinematics
-from kinreach.kinematics._identification import Prior, frames_of, moved_frames, slopes
+from kinreach.robots._identification import Prior, frames_of, moved_frames, slopes
 
 #: Errors of frames as in `kinreach/RealArm-v0` (root mean square); those of the base stand for cameras, too.
 ERRORS = Prior(base=(3e-3, 6e-3), links=(1e-3, 2e-3), tool=(3e-3, 0.0))

@@ -33,8 +33,8 @@ from kinreach.envs._options import about, check_not_over, check_seed, given_opti
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._chain import SerialChain
-from kinreach.kinematics._identification import frames_of
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
+from kinreach.robots._identification import frames_of
 from kinreach.robots._rotations import turn
 from kinreach.sim._engine import mujoco
 from kinreach.sim._posed import PosedScene

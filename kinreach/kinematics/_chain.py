@@ -14,9 +14,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinreach._checks import Floats, is_tensor, torch_module
+from kinreach.robots._rotations import turns_about_z
 
 BLOCK = 4096
 
@@ -227,15 +227,6 @@ def rotation_to(axis: Floats) -> Floats:
     x = np.cross(helper, axis)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(axis, x), axis])
-
-
-def turns_about_z(angle: NDArray[Any]) -> Floats:
-    """Rotations about z, shape (m, 4, 4)."""
-    T = np.tile(np.eye(4), (len(angle), 1, 1))
-    T[:, 0, 0] = T[:, 1, 1] = np.cos(angle)
-    T[:, 1, 0] = np.sin(angle)
-    T[:, 0, 1] = -T[:, 1, 0]
-    return T
 
 
 def poses_about(position: Floats, axis: Floats, turns: Floats) -> Floats:

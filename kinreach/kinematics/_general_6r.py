@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import wrapped
-from kinreach.kinematics._chain import turns_about_z
+from kinreach.robots._rotations import turns_about_z
 
 #: Row of the pose (m,), eigenvalue (m,), its twelve products (m, 12), and the largest entry of each pose's matrix.
 _Eigen = tuple[NDArray[np.int64], NDArray[Any], NDArray[Any], Floats]

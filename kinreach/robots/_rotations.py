@@ -28,6 +28,15 @@ def turn(axis: Floats, angle: float) -> Floats:
     return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
 
 
+def turns_about_z(angle: Floats) -> Floats:
+    """Return the rotations about z by angles (m,) [rad], shape (m, 4, 4)."""
+    T = np.tile(np.eye(4), (len(angle), 1, 1))
+    T[:, 0, 0] = T[:, 1, 1] = np.cos(angle)
+    T[:, 1, 0] = np.sin(angle)
+    T[:, 0, 1] = -T[:, 1, 0]
+    return T
+
+
 class PoseLine:
     """The poses between two: the position on a line, the rotation at an even rate about one axis.
 

@@ -11,7 +11,7 @@ from kinreach._checks import Floats
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._random_arms import on_table, summary, ur5
 from kinreach.compare._methods.models import JOINT_TERMS, UNKNOWN, Modelled
-from kinreach.kinematics._identification import Prior, frames_of, joint_slopes, slopes
+from kinreach.robots._identification import Prior, frames_of, joint_slopes, slopes
 
 #: Errors of the arms in training, root mean square [m, rad]: wider than those of `kinreach/RealArm-v0`. A base that is
 #: off stands for cameras, too.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._random_arms import on_table, ur5
-from kinreach.kinematics._identification import IdentifiedArm, JointTerms, Prior
+from kinreach.robots._identification import IdentifiedArm, JointTerms, Prior
 
 #: How far base and tool may be from the data sheet [m, rad], and links: calibrations of UR3, UR10e, UR3e and UR5e have
 #: 0.3 to 0.8 mm and 1.4 to 1.7 mrad (root mean square), none of which is among those of the task `real-arm`.
@@ -89,8 +89,8 @@ class Identified(Modelled):
         self._arm: IdentifiedArm | None = None
 
     def learn(self, q: Floats, seen: Floats) -> None:
-        chain = ur5().chain
-        self._arm = IdentifiedArm(chain, q, seen, prior=self._prior, noise=self._noise, terms=self._terms)
+        placements = ur5().chain.placements
+        self._arm = IdentifiedArm(placements, q, seen, prior=self._prior, noise=self._noise, terms=self._terms)
 
     def predicted(self, q: Floats) -> Floats:
         return super().predicted(q) if self._arm is None else self._arm.positions(q)

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import TURN, wrapped
-from kinreach.kinematics._chain import SerialChain, turns_about_z
+from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._general_6r import Chain
 from kinreach.kinematics._six_axis.methods import Method, method_of
+from kinreach.robots._rotations import turns_about_z
 
 JOINTS = 7
 #: Values at which a joint is held, and postures from which curves are followed at once.

@@ -23,7 +23,6 @@ from kinreach.kinematics._general_6r import (
     missed_by,
     nearest_by_newton,
 )
-from kinreach.kinematics._identification import moved_frames
 from kinreach.kinematics._near_closed_form import FAR, NearClosedForm, no_postures
 from kinreach.kinematics._six_axis.batch import solve_poses
 from kinreach.kinematics._six_axis.closed_form import AMISS, DecoupledArm, Doubt, decouples
@@ -31,6 +30,7 @@ from kinreach.kinematics._six_axis.dh import DenavitHartenberg
 from kinreach.kinematics._six_axis.near_misses import reached_beside
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Row
 from kinreach.kinematics._ur.geometry import BRANCHES
+from kinreach.robots._identification import moved_frames
 
 #: Lengths [m] and angles [rad] below which an arm of the closed form has zeros: exactly, and nearly.
 EXACTLY, NEARLY = (1e-9, 1e-9), (3e-3, 5e-3)

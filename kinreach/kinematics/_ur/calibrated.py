@@ -38,7 +38,6 @@ from kinreach.kinematics._general_6r import (
     General6R,
     miss,
 )
-from kinreach.kinematics._identification import moved_frames
 from kinreach.kinematics._near_closed_form import NearClosedForm
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics._ur.batch import flange_entries, solve_poses
@@ -46,6 +45,7 @@ from kinreach.kinematics._ur.closed_form import solve_pose
 from kinreach.kinematics._ur.geometry import BRANCHES, Miss, Rows, URGeometry
 from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.kinematics._ur.refine import Refinement
+from kinreach.robots._identification import moved_frames
 
 #: Random postures at which the fitted arm is compared with the real one, and Gauss-Newton steps of the fit.
 SAMPLES, FIT_STEPS = 400, 5

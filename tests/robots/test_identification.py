@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._identification import IdentifiedArm, JointTerms, Prior, frames_of, joint_slopes, slopes
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
+from kinreach.robots._identification import IdentifiedArm, JointTerms, Prior, frames_of, joint_slopes, slopes
 
 PRIOR = Prior(base=(0.02, 0.02), links=(1e-3, 2e-3), tool=(0.01, 0.0))
 UR5S = [name for name in PUBLISHED_CALIBRATIONS if name.startswith("ur5_")]
@@ -23,7 +23,7 @@ def postures(count, seed):
 
 
 def off(arm, true, q):
-    return np.median(np.linalg.norm(arm.chain.positions(q) - true.positions(q), axis=1))
+    return np.median(np.linalg.norm(arm.positions(q) - true.positions(q), axis=1))
 
 
 def test_placements_are_those_of_the_chain():
@@ -45,12 +45,12 @@ def test_looks_find_the_arm(calibration):
     """Exact looks: all of it. As the cameras see: nearer with every look, and about as near as it thinks."""
     true, nominal, test, rng = chain_of(calibration), chain_of(), postures(500, 1), np.random.default_rng(2)
     q = postures(200, 3)
-    exact = IdentifiedArm(nominal, q, true.positions(q), prior=PRIOR, noise=1e-7)
+    exact = IdentifiedArm(nominal.placements, q, true.positions(q), prior=PRIOR, noise=1e-7)
     assert off(exact, true, test) < 1e-6
     errors = []
     for count in (5, 20, 80, 200):
         seen = true.positions(q[:count]) + rng.normal(0, 9e-5, (count, 3))
-        arm = IdentifiedArm(nominal, q[:count], seen, prior=PRIOR, noise=9e-5)
+        arm = IdentifiedArm(nominal.placements, q[:count], seen, prior=PRIOR, noise=9e-5)
         errors.append(off(arm, true, test))
         if count >= 20:
             assert 0.3 < errors[-1] / (1.54 * arm.doubt(test)) < 3.0
@@ -65,9 +65,9 @@ def test_what_the_prior_excludes_stays():
     turn = np.array([[np.cos(0.01), -np.sin(0.01), 0], [np.sin(0.01), np.cos(0.01), 0], [0, 0, 1]])
     seen = (T[:, :3, :3] @ [1e-3, -2e-3, 5e-3] + T[:, :3, 3]) @ turn.T + [0.003, 0, 0.001]
     prior = PRIOR._replace(links=(0.0, 0.0))
-    arm = IdentifiedArm(nominal, q[:12], seen[:12], prior=prior, noise=1e-8)
-    np.testing.assert_allclose(arm.chain.positions(q), seen, atol=1e-9)
-    links = IdentifiedArm(nominal, q[:12], chain_of("ur5_a").positions(q[:12]), prior=prior, noise=9e-5)
+    arm = IdentifiedArm(nominal.placements, q[:12], seen[:12], prior=prior, noise=1e-8)
+    np.testing.assert_allclose(arm.positions(q), seen, atol=1e-9)
+    links = IdentifiedArm(nominal.placements, q[:12], chain_of("ur5_a").positions(q[:12]), prior=prior, noise=9e-5)
     assert off(links, chain_of("ur5_a"), q) > 3e-4
 
 
@@ -93,8 +93,8 @@ def test_deviations_of_joints_are_found_beside_the_frames():
     true = chain_of("ur5_a")
     seen, wanted = (true.positions(one + waves(one) @ factors) for one in (q, test))
     terms = JointTerms(waves, np.full(12, 1e-3))
-    with_terms = IdentifiedArm(chain_of(), q, seen, prior=PRIOR, noise=1e-7, terms=terms)
-    without = IdentifiedArm(chain_of(), q, seen, prior=PRIOR, noise=1e-7)
+    with_terms = IdentifiedArm(chain_of().placements, q, seen, prior=PRIOR, noise=1e-7, terms=terms)
+    without = IdentifiedArm(chain_of().placements, q, seen, prior=PRIOR, noise=1e-7)
     assert np.linalg.norm(with_terms.positions(test) - wanted, axis=1).max() < 1e-6
     assert np.median(np.linalg.norm(without.positions(test) - wanted, axis=1)) > 1e-4
     assert with_terms.doubt(test) < 1e-6

@@ -1,7 +1,8 @@
-"""Identification of an arm from measured positions of its tip: least squares over its frames, with a prior.
+"""Identification of an arm from measured positions or poses of its tip: least squares over its frames, with a prior.
 
 Every frame of the chain, with base and tool, may be off by a small translation and a small turn. Measurements are
-positions of the tip in known postures; the frames are the most probable ones (maximum a posteriori, Gauss-Newton).
+positions or poses of the tip in known postures; the frames are the most probable ones (maximum a posteriori,
+Gauss-Newton).
 Parameters that the measurements do not determine stay at the prior, so that no minimal set of parameters is needed
 (Hollerbach and Wampler 1996, Int. J. Robotics Research 15). Joints may deviate from their commands by more parameters,
 such as their compliance.
@@ -15,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.kinematics._chain import SerialChain, turns_about_z
+from kinreach.robots._rotations import turns_about_z
 
 #: Steps of Gauss-Newton: the model is nearly linear in errors of a few millimetres.
 STEPS = 4
@@ -58,68 +59,109 @@ class IdentifiedArm:
     """The most probable arm, and its uncertainty.
 
     Args:
-        chain: The arm by its data sheet.
+        placements: Of the arm by its data sheet, A0 to An of `T = A0 Rz(q0) A1 Rz(q1) ... An`, shape (n + 1, 4, 4).
         q: Postures [rad], shape (m, n).
-        seen: Measured positions of the tip [m], shape (m, 3).
-        prior: Of the frames.
-        noise: Standard deviation of each measured coordinate [m], above zero.
+        seen: Measured positions of the tip [m], shape (m, 3), or its poses, shape (m, 4, 4).
+        prior: Of the frames; or the standard deviation of each frame's translation [m] and turn [rad], shape
+            (n + 1, 6).
+        noise: Standard deviation of each measured coordinate [m], above zero; of poses also of the rotation vector's
+            [rad].
         terms: Deviations of the joints that are identified, too.
+        weights: Of the postures, shape (m,); default is 1.
+        steps: Of Gauss-Newton.
 
     Attributes:
-        chain: The arm, without deviations of the joints.
+        placements: Of the identified arm, without deviations of the joints, shape (n + 1, 4, 4).
     """
 
     def __init__(
         self,
-        chain: SerialChain,
+        placements: Floats,
         q: Floats,
         seen: Floats,
         *,
-        prior: Prior,
-        noise: float,
+        prior: Prior | Floats,
+        noise: float | tuple[float, float],
         terms: JointTerms | None = None,
+        weights: Floats | None = None,
+        steps: int = STEPS,
     ) -> None:
-        spread = prior.deviations(chain.joints).ravel()
+        spread = (prior.deviations(len(placements) - 1) if isinstance(prior, Prior) else prior).ravel()
         self._free, frames_end = spread > 0.0, len(spread)
         if terms is not None:
             spread = np.concatenate([spread, terms.spread])
             self._free = np.concatenate([self._free, terms.spread > 0.0])
         precision = np.diag(1.0 / spread[self._free] ** 2)
+        position, turn = noise if isinstance(noise, tuple) else (noise, 0.0)
+        lever = position / turn if turn else 0.0  # turns as lengths, so that all rows have one noise
+        roots = None if weights is None else np.sqrt(weights)
         offsets: Floats = np.zeros(int(self._free.sum()))
-        self._placements: Floats = chain.placements
+        self.placements: Floats = placements
         self._terms, self._factors = terms, np.zeros(len(spread) - frames_end)
-        for _ in range(STEPS):
+        for _ in range(steps):
             frames, J = self._linearised(q)
-            missed = (seen - frames[-1][:, :3, 3]).ravel() + J @ offsets
-            information = J.T @ J / noise**2 + precision
-            offsets = np.asarray(np.linalg.solve(information, J.T @ missed / noise**2))
+            missed = (seen[:, :3, 3] if lever else seen) - frames[-1][:, :3, 3]
+            if lever:
+                J = np.concatenate([J, lever * self._turn_slopes(frames, q)])
+                missed = np.concatenate([missed, lever * turns_between(frames[-1], seen)])
+            if roots is not None:
+                rows = np.tile(roots, 2) if lever else roots
+                J, missed = J * np.repeat(rows, 3)[:, None], missed * rows[:, None]
+            offset_missed = missed.ravel() + J @ offsets
+            information = J.T @ J / position**2 + precision
+            offsets = np.asarray(np.linalg.solve(information, J.T @ offset_missed / position**2))
             errors = np.zeros(len(spread))
             errors[self._free] = offsets
-            self._placements = moved_frames(chain.placements, errors[:frames_end].reshape(-1, 6))
+            self.placements = moved_frames(placements, errors[:frames_end].reshape(-1, 6))
             self._factors = errors[frames_end:]
-        self._covariance = np.linalg.inv(information)
-        *links, tip = self._placements
-        self.chain = SerialChain(links, [np.array((0.0, 0.0, 1.0))] * len(links), tip)
+        #: Of the free parameters, shape (k, k), and how many of them the measurements determine.
+        self.covariance = np.linalg.inv(information)
+        self.determined = float(len(offsets) - np.sum(np.diag(self.covariance) * np.diag(precision)))
 
     def positions(self, q: Floats) -> Floats:
         """Compute positions of the tip in postures (m, n) [m], shape (m, 3); for few faster than the chain."""
         return self._frames(q)[-1][:, :3, 3]
 
+    def poses(self, q: Floats) -> Floats:
+        """Compute poses of the tip in postures (m, n), shape (m, 4, 4)."""
+        return self._frames(q)[-1]
+
     def doubt(self, q: Floats) -> float:
         """Compute the standard deviation of the tip's coordinates over postures (m, n) [m]."""
         J = self._linearised(q)[1]
-        return float(np.sqrt(np.einsum("ij,jk,ik->i", J, self._covariance, J).mean()))
+        return float(np.sqrt(np.einsum("ij,jk,ik->i", J, self.covariance, J).mean()))
+
+    def doubts(self, q: Floats) -> tuple[Floats, Floats]:
+        """Compute the expected error of the tip in postures (m, n), root mean square: [m] and [rad], shape (m,)."""
+        frames, J = self._linearised(q)
+        parts = []
+        for slope in (J, self._turn_slopes(frames, q)):
+            variances = np.einsum("ij,jk,ik->i", slope, self.covariance, slope)
+            parts.append(np.sqrt(np.maximum(variances.reshape(-1, 3).sum(axis=1), 0.0)))
+        return parts[0], parts[1]
 
     def _frames(self, q: Floats) -> list[Floats]:
-        return frames_of(self._placements, q if self._terms is None else q + self._terms.of(q) @ self._factors)
+        return frames_of(self.placements, q if self._terms is None else q + self._terms.of(q) @ self._factors)
 
     def _linearised(self, q: Floats) -> tuple[list[Floats], Floats]:
         """The frames in postures (m, n), and how the tips move with the free parameters, shape (3 m, k)."""
         frames = self._frames(q)
-        J = slopes(frames)
+        return frames, self._with_terms(slopes(frames), q)
+
+    def _turn_slopes(self, frames: list[Floats], q: Floats) -> Floats:
+        return self._with_terms(turn_slopes(frames), q)
+
+    def _with_terms(self, J: Floats, q: Floats) -> Floats:
         if self._terms is not None:
             J = np.concatenate([J, joint_slopes(J, self._terms.of(q))], axis=1)
-        return frames, J[:, self._free]
+        return J[:, self._free]
+
+
+def turns_between(T: Floats, other: Floats) -> Floats:
+    """Return the rotation vectors from poses (m, 4, 4) to others, in the base frame [rad], shape (m, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(other[:, :3, :3] @ T[:, :3, :3].swapaxes(1, 2)).as_rotvec()
 
 
 def moved_frames(placements: Floats, errors: Floats) -> Floats:
@@ -158,6 +200,12 @@ def slopes(frames: list[Floats]) -> Floats:
         arm = np.einsum("mji,mj->mi", R, tips - frame[:, :3, 3])
         columns += [R, -R @ _cross(arm)]
     return np.concatenate(columns, axis=2).reshape(3 * len(tips), -1)
+
+
+def turn_slopes(frames: list[Floats]) -> Floats:
+    """How the tips turn with small motions of the frames in themselves, shape (3 m, 6 (n + 1))."""
+    columns = [part for frame in frames for part in (np.zeros_like(frame[:, :3, :3]), frame[:, :3, :3])]
+    return np.concatenate(columns, axis=2).reshape(3 * len(frames[0]), -1)
 
 
 def joint_slopes(J: Floats, terms: Floats) -> Floats:
