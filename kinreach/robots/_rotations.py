@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_DISTANCE, Floats, as_floats, as_pose, check_entries, check_poses
 from kinreach.errors import InputError
@@ -28,7 +29,7 @@ def turn(axis: Floats, angle: float) -> Floats:
     return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
 
 
-def turns_about_z(angle: Floats) -> Floats:
+def turns_about_z(angle: NDArray[Any]) -> Floats:
     """Return the rotations about z by angles (m,) [rad], shape (m, 4, 4)."""
     T = np.tile(np.eye(4), (len(angle), 1, 1))
     T[:, 0, 0] = T[:, 1, 1] = np.cos(angle)
