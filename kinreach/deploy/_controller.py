@@ -10,7 +10,7 @@ import numpy as np
 
 from kinreach._checks import Floats, printable, shown
 from kinreach.deploy._motion import JointLine, LineError, Segment, Servo, StraightLine
-from kinreach.deploy._rtde import RuntimeState, SafetyMode
+from kinreach.deploy._rtde import RobotMode, RuntimeState, SafetyMode
 from kinreach.deploy._urscript import (
     Assignment,
     Call,
@@ -59,6 +59,10 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "lookahead_time": (0.03, 0.2), "gain": (100.0, 2000.0), "m": (0.0, 100.0), "output_id": (0.0, 47.0),
     "value": (-(2.0**31), 2.0**31 - 1),
 }  # fmt: skip
+
+#: Words for the stops, and what follows a change of the runtime state.
+_STOPS = {SafetyMode.PROTECTIVE_STOP: "protective stop", SafetyMode.ROBOT_EMERGENCY_STOP: "emergency stop"}
+_AFTER = {RuntimeState.PAUSING: RuntimeState.PAUSED, RuntimeState.RESUMING: RuntimeState.PLAYING}
 
 
 def rate_of(arm: ArmDescription) -> int:
@@ -114,7 +118,7 @@ class Controller:
         tcp: Tool centre point on the flange (4, 4).
         target_q, target_qd, target_qdd: Commands of the joints [rad], [rad/s], [rad/s^2], shape (6,).
         registers: Integers that programs wrote.
-        runtime_state, safety_mode: As RTDE reports them.
+        robot_mode, runtime_state, safety_mode: As RTDE reports them.
         reason: Why the last program was refused or stopped; empty if it was not.
 
     Raises:
@@ -135,7 +139,8 @@ class Controller:
         self._drive = _Drive(self.simulation)
         self.speed_slider = self._scaling = 1.0
         self.registers: dict[int, int] = {}
-        self.safety_mode, self.runtime_state = SafetyMode.NORMAL, RuntimeState.STOPPED
+        self.robot_mode, self.safety_mode = RobotMode.RUNNING, SafetyMode.NORMAL
+        self.runtime_state = RuntimeState.STOPPED
         self.reason = ""
         self._program: Generator[None, None, None] | None = None
         self._ticks = 0
@@ -169,7 +174,7 @@ class Controller:
 
     @property
     def speed_scaling(self) -> float:
-        """Speed of program time: it follows the slider, and is 0 in a protective stop."""
+        """Speed of program time: it follows the slider, and is 0 in a stop."""
         return self._scaling if self.safety_mode is SafetyMode.NORMAL else 0.0
 
     def tcp_pose(self, q: Floats) -> Floats:
@@ -191,10 +196,10 @@ class Controller:
         """Start a program. The running one ends, even if the new one is refused.
 
         Raises:
-            InputError: It is not in the URScript that kinreach runs, or the controller is in a protective stop.
+            InputError: It is not in the URScript that kinreach runs, or the controller is in a stop.
         """
         if self.safety_mode is not SafetyMode.NORMAL:
-            raise InputError(f"the program is not run: protective stop ({self.reason})")
+            raise InputError(f"the program is not run: {_STOPS[self.safety_mode]} ({self.reason})")
         self._end_program()
         self.reason = ""
         try:
@@ -208,23 +213,51 @@ class Controller:
         self.say(f"program {script.name or 'of one line'} is running")
 
     def release(self) -> None:
-        """End a protective stop; the arm is put back to where the stopped program began."""
+        """End a stop; after a protective one the arm is put back to where the stopped program began."""
         if self.safety_mode is SafetyMode.PROTECTIVE_STOP:
             self.place(self._began)
-            self.safety_mode = SafetyMode.NORMAL
             self.say("protective stop released; the arm is back where the program began")
+        elif self.safety_mode is SafetyMode.ROBOT_EMERGENCY_STOP:
+            self.say("emergency stop released; the arm is where it stopped")
+        self.safety_mode, self.robot_mode = SafetyMode.NORMAL, RobotMode.RUNNING
+
+    def emergency_stop(self) -> None:
+        """Press the emergency stop: the program ends, the arm brakes, and its power is off."""
+        self._end_program()
+        self.safety_mode, self.robot_mode = SafetyMode.ROBOT_EMERGENCY_STOP, RobotMode.POWER_OFF
+        self.reason = "its button was pressed"
+        self.say(f"emergency stop: {self.reason}")
+
+    def pause(self) -> None:
+        """Pause the program that runs: its time slows down to a standstill."""
+        if self.runtime_state in (RuntimeState.PLAYING, RuntimeState.RESUMING):
+            self.runtime_state = RuntimeState.PAUSING
+            self.say("program is paused")
+
+    def resume(self) -> None:
+        """Let a paused program go on."""
+        if self.runtime_state in (RuntimeState.PAUSING, RuntimeState.PAUSED):
+            self.runtime_state = RuntimeState.RESUMING
+            self.say("program is resumed")
 
     def tick(self) -> None:
-        change = SLIDER_RATE * self.cycle
-        self._scaling += min(max(self.speed_slider - self._scaling, -change), change)
-        if self.safety_mode is SafetyMode.NORMAL:
+        self._scale_time()
+        if self.safety_mode is SafetyMode.NORMAL and self.runtime_state is not RuntimeState.PAUSED:
             self._advance_program()
-        if self.safety_mode is SafetyMode.NORMAL:
+        if self.safety_mode is not SafetyMode.PROTECTIVE_STOP:
             self._advance_target()
         self._drive.step(self.target_q, self.target_qd, self.target_qdd, self.cycle)
         self._ticks += 1
         if self.safety_mode is SafetyMode.NORMAL:
             self._supervise()
+
+    def _scale_time(self) -> None:
+        """Let the speed of program time follow the speed slider, or a pause."""
+        pausing = self.runtime_state in (RuntimeState.PAUSING, RuntimeState.PAUSED)
+        wanted, change = 0.0 if pausing else self.speed_slider, SLIDER_RATE * self.cycle
+        self._scaling += min(max(wanted - self._scaling, -change), change)
+        if self._scaling == wanted and self.runtime_state in _AFTER:
+            self.runtime_state = _AFTER[self.runtime_state]
 
     def run(self, text: str, *, longest: float = 600.0) -> Recording:
         """Run a program as fast as possible, to its end or for at most `longest` simulated seconds, and record it."""

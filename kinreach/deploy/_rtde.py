@@ -36,24 +36,45 @@ class Kind(IntEnum):
 
 
 class RobotMode(IntEnum):
-    """Values of `robot_mode` that the simulated controller reports."""
+    """Values of `robot_mode`; the simulated controller reports two, POWER_OFF and RUNNING."""
 
+    NO_CONTROLLER = -1
+    DISCONNECTED = 0
+    CONFIRM_SAFETY = 1
+    BOOTING = 2
+    POWER_OFF = 3
+    POWER_ON = 4
+    IDLE = 5
+    BACKDRIVE = 6
     RUNNING = 7
+    UPDATING_FIRMWARE = 8
 
 
 class SafetyMode(IntEnum):
-    """Values of `safety_mode` in which a script may be sent, or that the simulated controller reports."""
+    """Values of `safety_mode`; a script may be sent in the first two. The simulated controller reports 1, 3 and 7."""
 
     NORMAL = 1
     REDUCED = 2
     PROTECTIVE_STOP = 3
+    RECOVERY = 4
+    SAFEGUARD_STOP = 5
+    SYSTEM_EMERGENCY_STOP = 6
+    ROBOT_EMERGENCY_STOP = 7
+    VIOLATION = 8
+    FAULT = 9
+    VALIDATE_JOINT_ID = 10
+    UNDEFINED_SAFETY_MODE = 11
 
 
 class RuntimeState(IntEnum):
-    """Values of `runtime_state` that the simulated controller reports."""
+    """Values of `runtime_state`; a program that is there and not STOPPED goes on, or can."""
 
+    STOPPING = 0
     STOPPED = 1
     PLAYING = 2
+    PAUSING = 3
+    PAUSED = 4
+    RESUMING = 5
 
 
 #: RTDE's types and those of `struct`.

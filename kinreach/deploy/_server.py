@@ -9,6 +9,7 @@ from __future__ import annotations
 import ipaddress
 import math
 import os
+import queue
 import selectors
 import socket
 import struct
@@ -52,8 +53,13 @@ PATIENCE = 0.2
 ROBOT_MESSAGE, KEY, RUNTIME_EXCEPTION = 20, 7, 10
 #: Versions that a CB3 and an e-Series controller answer with.
 VERSIONS = {125: (3, 15, 8, 0), 500: (5, 12, 0, 0)}
-#: `joint_mode` of a joint that runs.
-JOINT_RUNNING = 253
+#: `joint_mode` of a joint that runs, and of one without power.
+JOINT_RUNNING, JOINT_POWER_OFF = 253, 239
+#: Bits of `safety_status_bits`.
+_SAFETY_BITS = {
+    SafetyMode.NORMAL: 1, SafetyMode.PROTECTIVE_STOP: 1 << 2 | 1 << 10,
+    SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | 1 << 7 | 1 << 10,
+}  # fmt: skip
 
 _OUTPUTS: Mapping[str, Callable[[Controller], Sequence[float]]] = {
     "timestamp": lambda ur: (ur.time,),
@@ -68,12 +74,14 @@ _OUTPUTS: Mapping[str, Callable[[Controller], Sequence[float]]] = {
     "target_TCP_speed": lambda ur: ur.tcp_speed(ur.target_q, ur.target_qd).tolist(),
     "tcp_offset": lambda ur: pose_vector(ur.tcp).tolist(),
     "payload": lambda ur: (ur.payload,),
-    "robot_mode": lambda ur: (RobotMode.RUNNING,),
-    "joint_mode": lambda ur: (JOINT_RUNNING,) * 6,
+    "robot_mode": lambda ur: (ur.robot_mode,),
+    "joint_mode": lambda ur: (JOINT_RUNNING if ur.robot_mode is RobotMode.RUNNING else JOINT_POWER_OFF,) * 6,
     "safety_mode": lambda ur: (ur.safety_mode,),
     "safety_status": lambda ur: (ur.safety_mode,),
-    "safety_status_bits": lambda ur: (1 << {SafetyMode.NORMAL: 0, SafetyMode.PROTECTIVE_STOP: 2}[ur.safety_mode],),
-    "robot_status_bits": lambda ur: (1 + 2 * (ur.runtime_state is RuntimeState.PLAYING),),
+    "safety_status_bits": lambda ur: (_SAFETY_BITS[ur.safety_mode],),
+    "robot_status_bits": lambda ur: (
+        (ur.robot_mode is RobotMode.RUNNING) + 2 * (ur.runtime_state is RuntimeState.PLAYING),
+    ),
     "runtime_state": lambda ur: (ur.runtime_state,),
     "speed_scaling": lambda ur: (ur.speed_scaling,),
     "target_speed_fraction": lambda ur: (ur.speed_slider,),
@@ -126,7 +134,9 @@ class SimulatedUR:
         self.controller = Controller(self.arm, q=q, log=self._log)
         self._selector = selectors.DefaultSelector()
         self._clients: list[_Client] = []
-        self._stopping, self._released = threading.Event(), threading.Event()
+        self._stopping = threading.Event()
+        self._requests: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
+        self._instead: dict[str, tuple[float, ...]] = {}
         self._thread: threading.Thread | None = None
         self._inputs_in_use: dict[str, _Client] = {}
         try:
@@ -166,9 +176,8 @@ class SimulatedUR:
         while not self._stopping.is_set():
             for key, events in self._selector.select(max(0.0, due - time.monotonic())):
                 key.data(events)
-            if self._released.is_set():
-                self._released.clear()
-                self.controller.release()
+            while not self._requests.empty():
+                self._requests.get()()
             now = time.monotonic()
             if now >= due:
                 self.controller.tick()
@@ -176,8 +185,42 @@ class SimulatedUR:
                 due = due + cycle if now - due < PATIENCE else now + cycle
 
     def release(self) -> None:
-        """Release a protective stop; the arm is put back to where the stopped program began."""
-        self._released.set()
+        """Release a stop; after a protective one the arm is put back to where the stopped program began."""
+        self._requests.put(self.controller.release)
+
+    def emergency_stop(self) -> None:
+        """Press the emergency stop, until `release`: the program ends, the arm brakes, and its power is off."""
+        self._requests.put(self.controller.emergency_stop)
+
+    def pause(self) -> None:
+        """Pause the program that runs, as on the pendant, until `resume`."""
+        self._requests.put(self.controller.pause)
+
+    def resume(self) -> None:
+        """Let a paused program go on."""
+        self._requests.put(self.controller.resume)
+
+    def report(self, name: str, values: Sequence[float] | None) -> None:
+        """Report something else than the truth, to try what a client does with it.
+
+        Args:
+            name: An output variable of RTDE, such as `actual_q` or `robot_mode`.
+            values: All of its numbers, which may be NaN; None for the truth again.
+
+        Raises:
+            InputError: There is no such variable, or it has another number of values.
+        """
+        if (kind := type_of(name)) == NOT_FOUND:
+            raise InputError(f"RTDE has no output variable {shown(name)}")
+        if values is None:
+            self._requests.put(lambda: self._instead.pop(name, None))
+            return
+        given = tuple(values)
+        try:
+            Recipe([name], [kind]).pack({name: given})
+        except struct.error:
+            raise InputError(f"the type of {name} is {kind}, got {shown(given)}") from None
+        self._requests.put(lambda: self._instead.update({name: given}))
 
     def drop(self, client: _Client) -> None:
         """Close the connection of a client and forget it."""
@@ -223,8 +266,8 @@ class SimulatedUR:
     def _log(self, text: str) -> None:
         if self._tell is not None:
             self._tell(text)
-        if text.startswith("protective stop:"):
-            title = b"Protective stop"
+        if text.startswith(("protective stop:", "emergency stop:")):
+            title = text.partition(":")[0].capitalize().encode()
             self._tell_clients(KEY, struct.pack(">iiB", 0, 0, len(title)) + title, text)
         elif text.startswith("program stopped:"):
             self._tell_clients(RUNTIME_EXCEPTION, struct.pack(">ii", 1, 1), text)
@@ -265,7 +308,7 @@ class SimulatedUR:
         return int(server.getsockname()[1])
 
     def _publish(self) -> None:
-        ur, values = self.controller, {}
+        ur, values = self.controller, dict[str, Sequence[float]](self._instead)
         due = [client for client in self._clients if isinstance(client, _RtdeClient) and client.is_due(ur.time)]
         for client in due:
             for name in client.outputs.names:

@@ -7,7 +7,7 @@ import pytest
 
 from kinreach.deploy._controller import Controller
 from kinreach.deploy._motion import JointLine, LineError, Servo, StraightLine
-from kinreach.deploy._rtde import RuntimeState, SafetyMode
+from kinreach.deploy._rtde import RobotMode, RuntimeState, SafetyMode
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Workcell, get_arm
@@ -259,6 +259,76 @@ class TestProtectiveStops:
         away[:2] *= -1
         done = ur.run(program(f"movel(p{listed(away)})"))
         assert "singularity at" in done.reason or "joint speed" in done.reason
+
+
+MOVE = f"movej({listed(np.add(HOME, [1, 0, 0, 0, 0, 0]))}, a=1.4, v=0.8)"
+SERVO = [f"servoj({listed(np.add(HOME, [0.002 * s, 0, 0, 0, 0, 0]))}, t=0.002, lookahead_time=0.03, gain=2000)"
+         for s in (*range(600), *[600] * 300)]  # fmt: skip
+
+
+@pytest.mark.parametrize("lines", [[MOVE], SERVO], ids=["movej", "servoj"])
+def test_an_emergency_stop_brakes_and_takes_the_power(ur, lines):
+    ur.start(program(*lines))
+    for _ in range(400):
+        ur.tick()
+    fastest = abs(ur.target_qd[0])
+    assert fastest > 0.7
+    ur.emergency_stop()
+    assert (ur.robot_mode, ur.safety_mode, ur.runtime_state) == (
+        RobotMode.POWER_OFF, SafetyMode.ROBOT_EMERGENCY_STOP, RuntimeState.STOPPED)  # fmt: skip
+    assert ur.speed_scaling == 0.0
+    speeds = [fastest]
+    while speeds[-1] > 0.0:
+        ur.tick()
+        speeds.append(abs(ur.target_qd[0]))
+    np.testing.assert_allclose(np.diff(speeds)[:-1], -10.0 * ur.cycle, atol=1e-9)
+    stopped = ur.target_q
+    for _ in range(200):
+        ur.tick()
+    np.testing.assert_array_equal(ur.target_q, stopped)
+    np.testing.assert_allclose(ur.actual_q, stopped, atol=1e-3)
+    with pytest.raises(InputError, match=r"the program is not run: emergency stop \(its button was pressed\)"):
+        ur.start(program(MOVE))
+    ur.release()
+    np.testing.assert_array_equal(ur.target_q, stopped)
+    assert (ur.robot_mode, ur.safety_mode) == (RobotMode.RUNNING, SafetyMode.NORMAL)
+    assert ur.run(program(MOVE)).reason == ""
+
+
+@pytest.mark.parametrize("lines", [[MOVE], SERVO], ids=["movej", "servoj"])
+def test_a_pause_stretches_time_and_nothing_else(ur, lines):
+    way = ur.run(program(*lines)).commanded.q[:, 0]
+    ur.place(HOME)
+    ur.start(program(*lines))
+    states, seen = [ur.runtime_state], []
+    for cycle in range(3000):
+        if cycle == 200:
+            ur.pause()
+        if cycle == 800:
+            ur.resume()
+        ur.tick()
+        if ur.runtime_state is not states[-1]:
+            states.append(ur.runtime_state)
+        if ur.runtime_state is RuntimeState.PAUSED:
+            assert ur.target_qd[0] == 0.0
+        seen.append(ur.target_q[0])
+    assert [state.name for state in states] == ["PLAYING", "PAUSING", "PAUSED", "RESUMING", "PLAYING", "STOPPED"]
+    assert len(set(seen[500:800])) == 1
+    assert seen[-1] == pytest.approx(way[-1], abs=1e-6)
+    off = [np.abs(way - q).min() for q in seen]
+    assert max(off) < 2e-3  # on the same way
+    # a paused program ends as another does, and a pause without one is none
+    ur.place(HOME)
+    ur.start(program(*lines))
+    ur.pause()
+    for _ in range(300):
+        ur.tick()
+    assert ur.runtime_state is RuntimeState.PAUSED
+    assert ur.run(program("stopj(4)")).reason == ""
+    assert ur.runtime_state is RuntimeState.STOPPED
+    for change in (ur.pause, ur.resume):
+        change()
+        assert ur.runtime_state is RuntimeState.STOPPED
 
 
 def test_values_and_what_is_none():

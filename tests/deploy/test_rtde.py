@@ -204,7 +204,7 @@ def test_every_output_is_the_controllers():
     numbers = {
         "safety_mode": 3,
         "safety_status": 3,
-        "safety_status_bits": 4,
+        "safety_status_bits": 0b10000000100,
         "speed_scaling": 0,
         "robot_status_bits": 1,
     }
@@ -249,6 +249,53 @@ def test_packages_come_whole_however_they_are_cut():
         assert got == sent
         assert not buffer
     assert parts == 350
+
+
+def test_the_robot_reports_what_it_is_told_to(robot):
+    """Stops, pauses and values that no robot should have, each from another thread than the robot's own."""
+    truth = {"robot_mode": 7, "safety_mode": 1, "runtime_state": 1, "robot_status_bits": 1, "safety_status_bits": 1}
+
+    def until(client, recipe, **wanted):
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
+            values = recipe.unpack(client.next(Kind.DATA)[1:])
+            if all(values[name] == (value,) for name, value in {**truth, **wanted}.items()):
+                return values
+        raise AssertionError(values)
+
+    with Client(robot) as client, socket.create_connection((robot.address, robot.script_port)) as script:
+        recipe = client.begin([*truth, "actual_q", "joint_mode"], 500.0)
+        until(client, recipe)
+        script.sendall(b"def f():\n  sleep(3000)\nend\n")
+        until(client, recipe, runtime_state=2, robot_status_bits=3)
+        robot.pause()
+        until(client, recipe, runtime_state=4)
+        robot.resume()
+        until(client, recipe, runtime_state=2, robot_status_bits=3)
+        robot.report("actual_q", [float("nan")] * 6)
+        while not np.isnan(until(client, recipe, runtime_state=2, robot_status_bits=3)["actual_q"]).all():
+            pass
+        robot.report("robot_mode", [5])
+        until(client, recipe, robot_mode=5, runtime_state=2, robot_status_bits=3)
+        robot.report("robot_mode", None)
+        robot.emergency_stop()
+        stopped = until(
+            client, recipe, robot_mode=3, safety_mode=7, robot_status_bits=0, safety_status_bits=0b10011000000
+        )
+        assert stopped["joint_mode"] == (239,) * 6
+        said = script.recv(4096)
+        assert said[14] == 7
+        assert b"Emergency stop" in said
+        robot.report("actual_q", None)
+        robot.release()
+        assert np.isfinite(until(client, recipe)["actual_q"]).all()
+    for name, values, reason in (
+        ("speed", [1], "no output variable 'speed'"),
+        ("actual_q", [1], "type of actual_q is VECTOR6D"),
+        ("robot_mode", [float("nan")], "type of robot_mode is INT32"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            robot.report(name, values)
 
 
 def test_the_frequency_is_that_of_the_recipe(robot):
