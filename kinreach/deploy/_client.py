@@ -14,7 +14,7 @@ import numpy as np
 
 from kinreach._checks import Floats, check_count, printable, shown
 from kinreach.deploy._controller import FINISHED, NOT_AT_START, REGISTER, Recording
-from kinreach.deploy._program import AT_START, STOP_SCRIPT, Program
+from kinreach.deploy._program import STOP_SCRIPT, Program
 from kinreach.deploy._rtde import (
     NOT_FOUND,
     PROTOCOL,
@@ -186,9 +186,9 @@ class URClient:
         if state.runtime_state != RuntimeState.STOPPED:
             raise self._error("runs a program already; end that one first")
         off = np.abs(state.actual_q - program.start)
-        if not off.max() <= AT_START:
+        if not off.max() <= program.tolerance:
             joint = int(off.argmax())
-            way = f"{JOINTS[joint]} is {off[joint]:.3f} rad off"
+            way = f"{JOINTS[joint]} is {off[joint]:.4f} rad off, {program.tolerance:g} at most"
             raise self._error(f"does not stand where the program begins: {way}; plan again")
 
     def run(self, program: Program, *, watch: Callable[[RobotState], object] | None = None) -> Recording:

@@ -1,7 +1,8 @@
 """Programs for a UR: moves or a trajectory, as URScript and back.
 
-A program sets the tool centre point, checks that the arm stands at the start posture, and moves only if it does. It
-writes its progress to an integer register, which RTDE shows: 1 begun, 2 finished, 3 not at the start posture.
+A program sets the tool centre point, checks that the arm stands at the start posture, and moves only if it does: first
+to that posture exactly, so that what follows is what was tried. It writes its progress to an integer register, which
+RTDE shows: 1 begun, 2 finished, 3 not at the start posture.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ from kinreach.deploy._urscript import (
     Choice,
     Constant,
     Expression,
+    Name,
     Numbers,
+    Operation,
     ScriptError,
     Statement,
     list_text,
@@ -43,8 +46,11 @@ from kinreach.kinematics import ArmKinematics, pose, pose_vector
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots._ur import JOINTS
 
-#: How far a joint may be from the start posture for the program to move [rad].
-AT_START = 0.01
+#: How far a joint may be from the start posture for the program to move [rad]: by default, at least, and at most.
+#: Encoders of a standing UR are read within 2e-4 rad. At the default the tool of a UR5e is within 2 mm.
+AT_START, MIN_AT_START, MAX_AT_START = 5e-4, 2.5e-4, 0.01
+#: The way there, in URScript.
+TO_START = "movej(start, a=0.5, v=0.05)"
 #: Largest speeds and accelerations of the tool [m/s], [m/s^2], and of a joint's acceleration [rad/s^2].
 MAX_TOOL_SPEED, MAX_TOOL_ACCELERATION, MAX_ACCELERATION = 1.0, 5.0, 10.0
 #: Settings of `servoj`, those of Universal Robots' ROS driver; how long the end is held [s]; deceleration [rad/s^2].
@@ -107,6 +113,7 @@ class Program:
         payload: Mass of the tool [kg], which the program sets; None leaves what is set on the robot.
         centre_of_mass: Of the tool, on the flange [m].
         arm: Which arm it is for, for the comment at its top.
+        tolerance: How far a joint may be from the start posture for the program to move [rad], 2.5e-4 to 0.01.
 
     Raises:
         InputError: Neither moves nor a trajectory, or both; the last move has a blend radius; a trajectory of other
@@ -120,6 +127,7 @@ class Program:
     payload: float | None = None
     centre_of_mass: tuple[float, ...] = (0.0, 0.0, 0.0)
     arm: str = "UR"
+    tolerance: float = AT_START
 
     def __post_init__(self) -> None:
         for name, size in (("start", 6), ("tcp", 6), ("centre_of_mass", 3)):
@@ -127,13 +135,14 @@ class Program:
         object.__setattr__(self, "moves", tuple(self.moves))
         if self.payload is not None:
             check_number("payload [kg]", self.payload, least=0.0, most=100.0)
+        check_number("tolerance [rad]", self.tolerance, least=MIN_AT_START, most=MAX_AT_START)
         if bool(self.moves) == (self.trajectory is not None):
             raise InputError("a program has moves or a trajectory, and not both")
         if self.moves and self.moves[-1].blend:
             raise InputError(f"the last move must stop, its blend is {self.moves[-1].blend:g} m")
         if self.trajectory is not None:
             _check_even(self.trajectory)
-            if not np.abs(self.trajectory.q[0] - self.start).max() < AT_START:
+            if not np.abs(self.trajectory.q[0] - self.start).max() <= self.tolerance:
                 raise InputError("the trajectory does not begin in the start posture")
 
     @classmethod
@@ -146,7 +155,7 @@ class Program:
             kinematics: Of the UR with its tool. Its tip is the tool centre point.
             start: Posture in which the program may begin [rad], shape (6,).
             motion: Moves; or a trajectory, which is sampled 125 times a second for a CB3 and 500 times for later ones.
-            settings: `payload` and `centre_of_mass`; by default those of the arm's tool, if it has a mass.
+            settings: `payload` and `centre_of_mass`, by default those of the arm's tool, if it has a mass; `tolerance`.
 
         Raises:
             InputError: Not a UR, a motion faster than the arm's joints, blends that overlap, or as in the class.
@@ -169,7 +178,8 @@ class Program:
     def text(self) -> str:
         """The program in URScript, as a UR runs it."""
         body = [f"    {line}" for line in self._motion()]
-        off = " or ".join(f"norm(q[{joint}] - start[{joint}]) > {AT_START}" for joint in range(6))
+        most = number_text(self.tolerance)
+        off = " or ".join(f"norm(q[{joint}] - start[{joint}]) > {most}" for joint in range(6))
         warning = "The arm is not at the start posture of this program. Nothing was moved."
         lines = [
             f"def {NAME}():",
@@ -184,6 +194,7 @@ class Program:
             "    sleep(0.1)",  # a client that reads the state every cycle sees that it ran
             "  else:",
             f"    write_output_integer_register({REGISTER}, {BEGUN})",
+            f"    {TO_START}",
             *body,
             f"    write_output_integer_register({REGISTER}, {FINISHED})",
             "  end",
@@ -197,13 +208,13 @@ class Program:
 
     def _header(self) -> list[str]:
         """Lines of the comment at the top."""
-        degrees = ", ".join(f"{angle:.1f}" for angle in np.degrees(self.start))
+        degrees = ", ".join(f"{angle:.3f}" for angle in np.degrees(self.start))
         payload = "as it is set on the robot" if self.payload is None else f"{self.payload:g} kg at {self._centre} m"
         return [
             _one_line(f"Written by kinreach {kinreach.__version__} for: {self.arm}"),
             "Lengths in metres, angles in radians. Poses are those of the tool centre point in the frame base.",
             f"Tool centre point on the flange: {list_text(self.tcp)}. Payload: {payload}.",
-            f"Begins only at the joint angles {degrees} degrees, each within {np.degrees(AT_START):.1f}.",
+            f"Begins only at the joint angles {degrees} degrees, each within {np.degrees(self.tolerance):.3f}.",
             "Tried in simulation only. Keep a hand at the emergency stop, and begin with the speed slider low.",
         ]
 
@@ -239,8 +250,11 @@ class Program:
                 settings["payload"] = _constant(statement.arguments["m"], statement.line)
                 settings["centre_of_mass"] = _constants(statement.arguments["cog"], statement.line)
             elif isinstance(statement, Choice):
+                settings["tolerance"] = _tolerance(statement)
                 motion = statement.otherwise
         calls = [call for call in motion if isinstance(call, Call) and call.function in ("movej", "movel", "servoj")]
+        if calls and calls[0].arguments.get("q") == Name("start"):
+            del calls[0]
         if start is None or "tcp" not in settings or not calls:
             raise InputError("this is not a program of kinreach: it needs set_tcp, start = [...] and moves after else")
         if calls[0].function == "servoj":
@@ -248,6 +262,20 @@ class Program:
         else:
             settings["moves"] = tuple(map(_move, calls))
         return cls(start, **settings)
+
+
+def _tolerance(choice: Choice) -> float:
+    """Read how far a joint may be off, in a condition with a comparison for each."""
+    comparisons, condition = list[float](), choice.condition
+    while isinstance(condition, Operation):
+        either = condition.sign == "or"
+        comparison = condition.right if either else condition
+        if isinstance(comparison, Operation) and comparison.sign == ">":
+            comparisons.append(_constant(comparison.right, choice.line))
+        condition = condition.left if either else Constant(True)
+    if len(comparisons) != len(JOINTS) or len(set(comparisons)) > 1:
+        raise ScriptError(choice.line, "the check of the start posture compares each of six joints with one tolerance")
+    return comparisons[0]
 
 
 def _trajectory(start: tuple[float, ...], calls: Sequence[Call]) -> Trajectory:

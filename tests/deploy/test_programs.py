@@ -170,7 +170,7 @@ def test_a_program_says_what_it_is_for_and_sets_the_tool():
     assert "set_tcp(p[0, 0.01, 0.15, 0.1, 0, 0])" in text
     assert "set_payload(1.2, [0, 0, 0.05])" in text
     assert "Payload: 1.2 kg" in text
-    assert "-90.0, -90.0, 90.0, -90.0, -90.0, 0.0 degrees" in text
+    assert "-90.000, -90.000, 90.000, -90.000, -90.000, 0.000 degrees, each within 0.029" in text
     assert text.isascii()
     without = Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)]).text
     assert "set_payload" not in without
@@ -180,7 +180,7 @@ def test_a_program_says_what_it_is_for_and_sets_the_tool():
     # a title cannot leave its comment
     hostile = Program(HOME, (0,) * 6, (Move("movej", HOME, 1.0, 1.0),), arm="UR\n  movej([0,0,0,0,0,0])\r\x0b")
     assert Program.parse(hostile.text).moves == hostile.moves
-    assert len(re.findall(r"^\s*movej", hostile.text, re.MULTILINE)) == 1
+    assert len(re.findall(r"^\s*movej\(\[", hostile.text, re.MULTILINE)) == 1
 
 
 def test_a_call_that_is_not_the_programs_changes_nothing():
@@ -225,22 +225,35 @@ def test_programs_move_a_calibrated_arm_as_they_say(name):
     assert Program.of(kin, home, ways["servoj"]).text.count("servoj") == rate + 1
 
 
-def test_nothing_moves_where_the_arm_does_not_stand_at_the_start():
-    rng = np.random.default_rng(5)
+@pytest.mark.parametrize("motion", ["movej", "movel", "servoj"])
+def test_nothing_moves_where_the_arm_does_not_stand_at_the_start(motion):
+    """Where it moves, it goes to the start posture first, and from there as from the start posture itself."""
+    goal = HOME + 0.1
+    motions = {"movej": [Move("movej", goal, 0.5, 1.0)], "movel": [Move("movel", pose_vector(KIN.fk(goal)), 0.2, 1.0)],
+               "servoj": swing()}  # fmt: skip
+    program = Program.of(KIN, HOME, motions[motion])
+    ur = Controller(KIN.arm, q=HOME, log=(log := []).append)
+    tried, rng = ur.run(program.text).commanded.q, np.random.default_rng(5)
     for joint in range(6):
-        start = HOME.copy()
-        start[joint] += rng.choice([-1, 1]) * 0.02
-        log = []
-        ur = Controller(KIN.arm, q=start, log=log.append)
-        done = ur.run(Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)]).text)
-        assert done.status == NOT_AT_START
-        assert not done.commanded.qd.any()
-        np.testing.assert_allclose(done.measured.q, np.broadcast_to(start, done.measured.q.shape), atol=1e-3)
-        assert any("not at the start posture" in line for line in log)
-        start = HOME.copy()
-        start[joint] += 0.009
-        ur.place(start)
-        assert ur.run(Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)]).text).status == FINISHED
+        for off, status in ((2.0, NOT_AT_START), (1.05, NOT_AT_START), (0.95, FINISHED)):
+            start = HOME.copy()
+            start[joint] += rng.choice([-1, 1]) * off * program.tolerance
+            log.clear()
+            ur.place(start)
+            done = ur.run(program.text)
+            assert done.status == status
+            if status == NOT_AT_START:
+                assert not done.commanded.qd.any()
+                np.testing.assert_allclose(done.measured.q, np.broadcast_to(start, done.measured.q.shape), atol=1e-3)
+                assert any("not at the start posture" in line for line in log)
+                continue
+            exact = np.flatnonzero((done.commanded.q == HOME).all(axis=1))[0]
+            assert 0 < exact < 0.2 / ur.cycle
+            to_start = done.commanded.q[: exact + 1, joint]
+            assert (np.diff(to_start) * np.sign(HOME[joint] - start[joint]) > 0.0).all()
+            np.testing.assert_allclose(
+                done.commanded.q[exact:][: len(tried)], tried[-len(done.commanded.q[exact:]) :], atol=1e-12
+            )
 
 
 @pytest.mark.parametrize(("motion", "reason"), [
@@ -269,6 +282,15 @@ def test_moves_out_of_bounds_are_refused(values, reason):
         Move(**{"command": "movej", "target": HOME, "speed": 0.5, "acceleration": 1.0, **values})
 
 
+@pytest.mark.parametrize("tolerance", [0.0, 1e-4, 0.011, float("nan"), -1, True, "x"])
+def test_the_tolerance_of_the_start_is_bounded(tolerance):
+    with pytest.raises(InputError, match=r"tolerance \[rad\] must be"):
+        Program(HOME, (0,) * 6, (Move("movej", HOME, 1.0, 1.0),), tolerance=tolerance)
+    wide = Program(HOME, (0,) * 6, (Move("movej", HOME, 1.0, 1.0),), tolerance=0.0025)
+    assert wide.text.count("> 0.0025") == 6
+    assert Program.parse(wide.text) == wide
+
+
 def test_defaults_are_those_of_universal_robots_manual():
     for line, defaults in (
         ("movej([0])", {"a": 1.4, "v": 1.05, "t": 0, "r": 0}),
@@ -286,14 +308,19 @@ def test_defaults_are_those_of_universal_robots_manual():
     ("movej", r"movej\(\[", "movej(p[", "movej takes joint angles"),
     ("movej", r", v=0.5", "", None),
     ("movej", r", v=0.5", ", v=0.5, t=2", "movej is not a move with a and v"),
-    ("movej", r"movej\((.*?)\], ", r"movej(\1 - 1], ", "a number is needed here"),
+    ("movej", r"movej\((\[.*?)\], ", r"movej(\1 - 1], ", "a number is needed here"),
     ("movej", r"movej\(\[.*?\]", "movej(start", "movej takes joint angles"),
     ("movej", r"  start = .*", "  start = 3", "a list of numbers is needed here"),
     ("movej", r"  start = .*", "  start = [True]", "a number is needed here"),
+    ("movej", r"> 0.0005 or", "> 0.01 or", "line 10: .* six joints with one tolerance"),
+    ("movej", r" or norm.*:", ":", "compares each of six joints"),
+    ("movej", r"if norm.*:", "if 1 > 0.0005 or q[0] > 1:", "compares each of six joints"),
+    ("movej", r"> 0.0005", "> q[0]", "a number is needed here"),
+    ("movej", r"> 0.0005", "> 0.1", "with one tolerance"),
     ("movej", r"set_tcp\(p\[.*\]\)", "textmsg(1)", "it needs set_tcp, start"),
-    ("movej", r"movej\(.*", "sleep(1)", "it needs set_tcp, start"),
+    ("movej", r"movej\(\[.*", "sleep(1)", "it needs set_tcp, start"),
     ("servoj", r"(servoj\(.*\n)", r"\1    movej([0, 0, 0, 0, 0, 0])\n", "movej among the servoj of a trajectory"),
-    ("servoj", r"servoj\(\[.*?\]", "servoj([1, 2]", "line 16: servoj takes six joint angles, got 2"),
+    ("servoj", r"servoj\(\[.*?\]", "servoj([1, 2]", "line 17: servoj takes six joint angles, got 2"),
 ])  # fmt: skip
 def test_what_is_not_of_kinreachs_form_is_named(kind, old, new, reason):
     motion = swing() if kind == "servoj" else [Move("movej", HOME + 0.1, 0.5, 1.0)]
