@@ -4,22 +4,65 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
+import numpy as np
+
 from kinreach.baselines import Algorithm, Networks, Recipe, get_recipe, register_algorithm, register_recipe
+from kinreach.baselines._rewards import FIRST_PENALTY, LAST_PENALTY, POSTURE_WEIGHT, SCALE, Array
+from kinreach.envs._button.task import TUNED
+from kinreach.kinematics import Arm3Kinematics
+from kinreach.kinematics._angles import wrapped
 
-#: 2 s; its steps are a tenth as long.
-_REPORT = {"actuation": "report", "max_steps": 500}
+#: 4 s, as in the course project's test; its steps are a tenth as long.
+_REPORT = {"actuation": "report", "max_steps": 1000}
+#: Rewards of a step that ends near the target and of a wrong press in the default world.
+NEAR, WRONG = TUNED.near, TUNED.wrong_press
 
 
-def _on_report_actuation(base: str, name: str, summary: str, **options: Any) -> Recipe:
+def press_pays(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return what the default world pays for the same step: waiting near the target is worth less than a press."""
+    terms = info["reward_terms"]
+    near, wrong = NEAR * (terms["near"] != 0), WRONG * (terms["wrong_press"] != 0)
+    return SCALE * (terms["distance"] + near + wrong + terms["press"])
+
+
+def press_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the same, less 0.3 times the way that is left to the posture that the arm reaches soonest.
+
+    The penalty of a wrong press grows with the share of episodes that reach the goal, as in `kinreach`'s own.
+    """
+    observation, terms = info["observation"], info["reward_terms"]
+    error = np.linalg.norm(way_to_soonest(observation), axis=1)
+    penalty = FIRST_PENALTY + (LAST_PENALTY - FIRST_PENALTY) * info["reached_lately"] ** 2
+    wrong = 1.0 * (terms["wrong_press"] != 0)
+    return SCALE * (terms["distance"] + terms["press"] - penalty * wrong - POSTURE_WEIGHT * error)
+
+
+@cache
+def _kinematics() -> Arm3Kinematics:
+    return Arm3Kinematics(base="world")
+
+
+def way_to_soonest(observation: Array) -> Array:
+    """Return how far joints are from the posture that the base reaches soonest from where it starts [rad], (n, 3)."""
+    q = np.arctan2(observation[:, 3:6], observation[:, :3])
+    found = _kinematics().batch(observation[:, 6:9])
+    turns = np.where(found.valid, np.abs(found.q[..., 0]), np.inf)
+    way: Array = wrapped(found.q[np.arange(len(q)), turns.argmin(axis=1)] - q)
+    return way
+
+
+def _on_report_actuation(base: str, name: str, summary: str, *, reward: str | None = None, **options: Any) -> Recipe:
     recipe = get_recipe(base)
     return register_recipe(
         replace(
             recipe,
             name=name,
             summary=summary,
-            steps=1_200_000,
+            steps=600_000,
+            reward=recipe.reward if reward is None else f"{__name__}:{reward}",
             options={**_REPORT, **options},
             settings={**recipe.settings, "gamma": 0.99, "gae_lambda": 0.95},  # what pays is more steps away
         )
@@ -62,7 +105,10 @@ button_dqn = _dqn(
     "button-dqn", "DQN with the training reward of `button`.", options=get_recipe("button").options, gamma=0.95
 )
 button_report_actuation = _on_report_actuation(
-    "button", "button-report-actuation", "As `button`, on the actuation of the course report."
+    "button",
+    "button-report-actuation",
+    "As `button`, in the world of the course report.",
+    reward="press_guided",
 )
 button_report_both = _on_report_actuation(
     "button-report",

@@ -19,9 +19,8 @@ from kinreach._files import read_bytes
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
 from kinreach.baselines._sb3_zip import MAX_ZIP
 from kinreach.errors import InputError
-from kinreach.robots import ArmDescription, BoxRegion
+from kinreach.robots import ArmDescription, BoxRegion, QuadrantRegion
 from kinreach.robots._description import HULLS
-from kinreach.robots._workcell import QuadrantRegion
 from kinreach.sim._picture import Scene
 
 #: Draws a figure from all trials and the contents of `results.json`.

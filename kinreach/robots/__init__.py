@@ -1,8 +1,8 @@
 """What an arm is: description, mount, tool centre point, home, limits, gripper; and the work cell around it.
 
 - `get_arm`, `arm_names`, `register_arm`: arms by name.
-- `ArmDescription`: an arm of your own, also from its URDF file; `CameraMount`, `Workcell`, `Box` and `BoxRegion` are
-  its parts.
+- `ArmDescription`: an arm of your own, also from its URDF file; `CameraMount`, `Workcell`, `Box`, `BoxRegion` and
+  `QuadrantRegion` are its parts.
 - `Obstacle`: a solid or a mesh around the arm, for collision checks and paths.
 - `Tool`: what is mounted on an arm's flange.
 - `read_calibration`: the factory calibration of a UR; `PUBLISHED_CALIBRATIONS` are files of real ones.
@@ -16,7 +16,7 @@ from kinreach.robots._description import ArmDescription
 from kinreach.robots._obstacles import Obstacle
 from kinreach.robots._registry import arm_names, get_arm, register_arm
 from kinreach.robots._tools import Tool
-from kinreach.robots._workcell import Box, BoxRegion, CameraMount, Workcell
+from kinreach.robots._workcell import Box, BoxRegion, CameraMount, QuadrantRegion, Workcell
 
 __all__ = [
     "PUBLISHED_CALIBRATIONS",
@@ -25,6 +25,7 @@ __all__ = [
     "BoxRegion",
     "CameraMount",
     "Obstacle",
+    "QuadrantRegion",
     "Tool",
     "Workcell",
     "arm_names",

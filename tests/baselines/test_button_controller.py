@@ -19,7 +19,7 @@ NAME = "kinreach/ButtonPress-v0"
 KIN = Arm3Kinematics(base="world")
 HELD_OUT = 1_000_000  # seed
 #: Steps within which the button has to be pressed: a quarter more than the worst of 1000 targets took.
-LONGEST = {"tuned": 72, "report": 610}
+LONGEST = {"tuned": 72, "report": 730}
 
 
 def make(**options):
@@ -31,8 +31,8 @@ def make(**options):
     ("actuation", "count", "median"),
     [
         ("tuned", 100, 25),
-        ("report", 40, 138),
-        *slow(("tuned", 1000, 25), ("report", 1000, 138)),
+        ("report", 40, 184.5),
+        *slow(("tuned", 1000, 25), ("report", 1000, 184.5)),
     ],
 )
 def test_held_out_targets_are_pressed(actuation, count, median):
@@ -130,4 +130,4 @@ def test_where_the_tip_is_a_step_later(actuation):
         mujoco.mj_step(model, data, ACTUATIONS[actuation].frame_skip)
         np.testing.assert_allclose(expected, KIN.fk(data.qpos)[:3, 3], atol=1e-3)
         moved = max(moved, np.linalg.norm(expected - KIN.fk(q)[:3, 3]))
-    assert moved > 5e-3
+    assert moved > 4e-3

@@ -49,14 +49,15 @@ class ButtonPressEnv(DrawnEnv):
 
     | Actuation | Gears [N m] | Joint damping [N m s/rad] | Armature [kg m^2] | Timestep [s] | Timesteps per step |
     |-----------|-------------|---------------------------|-------------------|--------------|--------------------|
-    | `"tuned"` | 4, 8, 2.5 | 12, 20, 6 | 0.2 | 0.004 | 10 |
-    | `"report"` | 825, 10, 3 | 0, 0, 0 | 0 | 0.002 | 2 |
+    | `"tuned"` | 4, 8, 2.5 | 12, 20, 6 | 0.2, 0.2, 0.2 | 0.004 | 10 |
+    | `"report"` | 100, 30, 10 | 686, 0, 0 | 6.52, 0, 0 | 0.002 | 2 |
 
-    `"report"` is what the report and the course project's model describe; `docs/studies/appendix/button.md` has why it
-    is not the default.
+    `"report"` is the course project's world on the day of its report. A contact between base and first link brakes
+    joint 1 there; damping and armature of joint 1 stand for it, and joint 1 has no limit.
+    `docs/studies/appendix/button.md` has the comparison, and why this is not the default.
 
     ## Observation Space
-    `Box(19,), float64`, in the world frame (z up), in the report's order. Positions of the target stay within 0.6 m
+    `Box(19,), float64`, in the world frame (z up), in the report's order. Positions of the target stay within 0.75 m
     unless you set it elsewhere. The push state is 1 if the action that led here pressed, wherever that was. The
     controls are not observed, as in the report: add up your own actions if you need them, or set `controls=True`;
     they follow, -10 to 10. With `frames=n` the observations of the last n steps stand side by side,
@@ -87,30 +88,38 @@ class ButtonPressEnv(DrawnEnv):
     ## Rewards
     With d the distance from the end effector to the target after the step, the sum of `info["reward_terms"]`:
 
-    | Term | Value | When |
-    |------|-------|------|
-    | `distance` | -d | always |
-    | `near` | 0.1 | d < 0.05 m |
-    | `wrong_press` | -1 | pressed at d >= 0.05 m |
-    | `press` | 100 | pressed at d < 0.05 m |
+    | Term | `"tuned"` | `"report"` | When |
+    |------|-----------|------------|------|
+    | `distance` | -d | -d | always |
+    | `near` | 0.1 | 10 | d < 0.05 m |
+    | `wrong_press` | -1 | -5 | pressed, and d >= 0.05 m |
+    | `press` | 100 | 100 | the press counts |
 
-    The report gives the 100 and the radius, the other values are ours: -d as it stands, and a `near` so small that a
-    whole episode of waiting at the target pays less than pressing at once.
+    A press counts at d < 0.05 m: after the step with `actuation="tuned"`, before it with `"report"`. The report has the
+    100, the radius and the distance; the other values of `"report"` are its repository's. With them a step near the
+    target pays 10, so waiting there pays more than a press after eleven steps. The values of `"tuned"` are ours: a
+    whole episode of waiting pays less than pressing at once.
 
     `reward=` takes a function of yours, `reward(distance, q, press)`, with stacks of k steps as
     `kinreach.envs._reach.rewards` describes: distances [m], joint angles [rad], whether the action pressed.
 
     ## Starting State
     Joint angles uniform within 0.1 rad of zero (the arm upright), joint velocities within 0.1 rad/s, controls 0. The
-    target is uniform in one of four quadrants, 0.2 <= |x|, |y| <= 0.6 m and 0.1 <= z <= 0.6 m, and drawn again where
-    the closed-form inverse kinematics has no posture within the joint limits (0.6 % of the region).
+    target is uniform in one of four quadrants, and drawn again where the closed-form inverse kinematics has no posture
+    within the joint limits:
+
+    | Actuation | abs(x), abs(y) [m] | z [m] | Drawn again [%] |
+    |-----------|--------------------|-------|-----------------|
+    | `"tuned"` | 0.2 to 0.6 | 0.1 to 0.6 | 0.6 |
+    | `"report"` | 0.1 to 0.75 | 0 to 0.75 | 12 |
+
     `fixed_target=True` keeps the first target in all episodes until `reset` is given a seed; `fixed_target=(x, y, z)`
     sets it. `reset(options={"goal": (x, y, z), "q": (q1, q2, q3)})` sets the target, and the posture to start in at
     rest, for one episode.
 
     ## Episode End
-    Terminated when the button is pressed at d < 0.05 m. Truncated after `max_steps` steps, or when the simulation
-    diverges (a joint faster than 10000 rad/s: `info["impossible"]`, False otherwise; the last good state is observed).
+    Terminated when a press counts. Truncated after `max_steps` steps, or when the simulation diverges (a joint faster
+    than 10000 rad/s: `info["impossible"]`, False otherwise; the last good state is observed).
 
     ## Info
     From `reset` on:
@@ -124,8 +133,8 @@ class ButtonPressEnv(DrawnEnv):
 
     | Key | Value |
     |-----|-------|
-    | `reached`, `is_success`, `pressed` | pressed at the target |
-    | `wrong_press`, `wrong_presses`, `steps` | whether this press was wrong; numbers in this episode |
+    | `reached`, `is_success`, `pressed` | the press counts |
+    | `wrong_press`, `wrong_presses`, `steps` | whether this press cost its penalty; numbers in this episode |
     | `impossible`, `impossible_reason`, `impossible_code` | whether the simulation diverged; why, else empty; 1 or 0 |
     | `energy` | sum over joints and time of torque² dt in this episode [N² m² s] |
     | `move_s` | simulated time in this episode [s] |

@@ -30,7 +30,7 @@ from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES
 from kinreach.envs._reach.rewards import OwnReward, RewardFunction, Scorer, check_reward
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots import ArmDescription, QuadrantRegion, get_arm
 
 #: Joint angles [rad] and velocities [rad/s] start within +- this of rest in the home posture.
 SPREAD = 0.1
@@ -88,10 +88,15 @@ class ButtonOptions:
 
 
 class ButtonStarts:
-    """Draws starts; targets are uniform in what the arm reaches, within its limits, of the work cell's region."""
+    """Draws starts; targets are uniform in what the arm reaches, within its limits, of a region.
 
-    def __init__(self) -> None:
+    Args:
+        region: None: the work cell's.
+    """
+
+    def __init__(self, region: QuadrantRegion | None = None) -> None:
         self._kinematics = Arm3Kinematics(base="world")
+        self._draw = self._kinematics.arm.workcell.draw_goals if region is None else region.sample
         self._home = np.array(self._kinematics.arm.home)
 
     def reachable(self, targets: Floats) -> Flags:
@@ -111,10 +116,9 @@ class ButtonStarts:
         return np.concatenate([targets, q, rng.uniform(-SPREAD, SPREAD, (count, JOINTS))], axis=1)
 
     def _targets(self, rng: np.random.Generator, count: int) -> Floats:
-        draw = self._kinematics.arm.workcell.draw_goals
-        targets: Floats = draw(rng, count)
+        targets: Floats = self._draw(rng, count)
         while not (kept := self.reachable(targets)).all():
-            targets[~kept] = draw(rng, int((~kept).sum()))
+            targets[~kept] = self._draw(rng, int((~kept).sum()))
         return targets
 
 
@@ -141,13 +145,13 @@ class ButtonEpisodes:
         count = world.count
         self.goals = np.empty((count, 3))
         self.world = world
-        self._starts = ButtonStarts()
+        self._starts = ButtonStarts(options.motors.targets)
         self._streams = RowStreams(self._starts.sample, count, size=SIZE)
         self._max_steps = options.max_steps
         self._period = options.motors.period
         self._gears = np.array(options.motors.gears)
         self._keep = options.fixed_target is not False
-        report, reward = ButtonReward(), options.reward
+        report, reward = ButtonReward(options.motors), options.reward
         self._scorer: Scorer = report if reward is None else OwnReward(reward, report)
         self._has_target = np.zeros(count, dtype=np.bool_)
         self._state = np.empty((3, count, JOINTS))  # joint angles, velocities, end effectors
@@ -211,12 +215,13 @@ class ButtonEpisodes:
         self._pushed = pushed if acting is None else pushed & acting
         control = np.clip(self._control + change, -CONTROL_LIMIT, CONTROL_LIMIT)
         self._control = control if acting is None else np.where(acting[:, None], control, self._control)
+        before = self.distance
         diverged = self._simulate(acting)
         older = self._seen[:, :-1]
         seen = np.concatenate([self._present()[:, None], older], axis=1)
         self._seen = seen if acting is None else np.where(acting[:, None, None], seen, self._seen)
         distance = self.distance
-        score = self._scorer.score(distance, self._state[0].copy(), self._pushed)
+        score = self._scorer.score(distance, self._state[0].copy(), self._pushed, before)
         pressed, wrong = score.reached, self._pushed & (distance >= PRESS_RADIUS)
         self._steps += 1 if acting is None else acting
         self._wrong_presses += wrong

@@ -57,7 +57,7 @@ def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: boo
     for index, name in enumerate(arm.joints):
         joint = spec.joint(name)
         joint.actgravcomp = False
-        joint.armature = actuation.armature
+        joint.armature = actuation.armature[index]
         joint.damping[0] = actuation.damping[index]
         if not actuation.effort_limits:
             joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
@@ -66,6 +66,8 @@ def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: boo
         motor.gear[0] = actuation.gears[index]
         motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
         motor.ctrlrange = (-CONTROL_LIMIT, CONTROL_LIMIT)
+    if actuation.endless:
+        spec.joint(arm.joints[0]).limited = mujoco.mjtLimited.mjLIMITED_FALSE
     _flatten_floor(spec, arm)
     spec.delete(spec.camera(CAMERA))
     add_camera(spec, OVERVIEW, housing=False)

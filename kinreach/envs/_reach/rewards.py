@@ -160,7 +160,7 @@ class OwnReward:
 
     def __init__(self, function: RewardFunction, default: Scorer) -> None:
         self._default = default
-        directed = isinstance(default, DirectedReward)
+        self._directed = directed = isinstance(default, DirectedReward)
         self._function = _with_or_without_angle("reward", function, directed)
         reached = getattr(function, "reached", None)
         self._reached = None if reached is None else _with_or_without_angle("reached", reached, directed)
@@ -169,6 +169,8 @@ class OwnReward:
         distance, q, impossible = on_host(distance), on_host(q), on_host(impossible)
         angle = tuple(map(on_host, angle))
         default = self._default.score(distance, q, impossible, *angle)
+        if not self._directed:
+            angle = ()
         answer: object = self._function(distance, q, impossible, *angle)
         if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], Mapping)):
             raise InputError(f"reward must return the rewards and a mapping of their terms, got {shown(answer)}")

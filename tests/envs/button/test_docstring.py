@@ -4,9 +4,12 @@ import ast
 import inspect
 
 import numpy as np
+import pytest
 
 from kinreach.envs._button import ACTUATIONS, ButtonPressEnv
-from kinreach.envs._button.task import ACTIONS, INCREMENTS, PRESS_RADIUS, button_reward
+from kinreach.envs._button.episodes import ButtonStarts
+from kinreach.envs._button.task import ACTIONS, INCREMENTS, PRESS_RADIUS, ButtonReward
+from kinreach.robots import get_arm
 
 
 def test_actions(doc_tables):
@@ -19,13 +22,28 @@ def test_actions(doc_tables):
         assert press == ("yes" if action >= 27 else "no")
 
 
+def numbers(cell):
+    return [float(x) for x in cell.split(",")]
+
+
 def test_actuations(doc_tables):
     _, rows = doc_tables(ButtonPressEnv.__doc__, "Action Space")
     assert [ast.literal_eval(row[0].strip("`")) for row in rows] == list(ACTUATIONS)
     for row, actuation in zip(rows, ACTUATIONS.values(), strict=True):
-        gears, damping = ([float(x) for x in cell.split(",")] for cell in row[1:3])
+        gears, damping, armature = map(numbers, row[1:4])
         assert (gears, damping) == (list(actuation.gears), list(actuation.damping))
-        assert [float(x) for x in row[3:]] == [actuation.armature, actuation.timestep, actuation.frame_skip]
+        assert armature == list(actuation.armature)
+        assert [float(x) for x in row[4:]] == [actuation.timestep, actuation.frame_skip]
+
+
+def test_targets(doc_tables):
+    (rows,) = doc_tables(ButtonPressEnv.__doc__, "Starting State")
+    assert [ast.literal_eval(row[0].strip("`")) for row in rows] == list(ACTUATIONS)
+    for row, actuation in zip(rows, ACTUATIONS.values(), strict=True):
+        region = actuation.targets or get_arm("arm3").workcell.goals
+        assert [numbers(cell.replace(" to ", ",")) for cell in row[1:3]] == [list(region.across), list(region.height)]
+        drawn = region.sample(np.random.default_rng(0), 50_000)
+        assert 100 * (1 - ButtonStarts().reachable(drawn).mean()) == pytest.approx(float(row[3]), abs=0.15)
 
 
 def test_observations(doc_tables):
@@ -38,20 +56,25 @@ def test_observations(doc_tables):
 
 def test_rewards(doc_tables):
     (rows,) = doc_tables(ButtonPressEnv.__doc__, "Rewards")
-    assert len(rows) == 4
+    assert [row[0].strip("`") for row in rows] == ["distance", "near", "wrong_press", "press"]
     near, far = PRESS_RADIUS - 1e-9, PRESS_RADIUS
-    _, terms = button_reward(np.array([near, far, near, far]), np.array([False, False, True, True]))
-    expected = {
-        "distance": ([-near, -far, -near, -far], "always"),
-        "near": ([0.1, 0.0, 0.1, 0.0], f"d < {PRESS_RADIUS} m"),
-        "wrong_press": ([0.0, 0.0, 0.0, -1.0], f"pressed at d >= {PRESS_RADIUS} m"),
-        "press": ([0.0, 0.0, 100.0, 0.0], f"pressed at d < {PRESS_RADIUS} m"),
-    }
-    for name, value, when in rows:
-        values, condition = expected.pop(name.strip("`"))
-        assert terms[name.strip("`")].tolist() == values
-        assert when == condition
-        assert value == "-d" or float(value) in values
+    for column, actuation in enumerate(ACTUATIONS.values(), start=1):
+        distance, press = np.array([near, far, near, far]), np.array([False, False, True, True])
+        terms = ButtonReward(actuation).score(distance, np.zeros((4, 3)), press, distance).terms
+        for name, *values, when in rows:
+            value = values[column - 1]
+            paid = terms[name.strip("`")].tolist()
+            assert (
+                when
+                == {
+                    (True,) * 4: "always",
+                    (True, False, True, False): f"d < {PRESS_RADIUS} m",
+                    (False, False, False, True): f"pressed, and d >= {PRESS_RADIUS} m",
+                    (False, False, True, False): "the press counts",
+                }[tuple(x != 0 for x in paid)]
+            )
+            assert value == "-d" if when == "always" else set(paid) == {0.0, float(value)}
+        assert terms["distance"].tolist() == (-distance).tolist()
 
 
 def test_arguments_and_sections(doc_tables):

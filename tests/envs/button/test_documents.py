@@ -13,7 +13,7 @@ SAME_EVERYWHERE = ("gears [N m]", "time of a step", "joint 1 after one action fr
 def test_the_table_is_that_of_the_benchmark(name, root):
     page = (root / "docs/studies/appendix/button.md").read_text(encoding="utf-8")
     section = page.split("\n## Two sets of actuation\n")[1]
-    lines = section.split("\n## ")[0].splitlines()
+    lines = section.split("\n##")[0].splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
     head, _, *rows = rows
     assert head[1:] == list(ACTUATIONS)

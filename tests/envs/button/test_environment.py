@@ -61,7 +61,7 @@ def test_a_press_at_the_target_ends_the_episode(actuation):
     observation, reward, terminated, truncated, info = env.step(PRESS)
     assert (terminated, truncated) == (True, False)
     assert info["distance"] < 0.05
-    assert reward == -info["distance"] + 0.1 + 0.0 + 100.0
+    assert reward == -info["distance"] + ACTUATIONS[actuation].near + 0.0 + 100.0
     assert info["pressed"] is info["reached"] is info["is_success"] is True
     assert not info["wrong_press"]
     assert observation[18] == 1
@@ -73,7 +73,7 @@ def test_being_at_the_target_without_a_press_is_not_enough(actuation):
     at_target(env)
     observation, reward, terminated, truncated, info = env.step(STILL)
     assert (terminated, truncated) == (False, False)
-    assert reward == -info["distance"] + 0.1
+    assert reward == -info["distance"] + ACTUATIONS[actuation].near
     assert not any(info[name] for name in ("pressed", "reached", "is_success", "wrong_press"))
     assert observation[18] == 0
 
@@ -86,7 +86,7 @@ def test_a_press_elsewhere_costs_and_changes_nothing_else(actuation):
     for count in range(1, 4):
         observation, reward, terminated, _, info = env.step(PRESS)
         without, reward_without, *_ = other.step(STILL)
-        assert reward == reward_without - 1.0
+        assert reward == reward_without + ACTUATIONS[actuation].wrong_press
         assert not terminated
         assert info["wrong_press"]
         assert not info["pressed"]

@@ -30,7 +30,7 @@ def test_accelerations_are_those_of_pinocchio(actuation):
     model = torque_model(get_arm("arm3"), actuation, visual=False)
     data = mujoco.MjData(model)
     reference = KIN.model.copy()
-    reference.armature = np.full(3, actuation.armature)
+    reference.armature = np.array(actuation.armature)
     scratch = reference.createData()
     gears, damping = np.array(actuation.gears), np.array(actuation.damping)
     rng = np.random.default_rng(0)
