@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from kinreach._checks import check_count, check_known, printable, shown
+from kinreach._checks import check_count, check_known, check_number, printable, shown
 from kinreach.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -33,6 +33,8 @@ Statistic = Callable[..., Any]
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000
+#: Most resamples of a bootstrap.
+MAX_RESAMPLES = 10**7
 
 #: Resampled values held in memory at a time.
 _BLOCK = 2_000_000
@@ -67,10 +69,11 @@ def wilson_interval(successes: int, total: int, *, confidence: float = CONFIDENC
         Low and high bound of the rate.
 
     Raises:
-        InputError: `total` is not positive, or `successes` is not in 0 … `total`.
+        InputError: `total` is not positive, `successes` is not in 0 … `total`, or `confidence` is not between 0 and 1.
     """
     total = check_count("total", total, most=2**53)
     successes = check_count("successes", successes, least=0, most=total)
+    confidence = _as_confidence(confidence)
     from scipy.stats import binomtest  # half a second to import
 
     interval = binomtest(successes, total).proportion_ci(confidence, method="wilson")
@@ -99,8 +102,11 @@ def bootstrap_intervals(
         Low and high bound of each statistic.
 
     Raises:
-        InputError: `values` is empty, not a list or a table of numbers, or not finite.
+        InputError: `values` is empty, not a list or a table of numbers, or not finite; `resamples` or `seed` is not a
+            count, or `confidence` is not between 0 and 1.
     """
+    resamples, seed = check_count("resamples", resamples, most=MAX_RESAMPLES), check_count("seed", seed, least=0)
+    confidence = _as_confidence(confidence)
     sample = _finite(values)
     count = sample.shape[1]
     if count == 1:
@@ -122,6 +128,14 @@ def bootstrap_intervals(
         rng=np.random.default_rng(seed),
     ).confidence_interval
     return [(float(low), float(high)) for low, high in zip(found.low, found.high, strict=True)]
+
+
+def _as_confidence(value: float) -> float:
+    """Check for a share above 0 and below 1: only an interval without bounds always holds."""
+    confidence = check_number("confidence", value, above=0.0, most=1.0)
+    if confidence == 1.0:
+        raise InputError("confidence must be below 1, got 1")
+    return confidence
 
 
 def _finite(values: ArrayLike) -> Floats:

@@ -17,7 +17,7 @@ def test_wilson_ends_exactly_at_the_ends() -> None:
     assert wilson_interval(50, 50)[1] == 1.0
 
 
-@pytest.mark.parametrize(("successes", "total"), [(0, 0), (-1, 5), (6, 5), (1, -1)])
+@pytest.mark.parametrize(("successes", "total"), [(0, 0), (-1, 5), (6, 5), (1, -1), (1, 10**400), (10**400, 5)])
 def test_wilson_refuses_what_is_no_rate(successes: int, total: int) -> None:
     with pytest.raises(InputError, match="must be at"):
         wilson_interval(successes, total)
@@ -71,6 +71,26 @@ def test_bootstrap_refuses_what_it_cannot_resample(values: list[float]) -> None:
 def test_reducers() -> None:
     values = np.arange(101.0)
     assert (median(values), mean(values), p95(values)) == (50.0, 50.0, 95.0)
+
+
+RATE = ("wilson", lambda **options: wilson_interval(3, 10, **options))
+BOOTSTRAP = ("bootstrap", lambda **options: bootstrap_intervals(np.arange(10.0), (median,), **options))
+CONFIDENCES = [{"confidence": value} for value in (float("nan"), 0.0, 1.0, 1.5, -1, np.inf, "x", None, True)]
+COUNTS = [{"resamples": value} for value in (0, -3, 1.5, "a", 10**9)] + [{"seed": value} for value in (-1, "a", 1.5)]
+
+
+@pytest.mark.parametrize(
+    ("interval", "options"),
+    [(each, options) for each in (RATE, BOOTSTRAP) for options in CONFIDENCES]
+    + [(BOOTSTRAP, options) for options in COUNTS],
+    ids=lambda given: given[0] if isinstance(given, tuple) else str(given),
+)
+def test_options_that_cannot_be_are_refused(interval, options) -> None:
+    """A confidence of NaN gave an interval of NaN."""
+    with pytest.raises(InputError, match=next(iter(options))):
+        interval[1](**options)
+    low, high = np.ravel(interval[1](confidence=np.float32(0.5)))
+    assert low < high
 
 
 @pytest.mark.parametrize(
