@@ -36,6 +36,8 @@ pin: Any = load("pinocchio")
 
 #: Axes of Pinocchio's types of revolute joints; others carry their axis.
 PLAIN_AXES = {"JointModelRX": (1.0, 0.0, 0.0), "JointModelRY": (0.0, 1.0, 0.0), "JointModelRZ": (0.0, 0.0, 1.0)}
+#: Stacks of up to so many postures go through Pinocchio one by one: `SerialChain` takes as long for two as for forty.
+FEW = 32
 #: Methods of arms of which all postures are known, as a list or as curves.
 LISTS, CURVES = ("all_solutions", "batch", "nearest", "nearest_batch"), ("self_motions", "clearest", "manipulable")
 
@@ -218,10 +220,9 @@ class ArmKinematics:
         """Compute the pose of the tip in the base frame.
 
         Args:
-            q: Posture [rad], shape (n,), or a stack of them, shape (..., n). One posture, also in a stack of one,
-                goes through Pinocchio; several go through `SerialChain`, built from the same model (equal to 1e-10).
-                So does a tensor of torch, on its device and in its precision, and so do gradients; its values are not
-                checked.
+            q: Posture [rad], shape (n,), or a stack of them, shape (..., n). Up to 32 postures go through Pinocchio,
+                more go through `SerialChain`, built from the same model (equal to 1e-10). So does a tensor of torch, on
+                its device and in its precision, and so do gradients; its values are not checked.
 
         Returns:
             Homogeneous transforms, shape (4, 4) or (..., 4, 4); a tensor for a tensor.
@@ -235,10 +236,8 @@ class ArmKinematics:
         q = as_floats("q", q)
         if q.ndim == 1:
             return self._pose(self.as_posture("q", q))
-        self._check_stack(q)
-        if q.size == self.n:
-            return self._pose(q.reshape(self.n)).reshape(*q.shape[:-1], 4, 4)
-        poses: Floats = self.chain.fk(q.reshape(-1, self.n))
+        rows = self._rows_of(q)
+        poses: Floats = np.array([self._pose(row) for row in rows]) if 0 < len(rows) <= FEW else self.chain.fk(rows)
         return poses.reshape(*q.shape[:-1], 4, 4)
 
     def _pose(self, q: Floats) -> Floats:
@@ -261,10 +260,10 @@ class ArmKinematics:
             check_tensor("q", q, (self.n,))
             return self.chain.fk(q)[..., :3, 3]
         q = as_floats("q", q)
-        self._check_stack(q)
-        if q.size == self.n:
-            return self._pose(q.reshape(self.n))[:3, 3].reshape(*q.shape[:-1], 3)
-        return self.chain.positions(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 3)
+        rows = self._rows_of(q)
+        few = 0 < len(rows) <= FEW
+        points: Floats = np.array([self._pose(row)[:3, 3] for row in rows]) if few else self.chain.positions(rows)
+        return points.reshape(*q.shape[:-1], 3)
 
     def jacobian(self, q: ArrayLike) -> Floats:
         """Compute the geometric Jacobian of the tip, (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
@@ -284,11 +283,14 @@ class ArmKinematics:
             check_tensor("q", q, (self.n,))
             return self.chain.jacobian(q)
         q = as_floats("q", q)
-        if q.ndim > 1:
-            self._check_stack(q)
-            jacobians: Floats = self.chain.jacobian(q.reshape(-1, self.n))
-            return jacobians.reshape(*q.shape[:-1], 6, self.n)
-        q = self.as_posture("q", q)
+        if q.ndim == 1:
+            return self._jacobian(self.as_posture("q", q))
+        rows = self._rows_of(q)
+        few = 0 < len(rows) <= FEW
+        jacobians: Floats = np.array([self._jacobian(row) for row in rows]) if few else self.chain.jacobian(rows)
+        return jacobians.reshape(*q.shape[:-1], 6, self.n)
+
+    def _jacobian(self, q: Floats) -> Floats:
         J = pin.computeFrameJacobian(self.model, self.data, q, self.tip_frame, pin.LOCAL_WORLD_ALIGNED)
         R = self.T_base_world[:3, :3]
         return np.vstack([R @ J[:3], R @ J[3:]])
@@ -304,10 +306,12 @@ class ArmKinematics:
         outside = (q < self.lower - tolerance) | (q > self.upper + tolerance)
         return tuple(name for name, out in zip(self.arm.joints, outside, strict=True) if out)
 
-    def _check_stack(self, q: Floats) -> None:
+    def _rows_of(self, q: Floats) -> Floats:
+        """Check a stack of postures, shape (..., n), and return them one a row, shape (m, n)."""
         if q.ndim == 0 or q.shape[-1] != self.n:
             raise InputError(f"q must have shape (..., {self.n}), got {q.shape}")
         check_entries("q", q, MAX_ANGLE)
+        return q.reshape(-1, self.n)
 
     @cached_property
     def chain(self) -> SerialChain:

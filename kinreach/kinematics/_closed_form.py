@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import cached_property
 from math import dist, pi
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import MAX_ANGLE, Floats, as_floats, check_entries, check_tolerance, is_tensor, torch_module
+from kinreach._checks import (
+    MAX_ANGLE,
+    MIN_TOLERANCE,
+    Floats,
+    as_floats,
+    check_entries,
+    check_tolerance,
+    is_tensor,
+    torch_module,
+)
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._arm import ArmKinematics
@@ -40,8 +51,8 @@ from kinreach.kinematics._tensors import like, namespace, on_host
 STEPS, ARRIVED = 10, 1e-12
 #: Joints that a full pose needs.
 POSE_JOINTS = 6
-
-
+#: Up to so many poses are solved one by one: a batch takes as long for two as for fifteen.
+FEW_POSES = 8
 #: Turns about the tip's z axis that are tried where the last joint does not do them alone [rad].
 TURNS_ABOUT = np.linspace(-np.pi, np.pi, 36, endpoint=False)
 
@@ -103,6 +114,9 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         if is_tensor(T):
             return self._tensor_batch(T, check_tolerance(tol), limits=limits)
         T, tol = as_floats("T", T), check_tolerance(tol)
+        if 0 < len(np.atleast_1d(T)) <= FEW_POSES:
+            with suppress(InputError):  # the batch names the pose that is refused
+                return self._few(T, tol, limits=limits)
         q, valid = self._batch(T, None, tol, limits=limits)
         return self._batch_within(T, q, valid, tol, limits=limits)
 
@@ -125,11 +139,34 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         check_entries("seeds", start, MAX_ANGLE)
         start = np.broadcast_to(start, (count, self.n))
         tol = check_tolerance(tol)
+        if 0 < count <= FEW_POSES:
+            with suppress(InputError):
+                pairs = zip(T, start, strict=True)
+                found = [self.all_solutions(pose, seed=seed, tol=tol).found for pose, seed in pairs]
+                q = np.array([rows[0][ANGLES] if rows else [np.nan] * self.n for rows in found])
+                branch = np.array([rows[0][BRANCH] if rows else -1 for rows in found])
+                return IKBatchNearest(q, branch, branch >= 0)
         q, valid = self._batch(T, start, tol, limits=True)
         chosen, branch = np.empty((count, self.n)), np.empty(count, dtype=np.int64)
         for rows in blocks(count):
             chosen[rows], branch[rows] = self._nearest(T[rows], q[..., rows], valid[..., rows], start[rows], tol)
         return IKBatchNearest(chosen, branch, branch >= 0)
+
+    def _few(self, T: Floats, tol: float, *, limits: bool) -> IKBatch:
+        """`batch` by `all_solutions`."""
+        none: Sequence[float] = [np.nan] * self.n
+        q = [[none] * self._branches for _ in T]
+        for slots, pose in zip(q, T, strict=True):
+            for row in self.all_solutions(pose, limits=limits, tol=tol).found:
+                slots[row[BRANCH]] = row[ANGLES]
+        return IKBatch(np.array(q), np.array([[slot is not none for slot in slots] for slots in q]))
+
+    @cached_property
+    def _branches(self) -> int:
+        """Most postures of a pose."""
+        low, high = np.maximum(self.lower, -pi), np.minimum(self.upper, pi)
+        T = self.fk(low + np.linspace(0.3, 0.4, self.n) * (high - low))
+        return int(self._batch(T[None], None, MIN_TOLERANCE, limits=False)[1].shape[0])
 
     def _batch_within(self, T: Any, q: Any, valid: Any, tol: float, *, limits: bool) -> IKBatch:
         """Wind the postures of `_batch` into the limits."""
