@@ -1,16 +1,18 @@
 """The factory calibration of a UR: read from files, checked, and put into a description.
 
-Three kinds of file have it: the `kinematics.yaml` that the ROS driver's `ur_calibration` writes (a transform for each
-link), the `calibration.conf` that the controller keeps (what is to be added to the Denavit-Hartenberg parameters), and
-a URDF that was made with either. All of them end up as the same thing, a chain of seven transforms whose frames lie as
-near to those of the data sheet as the axes allow: a frame may be slid along its joint's axis without changing the arm,
-and controllers slide by hundreds of metres where two axes are almost parallel.
+Four kinds of file have it: the `kinematics.yaml` that the ROS driver's `ur_calibration` writes (a transform for each
+link), the `calibration.conf` that the controller keeps (what is to be added to the Denavit-Hartenberg parameters), a
+program of PolyScope, a `.urp` (the parameters themselves), and a URDF that was made with one of them. All of them end
+up as the same thing, a chain of seven transforms whose frames lie as near to those of the data sheet as the axes allow:
+a frame may be slid along its joint's axis without changing the arm, and controllers slide by hundreds of metres where
+two axes are almost parallel.
 
 Nothing in a file is executed.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 import xml.etree.ElementTree as ET
@@ -24,8 +26,9 @@ import numpy as np
 import yaml
 
 from kinreach._checks import Floats, check_known, check_path, shown
-from kinreach._files import read_text
+from kinreach._files import read_bytes
 from kinreach.errors import InputError
+from kinreach.robots._polyscope import Program, is_program, read_program
 from kinreach.robots._rotations import placement, rpy, turn
 from kinreach.robots._ur import FLIP, JOINTS, UR_LENGTHS
 from kinreach.robots._urdf import MAX_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
@@ -41,7 +44,7 @@ MAX_TILT, MAX_OFFSET = math.radians(5.0), 0.015
 MAX_LENGTH, MAX_FILE_ANGLE, MAX_SLIDE = 3.0, 4 * math.pi, 1e4
 _KINDS = (
     "it must be the driver's kinematics.yaml (with `kinematics:`), the controller's calibration.conf (with "
-    "delta_theta), or a URDF"
+    "delta_theta), a .urp of PolyScope, or a URDF"
 )
 _XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 _DELTA_LINE = re.compile(r"^\s*(delta_\w+)\s*=\s*\[([^\]]*)\]\s*$", re.MULTILINE)
@@ -84,19 +87,25 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
     """Read the calibration of a UR.
 
     Args:
-        file: The driver's `kinematics.yaml`, the controller's `calibration.conf`, a calibrated URDF, or the name of a
-            published calibration.
+        file: The driver's `kinematics.yaml`, the controller's `calibration.conf`, a program of PolyScope (`.urp`), a
+            calibrated URDF, or the name of a published calibration.
         model: Which UR it is, "ur3" to "ur30".
         repair: Correct what an old exporter folded: the figures of one link with x and y negated.
 
     Raises:
         UnknownNameError: Unknown model.
-        InputError: The file cannot be read, is none of the three, lacks a joint, has a number that is not finite or
+        InputError: The file cannot be read, is none of these, lacks a joint, has a number that is not finite or
             in another unit, is folded (unless `repair`), or is of another model; the message names joint, value, bound.
     """
     check_known("UR model", model, UR_LENGTHS)
     path, note = PUBLISHED_CALIBRATIONS.get(str(file)) or check_path("file", file), ""
-    text = read_text(path, "the calibration", most=MAX_CHARACTERS)
+    content = read_bytes(path, "the calibration", most=MAX_CHARACTERS)
+    if is_program(content):
+        return from_program(_only_robot(read_program(content, path.name), path.name, model), model, path)
+    try:
+        text = content.decode()
+    except UnicodeDecodeError as error:
+        raise InputError(f"cannot read the calibration {path}: it is not UTF-8 text ({error})") from None
     if text.lstrip().startswith("<"):
         placed = _from_urdf(text)
     elif "delta_theta" in text:
@@ -120,6 +129,128 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
             )
         placements, repaired = unfolded, link
     return Calibration(model, placements, path, repaired, note)
+
+
+def is_calibration(content: bytes) -> bool:
+    """Whether a file's content is a driver's file, a controller's file or a URDF, by its first words."""
+    return content.lstrip().startswith(b"<") or bool(
+        re.search(rb"^\s*(kinematics:|delta_theta\s*=)", content, re.MULTILINE)
+    )
+
+
+def from_program(figures: Floats, model: str, file: Path) -> Calibration:
+    """Return the calibration of a robot by the figures of its program: delta theta, a, d and alpha, shape (4, 6).
+
+    Raises:
+        InputError: They are not those of the model.
+    """
+    placed = _from_dh(figures)
+    placements = _placements(placed, model)
+    if wrong := _what_is_wrong(placements, model):
+        raise InputError(f"{wrong}{_better_model(placed, model)}")
+    return Calibration(model, placements, file)
+
+
+def models_that_fit(figures: Floats) -> tuple[str, ...]:
+    """Return the models whose data sheet is as near to a program's figures as real robots are, the nearest first."""
+    placed = _from_dh(figures)
+    offsets = {model: float(_differences(_placements(placed, model), model)[1].max()) for model in UR_LENGTHS}
+    fitting = [model for model in UR_LENGTHS if not _what_is_wrong(_placements(placed, model), model)]
+    nearest = min((offsets[model] for model in fitting), default=0.0)
+    return tuple(model for model in fitting if offsets[model] <= nearest + 1e-9)
+
+
+def _only_robot(program: Program, name: str, model: str) -> Floats:
+    """The figures of the robot of this model in a program that has just one."""
+    if not program.robots:
+        raise InputError(f"{name} has no calibration: {program.unusable[0]}")
+    own = [robot.figures for robot in program.robots if model in models_that_fit(robot.figures)]
+    if len(own) > 1:
+        raise InputError(f"{name} has the figures of {len(own)} robots: take one out by `kinreach calibrate --robot N`")
+    return own[0] if own else program.robots[0].figures
+
+
+def calibration_of(placements: Floats, model: str, file: Path) -> Calibration:
+    """Return the calibration of an arm whose joints turn about z, by its placements as in `Calibration`."""
+    placed = _Placed(placements, np.tile((0.0, 0.0, 1.0), (6, 1)))
+    settled = _placements(placed, model)
+    if wrong := _what_is_wrong(settled, model):
+        raise InputError(f"the rows fit an arm that no {model} is: {wrong}")
+    return Calibration(model, settled, file)
+
+
+def as_driver_file(calibration: Calibration) -> str:
+    """Return the calibration as the text of the ROS driver's `kinematics.yaml`.
+
+    Raises:
+        InputError: Its tool0 does not lie on the last joint's axis, which that file cannot say.
+    """
+    placements = _with_flange_on_axis(calibration)
+    lines = ["kinematics:"]
+    for link, T in zip(LINKS, placements, strict=True):
+        figures = zip((*_XYZ, *_RPY), (*T[:3, 3], *rpy(T[:3, :3])), strict=True)
+        lines += [f"  {link}:", *(f"    {key}: {float(value)!r}" for key, value in figures)]
+    digest = hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
+    return "\n".join([*lines, f"  hash: kinreach_{digest}", ""])
+
+
+def as_conf(calibration: Calibration) -> str:
+    """Return the calibration as the text of the controller's `calibration.conf`: what to add to the data sheet's DH.
+
+    Raises:
+        InputError: As `as_driver_file`, or the base's z axis is not that of the first joint.
+    """
+    more = _dh_of(_with_flange_on_axis(calibration), calibration.model) - nominal_dh(calibration.model)
+    names = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
+    rows = [f"{name} = [ {', '.join(repr(float(v)) for v in row)} ]" for name, row in zip(names, more, strict=True)]
+    return "\n".join(["[mounting]", *rows, ""])
+
+
+#: How far a tool0 may be from the last joint's axis, and the base from the first's, where a file has no place for it.
+ON_AXIS = 1e-9
+
+
+def _with_flange_on_axis(calibration: Calibration) -> Floats:
+    """The six placements before the joints, with that of tool0 in the last one, shape (6, 4, 4)."""
+    tip = calibration.placements[6]
+    if max(np.abs(tip[:2, 2:]).max(), np.abs(tip[2, :2]).max()) > ON_AXIS:
+        raise InputError("tool0 of this calibration is off the axis of wrist_3, which only a .urdf can say")
+    return np.array([*calibration.placements[:5], calibration.placements[5] @ tip])
+
+
+def _dh_of(placements: Floats, model: str) -> Floats:
+    """Denavit-Hartenberg parameters of a chain, as in `nominal_dh`: the common normals of its axes, shape (4, 6).
+
+    Where two axes are parallel to 1e-4 / `MAX_SLIDE`, their normal is where the data sheet has it.
+    """
+    frames = [*accumulate(placements, np.matmul)]
+    if max(np.abs(frames[0][:2, 2:]).max(), np.abs(frames[0][2, :2]).max()) > ON_AXIS:
+        raise InputError("the first joint of this calibration is not about the base's z axis, which a .conf cannot say")
+    nominal, found = nominal_dh(model), np.zeros((4, 6))
+    T = np.eye(4)
+    for joint in range(5):
+        origin, z, x = T[:3, 3], T[:3, 2], T[:3, 0]
+        after, z_after = frames[joint + 1][:3, 3], frames[joint + 1][:3, 2]
+        normal = np.cross(z, z_after)
+        sine = float(np.linalg.norm(normal))
+        between: Floats = after - origin
+        slide = float(np.cross(between, z_after) @ normal) / sine**2 if sine > 0.0 else math.inf
+        if abs(slide) > MAX_SLIDE / 2:
+            slide = float(nominal[2, joint])
+            normal = between - (between @ z) * z
+        x_new = normal / np.linalg.norm(normal)
+        length = float(between @ x_new)
+        expected = nominal[1, joint] if nominal[1, joint] else math.sin(nominal[3, joint])
+        along = length if nominal[1, joint] else float(np.cross(z, z_after) @ x_new)
+        if along * expected < 0.0:
+            x_new, length = -x_new, -length
+        theta = math.atan2(float(np.cross(x, x_new) @ z), float(x @ x_new))
+        alpha = math.atan2(float(np.cross(z, z_after) @ x_new), float(z @ z_after))
+        found[:, joint] = theta, length, slide, alpha
+        T = T @ _from_dh(np.column_stack([found[:, joint], np.zeros((4, 5))])).steps[1]
+    last = np.linalg.inv(T) @ frames[5]
+    found[:, 5] = math.atan2(last[1, 0], last[0, 0]), 0.0, last[2, 3], 0.0
+    return found
 
 
 def nominal_placements(model: str) -> Floats:
@@ -219,17 +350,26 @@ def _from_controller(text: str, model: str) -> _Placed:
             )
         bound, unit = (MAX_FILE_ANGLE, "rad") if key in ("delta_theta", "delta_alpha") else (MAX_SLIDE, "m")
         values.append([_number(f"{key} of {joint}", w, bound, unit) for w, joint in zip(words, JOINTS, strict=True)])
-    d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
+    return _from_dh(np.array(values) + nominal_dh(model))
+
+
+def _from_dh(figures: Floats) -> _Placed:
+    """Place joints by Denavit-Hartenberg parameters: rows delta theta, a, d, alpha, shape (4, 6)."""
     steps, z, x = [np.eye(4)] * 7, np.array((0.0, 0.0, 1.0)), np.array((1.0, 0.0, 0.0))
-    twists = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)
-    nominal = zip((d1, 0.0, 0.0, d4, d5, d6), (0.0, a2, a3, 0.0, 0.0, 0.0), twists, *values, strict=True)
-    for index, (d, a, alpha, theta, more_a, more_d, more_alpha) in enumerate(nominal):
+    for index, (theta, a, d, alpha) in enumerate(figures.T):
         link = np.eye(4)
         R = turn(z, theta)
-        link[:3, :3] = R @ turn(x, alpha + more_alpha)
-        link[:3, 3] = (a + more_a) * R[:, 0] + (d + more_d) * z
+        link[:3, :3] = R @ turn(x, alpha)
+        link[:3, 3] = a * R[:, 0] + d * z
         steps[index + 1] = link
     return _Placed(np.array(steps), np.tile(z, (6, 1)))
+
+
+def nominal_dh(model: str) -> Floats:
+    """Return the data sheet's parameters: rows delta theta [rad], a [m], d [m], alpha [rad], shape (4, 6)."""
+    d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
+    right = math.pi / 2
+    return np.array([[0.0] * 6, (0, a2, a3, 0, 0, 0), (d1, 0, 0, d4, d5, d6), (right, 0, 0, right, -right, 0)])
 
 
 def _from_urdf(text: str) -> _Placed:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_ANGLE, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError
-from kinreach.robots._calibration import calibrated_urdf, read_calibration
+from kinreach.robots._calibration import Calibration, calibrated_urdf, read_calibration
 from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots._tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
 from kinreach.robots._urdf import (
@@ -330,12 +330,15 @@ class ArmDescription:
             gripper=PARALLEL_GRIPPER,
         )
 
-    def calibrated(self, file: str | Path, *, model: str | None = None, repair: bool = False) -> ArmDescription:
+    def calibrated(
+        self, file: str | Path | Calibration, *, model: str | None = None, repair: bool = False
+    ) -> ArmDescription:
         """Return the same arm with its joints where its factory calibration has them.
 
         Args:
-            file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, a calibrated URDF, or the
-                name of a published calibration, a key of `kinreach.robots.PUBLISHED_CALIBRATIONS`.
+            file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, a program of PolyScope
+                (`.urp`), a calibrated URDF, or the name of a published calibration, a key of
+                `kinreach.robots.PUBLISHED_CALIBRATIONS`; or a calibration that was read or found before.
             model: Which UR it is, "ur3" to "ur30"; default is this arm's name.
             repair: Correct what an old exporter folded (`kinreach.robots.read_calibration`).
 
@@ -343,7 +346,11 @@ class ArmDescription:
             UnknownNameError: Unknown model.
             InputError: The file is none of these, is folded, or does not fit the model.
         """
-        calibration = read_calibration(file, self.name if model is None else model, repair=repair)
+        calibration = (
+            file
+            if isinstance(file, Calibration)
+            else read_calibration(file, self.name if model is None else model, repair=repair)
+        )
         check_known(f"tip of arm {self.name!r}", "tool0", self.tips)
         urdf = calibrated_urdf(self.urdf, calibration, base=self.base, tip=self.tips["tool0"])
         return replace(

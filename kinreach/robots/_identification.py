@@ -72,6 +72,9 @@ class IdentifiedArm:
 
     Attributes:
         placements: Of the identified arm, without deviations of the joints, shape (n + 1, 4, 4).
+        cost: Sum of the squared deviations from the data sheet, each in units of its standard deviation.
+        covariance: Of the free parameters, shape (k, k).
+        determined: How many of them the measurements determine rather than the prior.
     """
 
     def __init__(
@@ -114,8 +117,8 @@ class IdentifiedArm:
             errors[self._free] = offsets
             self.placements = moved_frames(placements, errors[:frames_end].reshape(-1, 6))
             self._factors = errors[frames_end:]
-        #: Of the free parameters, shape (k, k), and how many of them the measurements determine.
-        self.covariance = np.linalg.inv(information)
+        self.cost = float(offsets @ precision @ offsets)
+        self.covariance: Floats = np.asarray(np.linalg.inv(information))
         self.determined = float(len(offsets) - np.sum(np.diag(self.covariance) * np.diag(precision)))
 
     def positions(self, q: Floats) -> Floats:

@@ -1,0 +1,74 @@
+"""The serial chain of an arm's URDF as transforms, and the URDF with other transforms."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.robots._description import ArmDescription
+from kinreach.robots._rotations import rpy
+from kinreach.robots._urdf import link_at, origin_of, parse_urdf, set_origin
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfChain:
+    """The joints of `q` between base and tip, each turning about the z axis of a frame of its own.
+
+    Attributes:
+        urdf: The text that it is of.
+        names: Of the joints.
+        placements: A0 to An of `T_base_tip = A0 Rz(q0) A1 ... An`, shape (n + 1, 4, 4).
+        turned: From each joint's frame in the URDF to the one whose z axis is the joint's, shape (n, 4, 4).
+        before: From the frame of the joint before to the joint's parent link, fixed joints between, shape (n, 4, 4).
+    """
+
+    urdf: str
+    names: tuple[str, ...]
+    placements: Floats
+    turned: Floats
+    before: Floats
+
+    @property
+    def joints(self) -> int:
+        return len(self.names)
+
+    @classmethod
+    def of(cls, arm: ArmDescription) -> UrdfChain:
+        """Read the chain of an arm, from its base to its default tip."""
+        from scipy.spatial.transform import Rotation
+
+        robot = parse_urdf(arm.urdf)
+        carried_by = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
+        link, path = arm.tips[arm.default_tip], []
+        while link != arm.base:
+            path.append(carried_by[link])
+            link = link_at(path[-1], "parent")
+        placements, turned, before, T = [], [], [], np.eye(4)
+        for joint in reversed(path):
+            if joint.get("name") not in arm.joints:
+                T = T @ origin_of(joint)
+                continue
+            axis = joint.find("axis")
+            direction = np.array((1.0, 0.0, 0.0) if axis is None else axis.get("xyz", "1 0 0").split(), dtype=float)
+            align = np.eye(4)
+            align[:3, :3] = Rotation.align_vectors([direction / np.linalg.norm(direction)], [(0.0, 0.0, 1.0)])[
+                0
+            ].as_matrix()
+            before.append(T)
+            placements.append(T @ origin_of(joint) @ align)
+            turned.append(align)
+            T = align.T
+        return cls(arm.urdf, arm.joints, np.array([*placements, T]), np.array(turned), np.array(before))
+
+    def urdf_with(self, placements: Floats) -> Callable[[], str]:
+        """Return what builds the URDF with joints 2 to n placed as in `placements`; the first stays, and the tip."""
+        robot = parse_urdf(self.urdf)
+        for index in range(1, self.joints):
+            T = np.linalg.inv(self.before[index]) @ placements[index] @ self.turned[index].T
+            set_origin(robot, self.names[index], T[:3, 3], rpy(T[:3, :3]))
+        return partial(str, ET.tostring(robot, encoding="unicode"))

@@ -1,0 +1,430 @@
+"""A calibration from what an owner has: programs, exports, recordings and tables of made-up robots."""
+
+import gzip
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, pose, pose_vector
+from kinreach.robots import PosePairs, calibrate, get_arm, read_calibration
+from kinreach.robots._calibration import nominal_dh, nominal_placements
+from kinreach.robots._identification import frames_of, moved_frames
+from kinreach.robots._ur import UR_LENGTHS
+from kinreach.robots._urdf_chain import UrdfChain
+from tests.cases import slow
+
+TCP = pose([0.02, -0.01, 0.15, 0.1, 0.0, 0.3])
+WORKSPACE = np.random.default_rng(99).uniform(-np.pi, np.pi, (500, 6))
+JOINTS = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
+
+
+def made_up(model, seed, spread=(1e-3, 2e-3)):
+    """Placements of a robot that is off its data sheet as real ones are, base and flange on their axes."""
+    errors = np.random.default_rng(seed).normal(size=(7, 6)) * np.repeat(spread, 3)
+    errors[0], errors[6] = 0.0, 0.0
+    return moved_frames(nominal_placements(model), errors)
+
+
+def postures(count, seed, turn=1.5):
+    rng = np.random.default_rng(seed)
+    return np.array([0.0, -1.4, 1.6, -1.7, -1.5, 0.0]) + rng.uniform(-turn, turn, (count, 6))
+
+
+def pairs_of(placements, q, tool=TCP, known=True, noise=(0.0, 0.0), seed=0, name="made_up.csv"):
+    rng = np.random.default_rng(seed)
+    T = frames_of(placements, q)[-1] @ tool
+    numbers = pose_vector(T)
+    numbers += rng.normal(size=numbers.shape) * np.repeat(noise, 3)
+    tcp = np.tile(tool, (len(q), 1, 1)) if known else None
+    return PosePairs(name, q, pose(numbers), tcp, tuple(f"line {row + 2}" for row in range(len(q))))
+
+
+def left(result, placements, at=None):
+    """Errors of the flange over the workspace [m], or of a point fixed to it."""
+    at = np.eye(4) if at is None else at
+    found = frames_of(result.calibration.placements, WORKSPACE)[-1]
+    return np.linalg.norm((found @ at - frames_of(placements, WORKSPACE)[-1] @ at)[:, :3, 3], axis=1)
+
+
+@pytest.mark.parametrize("model", ["ur3", "ur5e", "ur10", *slow("ur16e", "ur20", "ur30")])
+def test_a_few_waypoints_are_enough_where_they_have_all_digits(model):
+    for seed in range(5):
+        true = made_up(model, seed)
+        result = calibrate(pairs_of(true, postures(8, seed)))
+        assert model in result.models
+        assert not result.missing
+        assert not result.tcp_found
+        assert all(UR_LENGTHS[name] == UR_LENGTHS[model] for name in result.models)
+        data_sheet = np.linalg.norm(
+            (frames_of(nominal_placements(model), WORKSPACE)[-1] - frames_of(true, WORKSPACE)[-1])[:, :3, 3], axis=1
+        )
+        assert np.median(data_sheet) > 3e-4
+        assert np.median(left(result, true)) < 1e-6
+        assert left(result, true).max() < 3e-6
+
+
+def test_an_unknown_tool_is_found_with_the_arm():
+    for seed in range(8):
+        true = made_up("ur5e", seed)
+        result = calibrate(pairs_of(true, postures(20, seed), known=False))
+        assert result.tcp_found
+        # flange and tool are known only together
+        tip = frames_of(result.calibration.placements, WORKSPACE)[-1] @ result.tcp
+        assert np.linalg.norm((tip - frames_of(true, WORKSPACE)[-1] @ TCP)[:, :3, 3], axis=1).max() < 1e-6
+
+
+def test_the_expected_error_is_the_error():
+    """As typed from a pendant: to 0.01 mm and 0.001 rad; over many robots the covariance tells the truth."""
+    ratios, better = [], 0
+    for seed in range(30):
+        true = made_up("ur5e", seed, spread=(1.5e-3, 3e-3))
+        pairs = pairs_of(true, postures(18, seed), noise=(5e-5, 5e-4), seed=seed)
+        result = calibrate(pairs, arm="ur5e")
+        error = left(result, true)
+        ratios.append(np.sqrt((error**2).mean() / (result.fit.expected**2).mean()))
+        better += np.median(error) < 0.2 * np.median(result.fit.correction)
+        assert np.median(result.fit.held_out) < 4e-4 < np.median(result.fit.before)
+    assert better == 30
+    assert 0.5 < np.median(ratios) < 1.6
+
+
+def test_torn_rows_are_dropped_and_named():
+    for seed in range(5):
+        true, q = made_up("ur10e", seed), postures(155, seed)
+        torn = q.copy()
+        rows = np.random.default_rng(seed).choice(155, 5, replace=False)
+        torn[rows] += 1e-3  # the pose is of the next cycle
+        pairs = replace(pairs_of(true, q), q=torn)
+        result = calibrate(pairs)
+        assert sorted(place for place, _ in result.fit.dropped) == sorted(f"line {row + 2}" for row in rows)
+        assert left(result, true).max() < 1e-6
+
+
+def test_what_the_rows_do_not_determine_is_said_and_not_written(tmp_path):
+    true = made_up("ur5e", 1)
+    q = postures(40, 2)
+    q[:, 3:] = (-1.7, -1.5, 0.0)  # the wrist stands still
+    result = calibrate(pairs_of(true, q, known=False, noise=(1e-5, 1e-5)), arm="ur5e")
+    assert "joint 4, joint 5 and joint 6" in result.missing
+    with pytest.raises(InputError, match="nothing is written"):
+        result.save(tmp_path / "robot.yaml")
+    assert not list(tmp_path.iterdir())
+    result = calibrate(pairs_of(true, postures(3, 2), noise=(1e-5, 1e-4)), arm="ur5e")
+    assert "six or more" in result.missing
+
+
+def test_a_fit_is_never_much_worse_than_the_data_sheet():
+    """Narrow recordings, few rows, rough numbers: what is written is better over the workspace."""
+    written = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        true = made_up("ur5e", seed)
+        q = postures(int(rng.integers(4, 30)), seed, turn=float(rng.uniform(0.05, 1.5)))
+        noise = 10.0 ** rng.uniform(-7, -3.5)
+        result = calibrate(pairs_of(true, q, noise=(noise, noise), seed=seed), arm="ur5e")
+        if result.missing:
+            continue
+        written += 1
+        off = np.linalg.norm(
+            (frames_of(nominal_placements("ur5e"), WORKSPACE)[-1] - frames_of(true, WORKSPACE)[-1])[:, :3, 3], axis=1
+        )
+        assert np.median(left(result, true)) < max(0.7 * np.median(off), 2e-5)
+    assert written >= 15
+
+
+@pytest.mark.parametrize("ending", [".yaml", ".conf", ".urdf"])
+def test_what_is_written_is_read_again(tmp_path, ending):
+    for seed, model in enumerate(("ur3e", "ur5", "ur10e", "ur20")):
+        true = made_up(model, seed)
+        file = tmp_path / f"robot{seed}{ending}"
+        calibrate(pairs_of(true, postures(12, seed)), arm=model).save(file)
+        again = read_calibration(file, model)
+        apart = (frames_of(again.placements, WORKSPACE)[-1] - frames_of(true, WORKSPACE)[-1])[:, :3]
+        assert np.abs(apart).max() < 2e-6
+        np.testing.assert_allclose(
+            frames_of(calibrate(file, arm=model).calibration.placements, WORKSPACE)[-1],
+            frames_of(again.placements, WORKSPACE)[-1], atol=1e-12,
+        )  # fmt: skip
+
+
+def urp(figures, waypoints, status="LINEARIZED", valid="true", head="", tcp="0, 0, 0.15, 0, 0, 0"):
+    block = (
+        f'<Kinematics status="{status}" validChecksum="{valid}">'
+        + "".join(
+            f'<{name} value="{", ".join(map(repr, row))}"/>'
+            for name, row in zip(("deltaTheta", "a", "d", "alpha"), figures.tolist(), strict=True)
+        )
+        + "</Kinematics>"
+    )
+    return "".join(
+        f'<Waypoint name="{name}"><position><JointAngles angles="0, 0, 0, 0, 0, 0"/><TCPOffset pose="{tcp}"/>{block}'
+        "</position></Waypoint>" for name in waypoints
+    )  # fmt: skip
+
+
+def saved(tmp_path, *parts, head="", packed=True):
+    text = f'{head}<URProgram name="x"><children>{"".join(parts)}</children></URProgram>'.encode()
+    file = tmp_path / "program.urp"
+    file.write_bytes(gzip.compress(text) if packed else text)
+    return file
+
+
+def figures_of(model, seed):
+    figures = nominal_dh(model)
+    return figures + np.random.default_rng(seed).normal(size=figures.shape) * np.array(
+        [[5e-4], [5e-4], [5e-4], [5e-4]]
+    ) * (np.arange(6) < 5)
+
+
+def dh_fk(figures, q):
+    """Forward kinematics of Denavit-Hartenberg figures, written out again for the test."""
+    T = np.eye(4)
+    for (theta, a, d, alpha), angle in zip(figures.T, q, strict=True):
+        c, s, ca, sa = np.cos(theta + angle), np.sin(theta + angle), np.cos(alpha), np.sin(alpha)
+        T = T @ np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1.0]])
+    return T
+
+
+@pytest.mark.parametrize("packed", [True, False])
+@pytest.mark.parametrize("model", ["ur3e", "ur5e", "ur10", "ur20"])
+def test_the_figures_of_a_program_are_read(tmp_path, model, packed):
+    figures = figures_of(model, 3)
+    file = saved(tmp_path, urp(figures, ["A", "B"]), packed=packed)
+    result = calibrate(file)
+    assert model in result.models
+    assert result.fit is None
+    np.testing.assert_allclose(pose_vector(result.tcp), [0, 0, 0.15, 0, 0, 0], atol=1e-12)
+    kin = ArmKinematics.of(get_arm(model).calibrated(file), tip="tool0", base="base")
+    for q in WORKSPACE[:50]:
+        np.testing.assert_allclose(kin.fk(q), dh_fk(figures, q), atol=1e-11)
+        np.testing.assert_allclose(
+            frames_of(result.calibration.placements, q[None])[-1][0], dh_fk(figures, q), atol=1e-11
+        )
+
+
+def test_programs_of_several_robots_say_which(tmp_path):
+    one, other = figures_of("ur5e", 1), figures_of("ur5e", 2)
+    file = saved(tmp_path, urp(one, ["A", "B", "C"]), urp(other, ["D"]))
+    with pytest.raises(
+        InputError, match=r"2 robots: choose with robot=N \(1: 3 waypoints, A, B, C; 2: 1 waypoints, D\)"
+    ):
+        calibrate(file)
+    for number, figures in enumerate((one, other), start=1):
+        found = calibrate(file, robot=number).calibration.placements
+        np.testing.assert_allclose(frames_of(found, WORKSPACE[:1])[-1][0], dh_fk(figures, WORKSPACE[0]), atol=1e-11)
+    with pytest.raises(InputError, match="2 robots"):
+        read_calibration(file, "ur5e")
+
+
+@pytest.mark.parametrize(
+    ("parts", "head", "said"),
+    [
+        (
+            [urp(nominal_dh("ur5e"), ["A"], status="NOT_INITIALIZED", valid="false")],
+            "",
+            "NOT_INITIALIZED: the data sheet's",
+        ),
+        ([urp(figures_of("ur5e", 1), ["A"], valid="false")], "", "no valid checksum"),
+        ([""], "", "no waypoint with a robot's kinematics"),
+        ([urp(figures_of("ur5e", 1), ["A"])], '<!DOCTYPE x [<!ENTITY a "b">]>', "declares a document type"),
+        (
+            [urp(figures_of("ur5e", 1), ["A"]).replace('deltaTheta value="', 'deltaTheta value="nan, ')],
+            "",
+            "six numbers",
+        ),
+        (["<a>" * 600], "", "nested deeper"),
+        (["<a>"], "", "damaged"),
+    ],
+)
+def test_programs_without_figures_are_refused_in_words(tmp_path, parts, head, said):
+    with pytest.raises(InputError, match=re.escape(said)):
+        calibrate(saved(tmp_path, *parts, head=head))
+
+
+def test_a_bomb_and_a_torn_file_are_refused(tmp_path):
+    file = tmp_path / "bomb.urp"
+    file.write_bytes(gzip.compress(b"<URProgram>" + b" " * 2**27))
+    with pytest.raises(InputError, match="unpacks to more than 64 MiB"):
+        calibrate(file)
+    whole = saved(tmp_path, urp(figures_of("ur5e", 1), ["A"])).read_bytes()
+    for cut in (3, 30, len(whole) // 2, len(whole) - 4):
+        file.write_bytes(whole[:cut])
+        with pytest.raises(InputError, match="damaged"):
+            calibrate(file)
+
+
+def script(q, T, tcps=()):
+    lines = ["def made_up():", *(f"  set_tcp(p{list(tcp)})" for tcp in tcps)]
+    for row, (angles, numbers) in enumerate(zip(q.tolist(), pose_vector(T).tolist(), strict=True)):
+        lines += [
+            f"  global W{row}_p=p{numbers}",
+            f"  global W{row}_q={angles}",
+            f"  movej(get_inverse_kin(W{row}_p, qnear=W{row}_q))",
+        ]
+    return "\n".join([*lines, "end"])
+
+
+def table(q, T, names=None, separator=",", decimal=".", degrees=False, millimetres=False, tcp=None):
+    numbers = pose_vector(T)
+    q = np.degrees(q) if degrees else q
+    numbers[:, :3] *= 1e3 if millimetres else 1.0
+    columns = [q, numbers] if tcp is None else [q, numbers, np.tile(pose_vector(tcp), (len(q), 1))]
+    rows = [separator.join(f"{value:.12f}" for value in row).replace(".", decimal) for row in np.hstack(columns)]
+    return "\n".join([*([separator.join(names)] if names else []), *rows, ""])
+
+
+RTDE = [*(f"actual_q_{n}" for n in range(6)), *(f"actual_TCP_pose_{n}" for n in range(6))]
+OFFSET = [f"tcp_offset_{n}" for n in range(6)]
+PLAIN = ["q1", "q2", "q3", "q4", "q5", "q6", "x", "y", "z", "rx", "ry", "rz"]
+PENDANT = [
+    "Base (°)",
+    "Shoulder (°)",
+    "Elbow (°)",
+    "Wrist 1 (°)",
+    "Wrist 2 (°)",
+    "Wrist 3 (°)",
+    "X (mm)",
+    "Y (mm)",
+    "Z (mm)",
+    "RX (rad)",
+    "RY (rad)",
+    "RZ (rad)",
+]
+
+
+@pytest.mark.parametrize(
+    ("text", "known"),
+    [
+        (lambda q, T: script(q, T, [pose_vector(TCP).tolist()]), True),
+        (lambda q, T: script(q, T), False),
+        (lambda q, T: table(q, T, RTDE, " "), False),
+        (lambda q, T: table(q, T, [*RTDE, *OFFSET], ",", tcp=TCP), True),
+        (lambda q, T: table(q, T, PLAIN, "\t"), False),
+        (lambda q, T: table(q, T, PLAIN, ";", ","), False),
+        (lambda q, T: "\ufeff" + table(q, T, PLAIN).replace("\n", "\r\n"), False),
+        (lambda q, T: table(q, T), False),
+        (lambda q, T: table(q, T, PENDANT, degrees=True, millimetres=True), False),
+        (lambda q, T: table(q, T, PLAIN, degrees=True, millimetres=True), False),
+    ],
+)  # fmt: skip
+def test_every_source_is_read(tmp_path, text, known):
+    true, q = made_up("ur5e", 4), postures(20, 4)
+    T = frames_of(true, q)[-1] @ TCP
+    file = tmp_path / "source"
+    file.write_text(text(q, T), newline="")
+    result = calibrate(file)
+    assert result.models == ("ur5e", "ur7e")
+    assert result.tcp_found != known
+    tip = frames_of(result.calibration.placements, WORKSPACE)[-1] @ result.tcp
+    assert np.linalg.norm((tip - frames_of(true, WORKSPACE)[-1] @ TCP)[:, :3, 3], axis=1).max() < 2e-6
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("with_rotations", [True, False])
+def test_any_arm_is_calibrated_from_what_a_tracker_saw(tmp_path, with_rotations, known):
+    """Its base in the tracker and its tool are not known; the URDF that is written puts the tool where it was seen."""
+    arm = get_arm("panda")
+    kin, rng = ArmKinematics.of(arm), np.random.default_rng(3)
+    chain = UrdfChain.of(arm)
+    q = rng.uniform(kin.lower, kin.upper, (60, kin.n))
+    np.testing.assert_allclose(frames_of(chain.placements, q)[-1], kin.fk(q), atol=1e-10)
+    errors = rng.normal(size=(8, 6)) * np.repeat((1e-3, 2e-3), 3)
+    errors[0], errors[-1] = 0.0, 0.0
+    real = ArmKinematics.of(replace(arm, build_urdf=chain.urdf_with(moved_frames(chain.placements, errors))))
+    tracker, tool = pose([0.7, -0.3, 1.2, 0.3, -1.0, 0.4]), pose([0.01, 0.02, 0.1, 0.2, 0.1, 0.0])
+    T = tracker @ real.fk(q) @ tool
+    pairs = PosePairs("tracker.csv", q, T if with_rotations else T[:, :3, 3])
+    result = calibrate(pairs.with_tcp(tool) if known and with_rotations else pairs, arm=arm)
+    assert not result.missing
+    assert result.models == ()
+    result.save(tmp_path / "panda.urdf")
+    again = ArmKinematics.from_urdf(tmp_path / "panda.urdf", tip=kin.arm.tips[kin.tip], joints=arm.joints)
+    q = rng.uniform(kin.lower, kin.upper, (100, kin.n))
+    found, true = again.fk(q) @ result.tcp, real.fk(q) @ tool
+    apart = np.linalg.inv(found[0]) @ found[:, :, 3:], np.linalg.inv(true[0]) @ true[:, :, 3:]  # whatever the base
+    assert np.abs(np.linalg.norm(apart[0][:, :3, 0], axis=1) - np.linalg.norm(apart[1][:, :3, 0], axis=1)).max() < 5e-6
+    with pytest.raises(InputError, match=r"must end in \.urdf"):
+        result.save(tmp_path / "panda.conf")
+
+
+def test_poses_in_base_link_and_joints_in_another_order_are_put_right():
+    true, q = made_up("ur5e", 5), postures(20, 5)
+    pairs = pairs_of(true, q)
+    flipped = replace(pairs, seen=np.diag([-1.0, -1.0, 1.0, 1.0]) @ pairs.seen)
+    result = calibrate(flipped)
+    assert "base_link" in result.notes[0]
+    assert left(result, true).max() < 1e-6
+    order = [2, 1, 0, 3, 4, 5]  # alphabetical, as ROS's joint_states has them
+    result = calibrate(replace(pairs, q=q[:, order]))
+    assert "elbow, shoulder_lift, shoulder_pan, wrist_1" in result.notes[0]
+    assert left(result, true).max() < 1e-6
+
+
+def refused(pairs, **options):
+    with pytest.raises(InputError) as error:
+        calibrate(pairs, **options)
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_rows_that_cannot_be_right_are_refused_with_the_remedy(tmp_path):
+    true, q = made_up("ur5e", 6), postures(40, 6)
+    pairs = pairs_of(true, q)
+    assert "1 different posture" in refused(pairs.rows(np.zeros(10, dtype=int)))
+    assert "are those of a ur5e or ur7e, not of a ur10" in refused(pairs, arm="ur10")
+    feature = pose([0.3, -0.2, 0.1, 0.0, 0.0, 0.7])
+    said = refused(replace(pairs, seen=np.linalg.inv(feature) @ pairs.seen))
+    assert "frame of a feature" in said
+    numbers = [float(word) for word in re.search(r"feature at ([-\d.e,]+);", said)[1].split(",")]
+    np.testing.assert_allclose(numbers, pose_vector(feature), atol=5e-3)
+    said = refused(pairs.with_tcp(pose([0, 0, 0.3, 0, 0, 0])))
+    assert "tool centre point" in said
+    assert "0.1" in said
+    noise = np.random.default_rng(0).normal(size=q.shape)
+    assert "fit no model of UR" in refused(replace(pairs, q=q + noise))
+    other = pairs_of(made_up("ur5e", 7), postures(40, 7))
+    said = refused(pairs.joined(replace(other, source="other.csv")))
+    assert "two robots" in said
+    later = pairs_of(true, postures(40, 8), tool=TCP @ pose([0.0, 0.0, 0.01, 0.0, 0.0, 0.0]))
+    said = refused(replace(pairs, tcp=None).joined(replace(later, tcp=None)))
+    assert "the tool changes" in said
+    assert "0.01" in said
+
+
+def in_degrees(row):
+    cells = row.split(",")
+    return ",".join([*(repr(57.3 * float(cell)) for cell in cells[:6]), *cells[6:]])
+
+
+def with_cell(row, place, text):
+    cells = row.split(",")
+    return ",".join([*cells[:place], text, *cells[place + 1 :]])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda rows: [*rows[:5], *map(in_degrees, rows[5:8]), *rows[8:]], "angles of line 6, 7, 8 look like degrees"),
+        (lambda rows: [*rows[:3], with_cell(rows[3], 7, "abc"), *rows[4:]], "line 4: 'abc' is no number"),
+        (lambda rows: [*rows[:2], with_cell(rows[2], 3, "nan"), *rows[3:]], "line 3: the numbers must be finite"),
+        (lambda rows: [*rows[:3], rows[3] + ",1", *rows[4:]], "line 4: 12 cells are needed"),
+        (lambda rows: ["a,b," + rows[0][6:], *rows[1:]], "no columns of joint angles"),
+        (lambda rows: rows[:1], "no rows of numbers"),
+    ],
+)
+def test_tables_that_cannot_be_read_name_the_line(tmp_path, change, said):
+    q = postures(20, 9)
+    file = tmp_path / "rows.csv"
+    rows = table(q, frames_of(made_up("ur5e", 9), q)[-1], PLAIN).splitlines()
+    file.write_text("\n".join(change(rows)))
+    with pytest.raises(InputError, match=re.escape(said)):
+        calibrate(file)
+
+
+def test_models_that_rows_do_not_tell_apart_are_named():
+    true, q = made_up("ur5e", 10), postures(20, 10, turn=0.01)
+    said = refused(pairs_of(true, q, known=False))
+    assert "do not tell" in said or "no model" in said or "posture" in said
