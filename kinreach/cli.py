@@ -46,6 +46,7 @@ COMMANDS = {
     "train": Command("kinreach.baselines._train_cli", "train a policy by a recipe"),
     "evaluate": Command("kinreach.baselines._evaluate_cli", "try policies on goals they were not trained on"),
     "ik": Command("kinreach.kinematics._ik_cli", "joint angles for poses of an arm's tool"),
+    "calibrate": Command("kinreach.deploy._calibrate_cli", "find a UR's calibration in the files of its owner"),
     "check": Command("kinreach.plots._check_cli", "what an arm is and how its inverse kinematics does"),
     "demo": Command("kinreach.demo._cli", "watch an environment with a policy, or film it"),
     "move": Command("kinreach.deploy._move_cli", "plan a motion of a UR, try it, and write or send it"),
@@ -55,7 +56,7 @@ COMMANDS = {
 
 
 #: Python's keyword arguments in messages, which are flags of the command line.
-_KEYWORD = re.compile(r"\b(repair|tip|joints|package_dirs|tool|base|mesh_scale)=(True\b)?( ?)")
+_KEYWORD = re.compile(r"\b(repair|tip|joints|package_dirs|tool|base|mesh_scale|arm|robot)=(True\b)?( ?)")
 #: A list of numbers of which the first is negative.
 _NEGATIVE = re.compile(r"-[\d.][\d.eE+-]*,")
 

@@ -218,6 +218,14 @@ def test_calibrated_ur(run):
     assert real < 0.1 < 1.0 < nominal
 
 
+def test_calibrate(run, tmp_path):
+    text = run("16_calibrate")
+    assert "rows         20 used, 0 dropped" in text
+    before, after = numbers(r"([\d.]+) / [\d.]+  data sheet", text)[0], numbers(r"([\d.]+) / [\d.]+  expected", text)[0]
+    assert after < 0.15 < 0.8 < before
+    assert (tmp_path / "results" / "calibration.png").stat().st_size > 10_000
+
+
 @pytest.mark.slow
 def test_any_urdf(run):
     text = run("12_any_urdf")

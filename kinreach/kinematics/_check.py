@@ -22,6 +22,7 @@ from kinreach.kinematics._closed_form import POSE_JOINTS, ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker, NoShapesError
 from kinreach.kinematics._goals import PoseGoal, PositionGoal
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
+from kinreach.robots import PosePairs
 
 #: Random postures that reach, collisions and calibrations are measured on.
 POSTURES = 2000
@@ -99,6 +100,53 @@ class Deviation:
     tip: Floats
     position: Floats
     orientation: Floats
+
+
+@dataclass(frozen=True)
+class Explained:
+    """How well an arm explains a recording.
+
+    Attributes:
+        tool: Tool centre point on the flange: the recording's or the given one, else the one that explains it best,
+            shape (4, 4).
+        recovered: Whether it is the latter.
+        position: Errors of the tool's position [m], shape (m,).
+        orientation: Errors of its orientation [rad], shape (m,); empty if the recording has none.
+        speed: Errors of its speed by the Jacobian [m/s], shape (m,); empty if the recording has none.
+        tracking: Largest difference of a joint from its command [rad], shape (m,); empty likewise.
+    """
+
+    tool: Floats
+    recovered: bool
+    position: Floats
+    orientation: Floats
+    speed: Floats
+    tracking: Floats
+
+
+def explained(flange: ArmKinematics, pairs: PosePairs, tool: Floats | None = None) -> Explained:
+    """Compare a recording with an arm.
+
+    Args:
+        flange: Kinematics of the arm's flange in the frame of the poses.
+        pairs: The recording.
+        tool: Tool centre point on the flange, shape (4, 4); default is what the recording says, else it is found.
+    """
+    F = flange.fk(pairs.q)
+    known = tool if tool is not None else pairs.tcp
+    T = F @ (pairs.tool_on(F) if known is None else known)
+    position = np.linalg.norm(T[:, :3, 3] - pairs.positions, axis=1)
+    orientation = speed = tracking = np.empty(0)
+    if pairs.has_rotations:
+        orientation = Rotation.from_matrix(T[:, :3, :3].swapaxes(1, 2) @ pairs.seen[:, :3, :3]).magnitude()
+    if pairs.velocity is not None:
+        joints, seen = pairs.velocity
+        twist = np.einsum("mij,mj->mi", flange.jacobian(pairs.q), joints)
+        twist[:, :3] += np.cross(twist[:, 3:], T[:, :3, 3] - F[:, :3, 3])  # from the flange to the tool
+        speed = np.linalg.norm(twist[:, :3] - seen[:, :3], axis=1)
+    if pairs.target is not None:
+        tracking = np.abs(pairs.q - pairs.target).max(axis=1)
+    return Explained((np.linalg.inv(F) @ T)[0], known is None, position, orientation, speed, tracking)
 
 
 def random_postures(kin: ArmKinematics, count: int, seed: int) -> Floats:

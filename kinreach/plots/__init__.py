@@ -2,7 +2,7 @@
 
 - `new_figure`: a figure with empty axes; `key` explains its marks, `label_ends` writes names at the ends of lines.
 - `colours_of`: the colour that each method has in every figure; `PALETTE`, `INK` and `FAINT` are the other colours.
-- `draw_error_maps`: errors over the table.
+- `draw_calibration`: errors of a fitted calibration; `draw_error_maps`: errors over the table.
 
 Figures of comparisons are drawn in `kinreach.compare`, those of the notebooks in `notebooks/figures`. The modules are
 internal.
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from kinreach._lazy import on_first_use
 
 if TYPE_CHECKING:
+    from kinreach.plots._calibration import draw_calibration
     from kinreach.plots._maps import draw_error_maps
     from kinreach.plots._methods import PALETTE, colours_of
     from kinreach.plots._style import FAINT, INK, key, label_ends, new_figure
@@ -25,6 +26,7 @@ _MODULES = {
     "INK": "_style",
     "PALETTE": "_methods",
     "colours_of": "_methods",
+    "draw_calibration": "_calibration",
     "draw_error_maps": "_maps",
     "key": "_style",
     "label_ends": "_style",
@@ -36,6 +38,7 @@ __all__ = [
     "INK",
     "PALETTE",
     "colours_of",
+    "draw_calibration",
     "draw_error_maps",
     "key",
     "label_ends",

@@ -13,7 +13,7 @@ from kinreach._checks import check_count, check_path, printable
 from kinreach._files import replacing
 from kinreach.cli import Parser
 from kinreach.errors import InputError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, pose_vector
 from kinreach.kinematics import (
     _check as check,
 )
@@ -22,7 +22,9 @@ from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 from kinreach.plots._workspace import draw_workspace
-from kinreach.robots._flags import add_arm_flags, arm_of, print_notes
+from kinreach.robots import PosePairs
+from kinreach.robots._flags import add_arm_flags, arm_of, print_notes, tool_of
+from kinreach.robots._ur import JOINTS
 
 #: Poses to solve by default, and the most singular ones.
 POSES, MAX_SINGULAR = 200, 60
@@ -60,7 +62,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if path is not None and (path.is_dir() or not path.parent.is_dir()):
         raise InputError(f"--picture must be a file in a folder that is there, got {path}")
     subject = _subject(arguments)
-    for line in report(subject, poses=poses, seed=seed):
+    lines = report(subject, poses=poses, seed=seed) if arguments.log is None else _explained(subject, arguments)
+    for line in lines:
         print(printable(line), flush=True)
     if path is not None:
         with replacing(path) as temporary:
@@ -159,6 +162,34 @@ def _deviation(found: check.Deviation) -> Iterator[str]:
     )
 
 
+def _explained(subject: Subject, arguments: argparse.Namespace) -> Iterator[str]:
+    """Yield how well the arm, and its data sheet beside it, explain a recording."""
+    kin, tool = subject.kinematics, tool_of(arguments)
+    pairs = PosePairs.read(arguments.log, joints=() if kin.arm.joints == JOINTS else kin.arm.joints)
+    if pairs.q.shape[1] != kin.n:
+        raise InputError(f"arm {kin.arm.name!r} has {kin.n} joints, {pairs.source} has {pairs.q.shape[1]}")
+    yield f"{kin.arm.name}: {len(pairs)} rows of {pairs.source}"
+    for note in pairs.notes:
+        yield f"note         {note}"
+    for name, arm in (("data sheet", subject.believed), ("calibrated" if subject.believed else "arm", kin)):
+        if arm is None:
+            continue
+        tip, base = ("tool0", "base") if arm.arm.joints == JOINTS else (arm.arm.default_tip, arm.base)
+        found = check.explained(ArmKinematics(arm.arm, tip=tip, base=base), pairs, None if tool is None else tool.T)
+        if found.recovered:
+            six = ",".join(f"{number:.6g}" for number in pose_vector(found.tool).round(7) + 0.0)
+            yield f"{name:<12} tool {six}, found: the recording has none"
+        for what, values, scale, unit in (
+            ("position", found.position, 1e3, "mm"),
+            ("orientation", found.orientation, 180 / np.pi, "°"),
+            ("speed, Jacobian to recorded", found.speed, 1e3, "mm/s"),
+            ("joints, actual to target", found.tracking, 180 / np.pi, "°"),
+        ):
+            if len(values):
+                median, late, most = (f"{scale * value:.3g}" for value in check.quantiles(values))
+                yield f"{name:<12} {what}: {median} {unit} in the median, p95 {late}, most {most}"
+
+
 def _singular(kin: ArmKinematics, found: check.Singular) -> str:
     if not len(found.q):
         return "no posture found"
@@ -200,4 +231,9 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--seed", type=int, default=0, help="of the random postures (0)")
     add_arm_flags(parser)
     parser.add_argument("--picture", metavar="FILE.png", help="draw the workspace from the side")
+    parser.add_argument(
+        "--log",
+        metavar="FILE",
+        help="say how well the arm explains a recording (as of `kinreach calibrate`), instead of the report",
+    )
     return parser

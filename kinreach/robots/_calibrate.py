@@ -60,6 +60,7 @@ OUTLIER, MOST_DROPPED = 6.0, 0.4
 WORKSPACE = 400
 #: A calibration is used if the expected error is below this share of its correction, or below this [m].
 BETTER, GOOD = 0.5, 1e-5
+TOGETHER = "tool and flange are only known together: use the calibration with this tool"
 #: Dropped rows that a statement names.
 SHOWN = 8
 #: Turn of a joint below which rows say little of it [rad].
@@ -128,7 +129,7 @@ class CalibratedArm:
             raise InputError(f"nothing is written: {self.missing}")
         kinds = (".urdf",) if self.calibration is None else (".yaml", ".yml", ".conf", ".urdf")
         if path.suffix.lower() not in kinds:
-            raise InputError(f"the calibration's file must end in {listed(kinds)}, got {path.name}")
+            raise InputError(f"the calibration's file must end in {' or '.join(kinds)}, got {path.name}")
         if self.calibration is None or path.suffix.lower() == ".urdf":
             write_text(path, self.arm.urdf)
         elif path.suffix.lower() == ".conf":
@@ -340,24 +341,13 @@ def _thinned(pairs: PosePairs) -> PosePairs:
 
 
 def _aligned(placements: Floats, rows: _Rows) -> tuple[Floats, Floats]:
-    """The tool that explains the rows best by a chain, shape (4, 4), and the errors that are left, (m,)."""
-    F = frames_of(placements, rows.q)[-1]
-    tool = np.eye(4)
-    if rows.seen.ndim == 2:
-        back = np.einsum("mji,mj->mi", F[:, :3, :3], rows.seen - F[:, :3, 3])
-        tool[:3, 3] = np.zeros(3) if rows.tool_known else np.median(back, axis=0)
-        return tool, np.asarray(np.linalg.norm(back - tool[:3, 3], axis=1))
-    X = np.linalg.inv(F) @ rows.seen
-    if not rows.tool_known:
-        from scipy.spatial.transform import Rotation
+    """The tool that explains the rows best by a chain, shape (4, 4), and the errors that are left [m], (m,).
 
-        turns = Rotation.from_matrix(X[:, :3, :3])
-        middle = turns[int(np.argmin([np.median((turns * one.inv()).magnitude()) for one in turns[:60]]))]
-        near = (turns * middle.inv()).magnitude() < FITS[1]
-        tool[:3, :3] = (turns[near].mean() if near.any() else middle).as_matrix()
-        tool[:3, 3] = np.median(X[:, :3, 3], axis=0)
-    turned = np.linalg.norm(turns_between(np.tile(tool, (len(X), 1, 1)), X), axis=1)
-    apart = np.linalg.norm(X[:, :3, 3] - tool[:3, 3], axis=1)
+    Of an angle `FITS` says which length it is worth.
+    """
+    F = frames_of(placements, rows.q)[-1]
+    tool = np.eye(4) if rows.tool_known else PosePairs("", rows.q, rows.seen).tool_on(F)
+    apart, turned = _errors(F @ tool, rows.seen)
     return tool, np.asarray(np.hypot(apart, turned * FITS[0] / FITS[1]))
 
 
@@ -410,7 +400,7 @@ def _fitted_ur(model: str | None, pairs: PosePairs) -> CalibratedArm:
     found = not best.rows.tool_known
     tcp = np.linalg.inv(nominal[-1]) @ fit.arm.placements[-1] if found else None if pairs.tcp is None else pairs.tcp[0]
     errors, missing = _judged(fit)
-    notes = (*pairs.notes, *[best.note] * bool(best.note))
+    notes = (*pairs.notes, *[best.note] * bool(best.note), *[TOGETHER] * found)
     if missing:
         return CalibratedArm(get_arm(twins[0]), twins, None, tcp, found, errors, missing, notes)
     calibration = calibration_of(np.array([*fit.arm.placements[:-1], nominal[-1]]), twins[0], Path(pairs.source))
@@ -479,7 +469,7 @@ def _repaired(pairs: PosePairs, rows: _Rows) -> list[_Guess]:
         raise InputError(feature)
     raise InputError(
         f"the rows of {pairs.source} fit no model of UR ({_millimetres(_guesses(rows, models)[0].error)} mm off at "
-        "best), also not with base_link's frame, joints in another order, another tool or a feature's frame; for another "
+        "best), also not in the frame base_link, with joints in another order, another tool or a feature; for another "
         "arm give its URDF with arm="
     )
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kinreach._checks import Floats, shown
+from kinreach._checks import Floats, check_path, shown
 from kinreach._files import read_bytes
 from kinreach.errors import InputError
 from kinreach.robots._polyscope import read_export
@@ -27,6 +27,8 @@ MAX_BYTES = 2**28
 MAX_TURN, MAX_REACH = 2 * np.pi + 0.1, 8.0
 #: A rotation vector may be a turn and a half long; a longer one is in degrees [rad].
 MAX_ROTATION = 3 * np.pi
+#: Rows whose rotations are tried as the tool's, and how far others may be off to count [rad].
+CANDIDATES, ALIKE = 60, 0.05
 _MILLIMETRES, _DEGREES = "mm", "deg"
 _POSE = ("x", "y", "z", "rx", "ry", "rz")
 _RPY = ("roll", "pitch", "yaw")
@@ -92,6 +94,34 @@ class PosePairs:
         """Return the same with one tool centre point in all rows."""
         return replace(self, tcp=np.tile(T, (len(self), 1, 1)))
 
+    @classmethod
+    def read(cls, file: str | Path, *, joints: Sequence[str] = ()) -> PosePairs:
+        """Read pairs from an exported program (`.script`), or a table separated by commas, semicolons, tabs or spaces.
+
+        Args:
+            file: Its path.
+            joints: Names that the arm's joints may have in the header.
+
+        Raises:
+            InputError: It is neither, lacks a column, or has cells that are no numbers, or rows of different units.
+        """
+        return read_pairs(check_path("file", file), joints=joints)
+
+    def tool_on(self, flange: Floats) -> Floats:
+        """Return the tool that explains the poses best on frames of the flange (m, 4, 4): the medians, shape (4, 4)."""
+        tool = np.eye(4)
+        if not self.has_rotations:
+            back = np.einsum("mji,mj->mi", flange[:, :3, :3], self.seen - flange[:, :3, 3])
+            tool[:3, 3] = np.median(back, axis=0)
+            return tool
+        X = np.linalg.inv(flange) @ self.seen
+        turns = Rotation.from_matrix(X[:, :3, :3])
+        middle = turns[int(np.argmin([np.median((turns * one.inv()).magnitude()) for one in turns[:CANDIDATES]]))]
+        near = (turns * middle.inv()).magnitude() < ALIKE
+        tool[:3, :3] = (turns[near].mean() if near.any() else middle).as_matrix()
+        tool[:3, 3] = np.median(X[:, :3, 3], axis=0)
+        return tool
+
     def joined(self, other: PosePairs) -> PosePairs:
         """Return the rows of both."""
         for what, one, two in (("joints", self.q, other.q), ("numbers a pose", self.seen[0], other.seen[0])):
@@ -130,15 +160,7 @@ class Table(NamedTuple):
 
 
 def read_pairs(file: Path, *, joints: Sequence[str] = ()) -> PosePairs:
-    """Read pairs from an exported program or a table.
-
-    Args:
-        file: A `.script`, or a table separated by commas, semicolons, tabs or spaces.
-        joints: Names that the arm's joints may have in the header.
-
-    Raises:
-        InputError: It is neither, lacks a column, or has cells that are no numbers, or rows of different units.
-    """
+    """As `PosePairs.read`."""
     content = read_bytes(file, "the recording", most=MAX_BYTES)
     try:
         text = content.decode("utf-8-sig")
@@ -260,7 +282,7 @@ def _places_by_width(width: int, count: int, name: str) -> _Places:
     """Columns without names: joint angles, position, rotation vector, tool centre point."""
     if width not in (count + 3, count + 6, count + 12):
         raise InputError(
-            f"{name} has no header and {width} columns; {count} joint angles and the pose x, y, z, rx, ry, rz are needed, "
+            f"{name} has no header and {width} columns; needed are {count} joint angles and x, y, z, rx, ry, rz, "
             "or a first line that names the columns"
         )
     ends = [list(range(start, end)) for start, end in ((0, count), (count, count + 3), (count + 3, count + 6))]

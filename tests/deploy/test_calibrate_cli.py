@@ -1,0 +1,132 @@
+"""`kinreach calibrate` and `kinreach check --log`, as an owner types them."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from kinreach.cli import finish
+from kinreach.deploy import SimulatedUR, URClient, _calibrate_cli
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, pose_vector
+from kinreach.plots import _check_cli
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm, read_calibration
+
+CALIBRATION = PUBLISHED_CALIBRATIONS["ur5e_a"]
+RTDE = [f"{name}_{n}" for name in ("actual_q", "actual_TCP_pose", "tcp_offset") for n in range(6)]
+TCP = [0.01, -0.02, 0.15, 0.3, 0.0, 0.0]
+WORKSPACE = np.random.default_rng(1).uniform(-np.pi, np.pi, (300, 6))
+
+
+def calibrate(*arguments):
+    return finish(lambda: _calibrate_cli.main(list(map(str, arguments)), prog="it"), prog="it")
+
+
+def check(*arguments):
+    return finish(lambda: _check_cli.main(list(map(str, arguments)), prog="it"), prog="it")
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Twenty rows of a recorder, of a UR5e with a published calibration and a tool."""
+    kin = ArmKinematics.of(get_arm("ur5e").calibrated(CALIBRATION).with_tool(TCP), base="base")
+    q = np.array(kin.arm.home) + np.random.default_rng(0).uniform(-1.2, 1.2, (20, 6))
+    rows = np.hstack([q, pose_vector(kin.fk(q)), np.tile(TCP, (20, 1))])
+    file = tmp_path / "robot_data.csv"
+    file.write_text("\n".join([" ".join(RTDE), *(" ".join(map(repr, row)) for row in rows.tolist()), ""]))
+    return file
+
+
+def off(file):
+    arm = get_arm("ur5e")
+    found, true = (ArmKinematics.of(arm.calibrated(each), tip="tool0") for each in (file, CALIBRATION))
+    return np.linalg.norm(found.positions(WORKSPACE) - true.positions(WORKSPACE), axis=1).max()
+
+
+@pytest.mark.parametrize("ending", ["yaml", "conf", "urdf"])
+def test_from_a_recording_to_a_file_that_every_command_takes(tmp_path, recording, capsys, ending):
+    out, picture = tmp_path / f"my_robot.{ending}", tmp_path / "errors.png"
+    assert calibrate(recording, "--out", out, "--picture", picture) == 0
+    said = capsys.readouterr().out
+    assert "arm          ur5e or ur7e" in said
+    assert "tool         0.01,-0.02,0.15,0.3,0,0\n" in said
+    assert "rows         20 used, 0 dropped" in said
+    assert off(out) < 2e-6
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert check("ur5e", "--calibration", out, "--log", recording) == 0
+    lines = capsys.readouterr().out.splitlines()
+    sheet, own = (
+        next(line.removeprefix(name) for line in lines if line.startswith(name) and " position:" in line)
+        for name in ("data sheet", "calibrated")
+    )
+    assert float(sheet.split()[1]) > 0.5
+    assert float(own.split()[1]) < 1e-3
+
+
+def test_a_robot_is_read_while_its_owner_moves_it(tmp_path, capsys):
+    arm = get_arm("ur5e").calibrated(CALIBRATION).with_tool(TCP)
+    home = np.array(arm.home)
+    goals = home + np.random.default_rng(2).uniform(-0.7, 0.7, (14, 6))
+    moves = "\n".join(f"  movej({goal}, a=5, v=2)" for goal in goals.tolist())
+    with SimulatedUR(arm, rtde_port=0, script_port=0, speed=20) as robot:
+        ports = {"rtde_port": robot.rtde_port, "script_port": robot.script_port}
+
+        def owner():
+            with URClient(robot.address, **ports) as client:
+                client.send(f"def by_hand():\n{moves}\nend\n")
+                while not done.is_set():
+                    client.next_state()
+
+        done = threading.Event()
+        thread = threading.Thread(target=owner)
+        thread.start()
+        out = tmp_path / "my_robot.yaml"
+        try:
+            code = calibrate(
+                robot.address, "--ports", f"{robot.rtde_port},{robot.script_port}", "--rows", 12, "--out", out
+            )
+        finally:
+            done.set()
+            thread.join()
+    assert code == 0, capsys.readouterr()
+    assert "12 used" in capsys.readouterr().out
+    assert off(out) < 1e-5
+
+
+def test_what_is_missing_is_said_and_the_exit_code_tells(tmp_path, recording, capsys):
+    rows = recording.read_text().splitlines()
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join([rows[0].rsplit(" ", 6)[0], *(row.rsplit(" ", 6)[0] for row in rows[1:4])]))
+    out = tmp_path / "my_robot.yaml"
+    assert calibrate(short, "--arm", "ur5e", "--out", out) == 1
+    captured = capsys.readouterr()
+    assert "undetermined" in captured.out
+    assert "is not written: the rows leave" in captured.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nothing.csv"], "No such file"),
+        (["127.0.0.1", "--ports", "9,9"], "no robot answers at 127.0.0.1:9"),
+        ([CALIBRATION, "--picture", "x.png"], "--picture shows the errors of a fit"),
+        ([CALIBRATION, "--out", "x.txt"], "must end in .yaml or .yml or .conf or .urdf"),
+        ([CALIBRATION, "--out", "/nowhere/x.yaml"], "--out must be a file in a folder that exists"),
+        (["127.0.0.1", CALIBRATION], "give the robot at 127.0.0.1 alone"),
+        ([CALIBRATION, "--arm", "ur10"], "it fits ur5e or ur7e"),
+    ],
+)
+def test_bad_input_is_one_line(capsys, arguments, said):
+    assert calibrate(*arguments) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_a_calibration_is_converted(tmp_path, capsys):
+    assert calibrate(CALIBRATION, "--out", tmp_path / "my.conf") == 0
+    assert "read, nothing is fitted" in capsys.readouterr().out
+    with pytest.raises(InputError, match="it fits"):
+        read_calibration(tmp_path / "my.conf", "ur10")
+    assert off(tmp_path / "my.conf") < 1e-9
