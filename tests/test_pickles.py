@@ -24,7 +24,7 @@ from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
-from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, PosePairs, Tool, get_arm
+from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, PosePairs, QuadrantRegion, Tool, get_arm
 from kinreach.robots._urdf import Solid
 from kinreach.vision import Intrinsics, SensorNoise
 from kinreach.vision._ball_finder import BallFix
@@ -61,7 +61,7 @@ def samples():
         get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"]),
         cell, *cell.obstacles, cell.goals, *get_arm("ur5").cameras, get_arm("ur5").gripper,
         Tool.tube(np.array([0, 0, 0.1, 0, 0, 0]), 0.03, mass=1.0), Solid((0.1, 0.2, 0.3)),
-        Obstacle("ball", (0.1,), (1.0,) * 6),
+        Obstacle("ball", (0.1,), (1.0,) * 6), QuadrantRegion((0.1, 0.7), (0.0, 0.7)),
         PosePairs("rows.csv", np.zeros((2, 6)), np.tile(np.eye(4), (2, 1, 1)), None, ("line 2", "line 3")),
         picture, fix, GoalMeasurement(q, np.array([True, False]), (fix, None), (picture, picture)),
         Intrinsics.from_fovy(0.8, 64, 48), SensorNoise(),
