@@ -65,7 +65,10 @@ def is_program(content: bytes) -> bool:
 
 def unpacked(content: bytes, name: str) -> bytes:
     """Return the XML of a `.urp`, unpacked as far as `MAX_BYTES`."""
+    too_large = InputError(f"{name} has more than {MAX_BYTES >> 20} MiB of XML, which is no program of PolyScope")
     if not content.startswith(GZIP):
+        if len(content) > MAX_BYTES:
+            raise too_large
         return content
     packed = zlib.decompressobj(wbits=31)
     try:
@@ -73,7 +76,7 @@ def unpacked(content: bytes, name: str) -> bytes:
     except zlib.error as error:
         raise InputError(f"{name} is a damaged .urp: gzip: {error}") from None
     if packed.unconsumed_tail:
-        raise InputError(f"{name} unpacks to more than {MAX_BYTES >> 20} MiB, which is no program of PolyScope")
+        raise too_large
     if not packed.eof:
         raise InputError(f"{name} is a damaged .urp: its end is missing")
     return text

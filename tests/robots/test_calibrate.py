@@ -247,7 +247,10 @@ def test_programs_without_figures_are_refused_in_words(tmp_path, parts, head, sa
 def test_a_bomb_and_a_torn_file_are_refused(tmp_path):
     file = tmp_path / "bomb.urp"
     file.write_bytes(gzip.compress(b"<URProgram>" + b" " * 2**27))
-    with pytest.raises(InputError, match="unpacks to more than 64 MiB"):
+    with pytest.raises(InputError, match="more than 64 MiB"):
+        calibrate(file)
+    file.write_bytes(b"<URProgram>" + b" " * (2**26 + 1))
+    with pytest.raises(InputError, match="more than 64 MiB"):
         calibrate(file)
     whole = saved(tmp_path, urp(figures_of("ur5e", 1), ["A"])).read_bytes()
     for cut in (3, 30, len(whole) // 2, len(whole) - 4):
