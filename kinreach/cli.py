@@ -163,10 +163,20 @@ def say(text: str) -> None:
 def complain(text: str) -> None:
     """Print text as one line on stderr, with control characters escaped, if it can be written."""
     line = printable(" ".join(text.split()))
+    if _is_stuck(sys.stderr):
+        return
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:
         _discard(sys.stderr)
+
+
+def _is_stuck(stream: IO[str]) -> bool:
+    """Return whether a stream is a pipe that is full, and that nobody reads for a second."""
+    try:
+        return not select.select([], [stream], [], 1.0)[1]
+    except (OSError, TypeError, ValueError):  # closed, or not a file
+        return False
 
 
 def _is_unread(stream: IO[str]) -> bool:

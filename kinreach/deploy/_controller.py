@@ -24,7 +24,7 @@ from kinreach.deploy._urscript import (
     ScriptError,
     Statement,
     is_number,
-    parse,
+    parsing,
 )
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
@@ -198,19 +198,32 @@ class Controller:
         Raises:
             InputError: It is not in the URScript that kinreach runs, or the controller is in a stop.
         """
-        if self.safety_mode is not SafetyMode.NORMAL:
-            raise InputError(f"the program is not run: {_STOPS[self.safety_mode]} ({self.reason})")
+        for _ in self.starting(text):
+            pass
+
+    def starting(self, text: str) -> Generator[None, None, None]:
+        """Start a program, and read it in parts, each of which ends in a `yield`: meanwhile time may pass.
+
+        Raises:
+            InputError: As `start`.
+        """
+        self._refuse_in_stop()
         self._end_program()
         self.reason = ""
         try:
-            script = parse(text)
+            script = yield from parsing(text)
         except ScriptError as error:
             self.reason = str(error)
             self.say(f"program refused: {error}")
             raise
+        self._refuse_in_stop()
         self._program = self._statements(script.body, {})
         self.runtime_state = RuntimeState.PLAYING
         self.say(f"program {script.name or 'of one line'} is running")
+
+    def _refuse_in_stop(self) -> None:
+        if self.safety_mode is not SafetyMode.NORMAL:
+            raise InputError(f"the program is not run: {_STOPS[self.safety_mode]} ({self.reason})")
 
     def release(self) -> None:
         """End a stop; after a protective one the arm is put back to where the stopped program began."""

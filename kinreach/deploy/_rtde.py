@@ -190,12 +190,24 @@ def error_message(text: str) -> bytes:
     return package(Kind.TEXT_MESSAGE, bytes([len(message)]) + message + bytes([len(source)]) + source + bytes([ERROR]))
 
 
-def packages_in(buffer: bytearray) -> Iterator[tuple[int, bytes]]:
-    """Remove the complete packages from a buffer and yield kind and payload of each."""
+def packages_in(buffer: bytearray, sizes: Mapping[int, tuple[int, int]] | None = None) -> Iterator[tuple[int, bytes]]:
+    """Remove the complete packages from a buffer and yield kind and payload of each.
+
+    Args:
+        buffer: Bytes that were received.
+        sizes: Kinds that may come, each with the least and the largest size of its package.
+
+    Raises:
+        InputError: A header that cannot be one, as soon as it is there.
+    """
     while len(buffer) >= HEADER.size:
         size, kind = HEADER.unpack_from(buffer)
         if size < HEADER.size:
             raise InputError(f"an RTDE package has at least {HEADER.size} bytes, this one says {size}")
+        if sizes is not None and kind not in sizes:
+            raise InputError(f"RTDE has no package of kind {kind}")
+        if sizes is not None and not sizes[kind][0] <= size <= sizes[kind][1]:
+            raise InputError(f"an RTDE package of kind {chr(kind)} has {size} bytes, too few or too many")
         if len(buffer) < size:
             return
         payload = bytes(buffer[HEADER.size : size])

@@ -1,7 +1,8 @@
 """A simulated UR on this machine: RTDE and the script ports of a simulated controller.
 
 One thread reads from the clients, lets a control cycle pass when it is due, and sends. No client can keep it waiting:
-no socket blocks, and a client that does not read is disconnected.
+no socket blocks, what clients want is done in small parts between the cycles, and what waits for a client or from it is
+bounded. A client that sends what is not for its port, does not read, or never comes to an end is disconnected.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ import ipaddress
 import math
 import os
 import queue
+import re
 import selectors
 import socket
 import struct
 import threading
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import suppress
+from time import monotonic
 from typing import Any, Self
 
 from kinreach._checks import check_count, check_number, shown
@@ -23,6 +26,7 @@ from kinreach.deploy._controller import Controller
 from kinreach.deploy._rtde import (
     HEADER,
     IN_USE,
+    MAX_NAMES,
     NOT_FOUND,
     PROTOCOL,
     RTDE_PORT,
@@ -38,15 +42,22 @@ from kinreach.deploy._rtde import (
     packages_in,
     type_of,
 )
-from kinreach.deploy._urscript import MAX_CHARACTERS, ScriptError
+from kinreach.deploy._urscript import MAX_CHARACTERS, MAX_LINE, ScriptError
 from kinreach.errors import InputError
 from kinreach.kinematics import pose_vector
 from kinreach.robots import ArmDescription, get_arm
 
 #: The second port that takes scripts.
 PRIMARY_PORT = 30001
-#: Clients of a port, and bytes that may wait for one.
-MAX_CLIENTS, MAX_WAITING = 32, 2**20
+#: Clients of a port, bytes that may wait for one, and unfinished programs of all of them [bytes].
+MAX_CLIENTS, MAX_WAITING, MAX_UNFINISHED = 32, 2**20, 2 * MAX_CHARACTERS
+#: Bytes that are read from a client at a time, and packages or lines that are taken from it before the next one.
+READ, PACKAGES, LINES = 2**14, 16, 100
+#: How long a program or a package may be unfinished, how long a client may be silent where others wait for its place,
+#: and the time between two looks for such clients [s].
+UNFINISHED, SILENT, SWEEP = 30.0, 5.0, 0.1
+#: Lines of the log that are a client's.
+MAX_SAYINGS = 20
 #: Largest delay behind real time that the simulation catches up with [s].
 PATIENCE = 0.2
 #: Messages on a script port: kind of the package, and kinds of messages in it.
@@ -60,6 +71,18 @@ _SAFETY_BITS = {
     SafetyMode.NORMAL: 1, SafetyMode.PROTECTIVE_STOP: 1 << 2 | 1 << 10,
     SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | 1 << 7 | 1 << 10,
 }  # fmt: skip
+
+#: Packages that a client may send, with their least and largest sizes [bytes].
+_SIZES: Mapping[int, tuple[int, int]] = {
+    Kind.PROTOCOL_VERSION: (5, 5), Kind.CONTROLLER_VERSION: (3, 3), Kind.START: (3, 3), Kind.PAUSE: (3, 3),
+    Kind.TEXT_MESSAGE: (3, 1024), Kind.SETUP_OUTPUTS: (11, 11 + MAX_NAMES), Kind.SETUP_INPUTS: (3, 3 + MAX_NAMES),
+    Kind.DATA: (3, 2**14),
+}  # fmt: skip
+#: What the first line of a program looks like, and bytes that no program has.
+_FIRST = re.compile(
+    rb"\s*(#|[A-Za-z_]\w*\s*[(=]|(def|sec|thread|global|local|if|while|for|halt|return|sync|pause|end)\b)"
+)
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 
 _OUTPUTS: Mapping[str, Callable[[Controller], Sequence[float]]] = {
     "timestamp": lambda ur: (ur.time,),
@@ -103,7 +126,7 @@ class SimulatedUR:
         rtde_port: 0 for a free one.
         script_port: As `rtde_port`. With 30002 port 30001 takes scripts, too.
         speed: How many times faster than real time.
-        log: Called with each line of the controller's log, in the thread that serves.
+        log: Called with each line of the controller's log, in the thread that serves: it must return at once.
 
     Attributes:
         arm, address: As given.
@@ -139,6 +162,9 @@ class SimulatedUR:
         self._instead: dict[str, tuple[float, ...]] = {}
         self._thread: threading.Thread | None = None
         self._inputs_in_use: dict[str, _Client] = {}
+        self._busy: dict[_Client, None] = {}  # in their order; they have sent what has not been taken yet
+        self._starting: Generator[None, None, None] | None = None
+        self._due = self._next_sweep = 0.0
         try:
             self.rtde_port = self._listen(rtde_port, _RtdeClient)
             self.script_port = self._listen(script_port, _ScriptClient)
@@ -171,18 +197,32 @@ class SimulatedUR:
 
     def serve(self) -> None:
         """Run in this thread until `close` is called in another one, or Ctrl-C."""
-        cycle = self.controller.cycle / self.speed
-        due = time.monotonic()
+        self._due = monotonic()
         while not self._stopping.is_set():
-            for key, events in self._selector.select(max(0.0, due - time.monotonic())):
+            has_work = self._busy or self._starting is not None
+            for key, events in self._selector.select(0.0 if has_work else max(0.0, self._due - monotonic())):
                 key.data(events)
+                self._tick_when_due()
             while not self._requests.empty():
                 self._requests.get()()
-            now = time.monotonic()
-            if now >= due:
-                self.controller.tick()
-                self._publish()
-                due = due + cycle if now - due < PATIENCE else now + cycle
+            for client in list(self._busy):
+                client.work()
+                self._tick_when_due()
+            self._go_on_starting()
+            self._tick_when_due()
+
+    def _tick_when_due(self) -> None:
+        """Let a control cycle pass if it is time for it."""
+        if (now := monotonic()) < self._due:
+            return
+        cycle = self.controller.cycle / self.speed
+        self.controller.tick()
+        self._publish()
+        self._due = self._due + cycle if now - self._due < PATIENCE else now + cycle
+        if now >= self._next_sweep:
+            self._next_sweep = now + SWEEP
+            for client in [client for client in self._clients if now - client.unfinished_since > UNFINISHED]:
+                client.dismiss(f"what it sends has not come to an end within {UNFINISHED:g} s")
 
     def release(self) -> None:
         """Release a stop; after a protective one the arm is put back to where the stopped program began."""
@@ -226,6 +266,7 @@ class SimulatedUR:
         """Close the connection of a client and forget it."""
         if client in self._clients:
             self._clients.remove(client)
+            self._busy.pop(client, None)
             self._selector.unregister(client.socket)
             client.socket.close()
             self._inputs_in_use = {name: by for name, by in self._inputs_in_use.items() if by is not client}
@@ -255,13 +296,38 @@ class SimulatedUR:
 
     def run_script(self, text: str) -> None:
         """Run a script; if it is refused, send the reason to the clients of the script ports."""
-        try:
-            self.controller.start(text)
-        except ScriptError as error:
-            self._tell_clients(RUNTIME_EXCEPTION, struct.pack(">ii", error.line, 1), str(error))
-        except InputError as error:
-            self._log(str(error))
-            self._tell_clients(RUNTIME_EXCEPTION, struct.pack(">ii", 1, 1), str(error))
+        self._starting = self.controller.starting(text)
+        self._go_on_starting()
+
+    def _go_on_starting(self) -> None:
+        """Read a part of the program that was sent last, for at most half a control cycle."""
+        until = monotonic() + self.controller.cycle / 2.0
+        while self._starting is not None:
+            try:
+                next(self._starting)
+            except StopIteration:
+                self._starting = None
+            except InputError as error:
+                self._starting = None
+                if not isinstance(error, ScriptError):  # the controller has not said it
+                    self._log(str(error))
+                line = error.line if isinstance(error, ScriptError) else 1
+                self._tell_clients(RUNTIME_EXCEPTION, struct.pack(">ii", line, 1), str(error))
+            if monotonic() > until:
+                break
+
+    def mark(self, client: _Client, *, busy: bool) -> None:
+        """Note whether a client has sent what can be taken and has not been taken yet."""
+        if busy and client in self._clients:
+            self._busy[client] = None
+        else:
+            self._busy.pop(client, None)
+
+    def check_unfinished(self) -> None:
+        """Dismiss the client with the longest unfinished program if all of them together are too long."""
+        clients = [client for client in self._clients if isinstance(client, _ScriptClient)]
+        if sum(len(client.program) for client in clients) > MAX_UNFINISHED:
+            max(clients, key=lambda client: len(client.program)).dismiss("the unfinished programs are too long")
 
     def _log(self, text: str) -> None:
         if self._tell is not None:
@@ -273,11 +339,15 @@ class SimulatedUR:
             self._tell_clients(RUNTIME_EXCEPTION, struct.pack(">ii", 1, 1), text)
 
     def _tell_clients(self, kind: int, head: bytes, text: str) -> None:
-        stamp = struct.pack(">QbB", int(1e6 * self.controller.time), -1, kind)
-        body = bytes([ROBOT_MESSAGE]) + stamp + head + text.encode("utf-8", "replace")[:2000]
         for client in list(self._clients):
             if isinstance(client, _ScriptClient):
-                client.send(struct.pack(">i", 4 + len(body)) + body)
+                client.send(self.message(kind, head, text))
+
+    def message(self, kind: int, head: bytes, text: str) -> bytes:
+        """Return a message as the script ports send it."""
+        stamp = struct.pack(">QbB", int(1e6 * self.controller.time), -1, kind)
+        body = bytes([ROBOT_MESSAGE]) + stamp + head + text.encode("utf-8", "replace")[:2000]
+        return struct.pack(">i", 4 + len(body)) + body
 
     def _listen(self, port: int, kind: type[_Client]) -> int:
         try:
@@ -289,23 +359,43 @@ class SimulatedUR:
             ) from None
         server.setblocking(False)
 
+        number, turned_away = int(server.getsockname()[1]), False
+
         def accept(_: int) -> None:
-            try:
-                connection, _address = server.accept()
-            except OSError:  # it has gone already
-                return
-            if sum(isinstance(client, kind) for client in self._clients) >= MAX_CLIENTS:
-                self._log(f"a client is refused: port {port} has {MAX_CLIENTS} already")
+            nonlocal turned_away
+            for _ in range(MAX_CLIENTS):
+                try:
+                    connection, _address = server.accept()
+                except OSError:  # nobody more, or it has gone already
+                    return
+                if self._has_room(kind):
+                    self._welcome(kind(self, connection))
+                    turned_away = False
+                    continue
                 connection.close()
-                return
-            connection.setblocking(False)
-            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            client = kind(self, connection)
-            self._clients.append(client)
-            self._selector.register(connection, selectors.EVENT_READ, client.handle)
+                if not turned_away:  # one line for all that come now
+                    self._log(f"a client is refused: port {number} has {MAX_CLIENTS} already")
+                turned_away = True
 
         self._selector.register(server, selectors.EVENT_READ, accept)
-        return int(server.getsockname()[1])
+        return number
+
+    def _welcome(self, client: _Client) -> None:
+        client.socket.setblocking(False)
+        with suppress(OSError):  # it has gone already
+            client.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._clients.append(client)
+        self._selector.register(client.socket, selectors.EVENT_READ, client.handle)
+
+    def _has_room(self, kind: type[_Client]) -> bool:
+        """Return whether another client may come, if need be instead of the last one that only keeps a place."""
+        clients = [client for client in self._clients if isinstance(client, kind)]
+        if len(clients) < MAX_CLIENTS:
+            return True
+        silent = [client for client in clients if not client.has_spoken and monotonic() - client.since > SILENT]
+        if silent:
+            silent[-1].dismiss("it says nothing, and another one needs its place")
+        return bool(silent)
 
     def _publish(self) -> None:
         ur, values = self.controller, dict[str, Sequence[float]](self._instead)
@@ -327,18 +417,26 @@ def output(ur: Controller, name: str) -> Sequence[float]:
 
 
 class _Client:
-    """A connection with buffers for what was received and what has to be sent."""
+    """A connection with buffers for what was received and what has to be sent.
+
+    Attributes:
+        since: When it was made [s].
+        has_spoken: Whether it has sent something complete.
+        unfinished_since: When it began with what is not complete yet [s]; infinity if there is no such thing.
+    """
 
     def __init__(self, robot: SimulatedUR, connection: socket.socket) -> None:
         self.robot, self.socket = robot, connection
         self.received, self.waiting = bytearray(), bytearray()
+        self.since, self.unfinished_since = monotonic(), math.inf
+        self.has_spoken = False
 
     def handle(self, events: int) -> None:
         if events & selectors.EVENT_WRITE:
             self.send(b"")
-        if events & selectors.EVENT_READ:
+        if events & selectors.EVENT_READ and self not in self.robot._busy:
             try:
-                data = self.socket.recv(65536)
+                data = self.socket.recv(READ)
             except BlockingIOError:
                 return
             except OSError:
@@ -347,11 +445,22 @@ class _Client:
                 self.robot.drop(self)
                 return
             self.received += data
-            try:
-                self.take()
-            except InputError as error:
-                self.refuse(str(error))
-                self.robot.drop(self)
+            self.robot.mark(self, busy=True)
+
+    def work(self) -> None:
+        """Process a part of what was received."""
+        if self not in self.robot._clients:  # another one's work ended it
+            return
+        try:
+            more = self.take()
+        except InputError as error:
+            self.dismiss(str(error))
+            return
+        if not self.is_unfinished():
+            self.unfinished_since = math.inf
+        elif self.unfinished_since == math.inf:
+            self.unfinished_since = monotonic()
+        self.robot.mark(self, busy=more)
 
     def send(self, data: bytes) -> None:
         """Send now or later; disconnect a client that does not read."""
@@ -370,13 +479,23 @@ class _Client:
         elif bool(self.waiting) != had:
             self.robot.watch(self, selectors.EVENT_READ | (selectors.EVENT_WRITE if self.waiting else 0))
 
-    def take(self) -> None:
-        """Process the complete parts of `received`."""
+    def take(self) -> bool:
+        """Process a few complete parts of `received`; return whether there may be more."""
         raise NotImplementedError
 
-    def refuse(self, why: str) -> None:
-        """Report why the connection ends."""
+    def is_unfinished(self) -> bool:
+        """Return whether there is a part that is not complete."""
+        return bool(self.received)
+
+    def dismiss(self, why: str) -> None:
+        """End the connection, and report why."""
         self.robot._log(f"a client is disconnected: {why}")
+        self.send(self.farewell(why))
+        self.robot.drop(self)
+
+    def farewell(self, why: str) -> bytes:
+        """Return the last message to the client."""
+        raise NotImplementedError
 
 
 class _RtdeClient(_Client):
@@ -386,6 +505,7 @@ class _RtdeClient(_Client):
         self.outputs = Recipe((), ())
         self.period, self.due = math.inf, math.inf
         self.inputs: list[Recipe] = []
+        self.sayings = 0
 
     def is_due(self, now: float) -> bool:
         if now < self.due - 1e-9:
@@ -393,35 +513,46 @@ class _RtdeClient(_Client):
         self.due = (self.due if self.due > now - self.period else now) + self.period
         return True
 
-    def refuse(self, why: str) -> None:
-        super().refuse(why)
-        self.send(error_message(why))
+    def farewell(self, why: str) -> bytes:
+        return error_message(why)
 
-    def take(self) -> None:
-        for kind, payload in packages_in(self.received):
-            if kind == Kind.PROTOCOL_VERSION:
-                (wanted,) = _unpacked(">H", payload)
-                self.protocol = PROTOCOL if wanted == PROTOCOL else self.protocol
-                self.send(package(Kind.PROTOCOL_VERSION, bytes([wanted == PROTOCOL])))
-            elif kind == Kind.CONTROLLER_VERSION:
-                rate = round(1.0 / self.robot.controller.cycle)
-                self.send(package(Kind.CONTROLLER_VERSION, struct.pack(">4I", *VERSIONS[rate])))
-            elif kind == Kind.TEXT_MESSAGE:
-                self.robot._log(f"a client says: {shown(payload[1:-1].decode('ascii', 'replace'))}")
-            elif self.protocol != PROTOCOL:
-                raise InputError(f"RTDE protocol {PROTOCOL} is served: ask for it first")
-            elif kind == Kind.SETUP_OUTPUTS:
-                self.set_up_outputs(payload)
-            elif kind == Kind.SETUP_INPUTS:
-                self.set_up_inputs(payload)
-            elif kind == Kind.DATA:
-                self.take_inputs(payload)
-            elif kind in (Kind.START, Kind.PAUSE):
-                accepted = bool(self.outputs.names) or bool(self.inputs) or kind == Kind.PAUSE
-                self.due = -math.inf if kind == Kind.START and self.outputs.names else math.inf
-                self.send(package(Kind(kind), bytes([accepted])))
-            else:
-                raise InputError(f"RTDE has no package of kind {kind}")
+    def take(self) -> bool:
+        for taken, (kind, payload) in enumerate(packages_in(self.received, _SIZES), start=1):
+            self.process(kind, payload)
+            self.has_spoken, self.unfinished_since = True, math.inf
+            if taken == PACKAGES:
+                return True
+        return False
+
+    def process(self, kind: int, payload: bytes) -> None:
+        if kind == Kind.PROTOCOL_VERSION:
+            (wanted,) = _unpacked(">H", payload)
+            self.protocol = PROTOCOL if wanted == PROTOCOL else self.protocol
+            self.send(package(Kind.PROTOCOL_VERSION, bytes([wanted == PROTOCOL])))
+        elif kind == Kind.CONTROLLER_VERSION:
+            rate = round(1.0 / self.robot.controller.cycle)
+            self.send(package(Kind.CONTROLLER_VERSION, struct.pack(">4I", *VERSIONS[rate])))
+        elif kind == Kind.TEXT_MESSAGE:
+            self.hear(payload[1:-1].decode("ascii", "replace"))
+        elif self.protocol != PROTOCOL:
+            raise InputError(f"RTDE protocol {PROTOCOL} is served: ask for it first")
+        elif kind == Kind.SETUP_OUTPUTS:
+            self.set_up_outputs(payload)
+        elif kind == Kind.SETUP_INPUTS:
+            self.set_up_inputs(payload)
+        elif kind == Kind.DATA:
+            self.take_inputs(payload)
+        else:  # START or PAUSE
+            accepted = bool(self.outputs.names) or bool(self.inputs) or kind == Kind.PAUSE
+            self.due = -math.inf if kind == Kind.START and self.outputs.names else math.inf
+            self.send(package(Kind(kind), bytes([accepted])))
+
+    def hear(self, text: str) -> None:
+        self.sayings += 1
+        if self.sayings <= MAX_SAYINGS:
+            self.robot._log(f"a client says: {shown(text)}")
+        elif self.sayings == MAX_SAYINGS + 1:
+            self.robot._log("a client says more, which is left out")
 
     def set_up_outputs(self, payload: bytes) -> None:
         most = round(1.0 / self.robot.controller.cycle)
@@ -453,31 +584,56 @@ class _RtdeClient(_Client):
 
 
 class _ScriptClient(_Client):
-    """A client of a script port: a program is one line, or all lines from `def` to an `end` that is not indented."""
+    """A client of a script port: a program is one line, or all lines from `def` to an `end` that is not indented.
+
+    What is no text, or does not begin as a program does, ends the connection: a web page can send to this port, and its
+    browser puts a line of HTTP first.
+    """
 
     def __init__(self, robot: SimulatedUR, connection: socket.socket) -> None:
         super().__init__(robot, connection)
-        self.lines: list[str] = []
-        self.size = 0
+        self.program = bytearray()
 
-    def take(self) -> None:
-        *lines, rest = bytes(self.received).split(b"\n") if b"\n" in self.received else [bytes(self.received)]
-        self.received = bytearray(rest)
-        for line in lines:
-            self.take_line(line)
-        if self.size + len(self.received) > MAX_CHARACTERS:
+    def farewell(self, why: str) -> bytes:
+        return self.robot.message(RUNTIME_EXCEPTION, struct.pack(">ii", 1, 1), f"line 1: {why}")
+
+    def is_unfinished(self) -> bool:
+        return bool(self.received or self.program)
+
+    def take(self) -> bool:
+        for _ in range(LINES):
+            end = self.received.find(b"\n")
+            if end < 0:
+                if len(self.received) > MAX_LINE:
+                    raise InputError(f"a line may have {MAX_LINE} bytes")
+                return False
+            line = bytes(self.received[:end])
+            del self.received[: end + 1]
+            if self.take_line(line.rstrip()):
+                break
+        return True
+
+    def take_line(self, line: bytes) -> bool:
+        """Add a line to the program, and run it if it is complete; return whether it is."""
+        if len(line) > MAX_LINE:
+            raise InputError(f"a line may have {MAX_LINE} bytes, got {len(line)}")
+        if _CONTROL.search(line):
+            raise InputError(f"what it sends is no text: {shown(line[:40])}")
+        if not self.program and not line:
+            return False
+        if not self.has_spoken and not self.program and not _FIRST.match(line):
+            raise InputError(f"what it sends is not URScript: {shown(line[:40].decode('utf-8', 'replace'))}")
+        self.program += line + b"\n"
+        if len(self.program) > MAX_CHARACTERS:
             raise InputError(f"a program may have {MAX_CHARACTERS} bytes")
-
-    def take_line(self, line: bytes) -> None:
-        """Add a line to the program, and run it if it is complete."""
-        text = line.decode("utf-8", "replace").rstrip()
-        if not self.lines and not text:
-            return
-        self.lines.append(text)
-        self.size += len(line) + 1
-        if not self.lines[0].startswith("def ") or text == "end":
-            program, self.lines, self.size = "\n".join(self.lines), [], 0
-            self.robot.run_script(program)
+        if not self.program.startswith(b"def ") or line == b"end":
+            program, self.program = self.program, bytearray()
+            self.has_spoken, self.unfinished_since = True, math.inf
+            self.robot.run_script(program[:-1].decode("utf-8", "replace"))
+            return True
+        if len(self.program) % READ < len(line) + 1:
+            self.robot.check_unfinished()
+        return False
 
 
 def _unpacked(form: str, payload: bytes) -> tuple[Any, ...]:

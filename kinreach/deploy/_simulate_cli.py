@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import queue
 import select
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 
-from kinreach._checks import check_number
+from kinreach._checks import check_number, printable
 from kinreach.cli import Parser, say
 from kinreach.deploy._controller import check_is_ur, rate_of
 from kinreach.deploy._rtde import RTDE_PORT, SCRIPT_PORT
@@ -20,6 +23,8 @@ _ABOUT = (
     "This is not URSim: it runs the URScript that kinreach writes, and nothing else.\n"
     "ur_rtde's receive and I/O interfaces read it; its control interface needs URSim or a robot."
 )
+#: Lines of the log that may wait to be printed, and how long they are waited for at the end [s].
+MAX_LINES, PATIENCE = 1000, 1.0
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -32,9 +37,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if arguments.start is not None:
         start = posture_of("--from", arguments.start, 6, degrees=arguments.degrees).tolist()
     speed = check_number("--speed", arguments.speed, above=0.0, most=1e6)
+    log = _Log()
     robot = SimulatedUR(
         arm, q=start, address=arguments.address, rtde_port=arguments.rtde_port, script_port=arguments.script_port,
-        speed=speed, log=say,
+        speed=speed, log=log.add,
     )  # fmt: skip
     say(f"{robot.address}: RTDE {robot.rtde_port}, script port {robot.script_port}, {rate_of(arm)} Hz")
     say(arm.title)
@@ -46,7 +52,49 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         robot.serve()
     finally:
         robot.close()
+        log.close()
     return 0
+
+
+class _Log:
+    """Prints lines in a thread of its own: if nobody reads them, they wait, are left out, and stop nobody."""
+
+    def __init__(self) -> None:
+        self._lines: queue.Queue[str | None] = queue.Queue(MAX_LINES)
+        self._left_out = 0
+        try:
+            self._file: int | None = sys.stdout.fileno()
+        except (AttributeError, OSError, ValueError):  # not a file, but a text in memory
+            self._file = None
+        self._thread = threading.Thread(target=self._print, name="log of a simulated UR", daemon=True)
+        self._thread.start()
+
+    def add(self, text: str) -> None:
+        try:
+            self._lines.put_nowait(text)
+        except queue.Full:
+            self._left_out += 1
+
+    def close(self) -> None:
+        """Wait until all is printed, if it is read."""
+        with suppress(queue.Full):
+            self._lines.put(None, timeout=PATIENCE)
+        self._thread.join(PATIENCE)
+
+    def _print(self) -> None:
+        with suppress(OSError):  # who has read it is gone
+            while (text := self._lines.get()) is not None:
+                self._write(text)
+                if self._left_out and self._lines.empty():
+                    left_out, self._left_out = self._left_out, 0
+                    self._write(f"{left_out} lines are left out here, since nobody read them")
+
+    def _write(self, text: str) -> None:
+        if self._file is None:
+            say(text)
+            return
+        # past Python's buffer: the interpreter ends while this waits
+        os.write(self._file, f"{printable(text)}\n".encode(sys.stdout.encoding, "backslashreplace"))
 
 
 def _release_by_enter(robot: SimulatedUR) -> None:

@@ -16,8 +16,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
 from keyword import iskeyword
@@ -26,8 +25,10 @@ from sys import float_info
 from kinreach._checks import shown
 from kinreach.errors import InputError
 
-#: Longest program that is read [characters], and deepest expression.
-MAX_CHARACTERS, MAX_DEPTH = 2**25, 50
+#: Longest program that is read, and longest line [characters]; most statements, and deepest expression.
+MAX_CHARACTERS, MAX_LINE, MAX_STATEMENTS, MAX_DEPTH = 2**25, 2048, 2**18, 50
+#: Lines without a statement that are read at a time.
+EMPTY_LINES = 100
 #: The functions and their parameters with the defaults of Universal Robots' manual; None must be given.
 FUNCTIONS: Mapping[str, Mapping[str, float | bool | str | None]] = {
     "get_actual_joint_positions": {},
@@ -63,14 +64,14 @@ class ScriptError(InputError):
         self.line = line
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Constant:
     """A number, a truth value or a text."""
 
     value: float | bool | str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Numbers:
     """A list, or a pose."""
 
@@ -78,12 +79,12 @@ class Numbers:
     is_pose: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Name:
     name: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Entry:
     """An entry of a variable."""
 
@@ -91,12 +92,12 @@ class Entry:
     index: Expression
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Negative:
     value: Expression
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Operation:
     """`-`, `>` or `or` between two values."""
 
@@ -105,7 +106,7 @@ class Operation:
     right: Expression
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Call:
     """A function with all of its parameters."""
 
@@ -114,14 +115,14 @@ class Call:
     line: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Assignment:
     name: str
     value: Expression
     line: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Choice:
     condition: Expression
     then: tuple[Statement, ...]
@@ -133,25 +134,35 @@ Expression = Constant | Numbers | Name | Entry | Negative | Operation | Call
 Statement = Assignment | Call | Choice
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Script:
     name: str  # empty for a single statement
     body: tuple[Statement, ...]
 
 
 def parse(text: str) -> Script:
+    reading = parsing(text)
+    while True:
+        try:
+            next(reading)
+        except StopIteration as end:
+            return end.value
+
+
+def parsing(text: str) -> Generator[None, None, Script]:
+    """Parse a program in parts of some 0.2 ms, each of which ends in a `yield`."""
     if len(text) > MAX_CHARACTERS:
         raise ScriptError(1, f"a program may have {MAX_CHARACTERS} characters, got {len(text)}")
     reader = _Reader(text)
-    line, code = reader.next()
+    line, code = yield from reader.next()
     if found := _DEF.fullmatch(code):
-        script = Script(found[1], reader.body("end")[0])
+        statements, _ = yield from reader.body("end")
+        script = Script(found[1], statements)
     else:
-        script = Script("", (reader.statement(line, code),))
-    if reader.lines:
-        raise ScriptError(
-            reader.lines[0][0], f"syntax error: nothing more is expected, got {shown(reader.lines[0][1])}"
-        )
+        statement = yield from reader.statement(line, code)
+        script = Script("", (statement,))
+    if rest := (yield from reader.rest()):
+        raise ScriptError(rest[0], f"syntax error: nothing more is expected, got {shown(rest[1])}")
     return script
 
 
@@ -159,38 +170,46 @@ class _Reader:
     """Reads a program line by line; Python's own parser, which runs nothing, divides what is within a line."""
 
     def __init__(self, text: str) -> None:
-        lines = text.split("\n")
-        self.lines: deque[tuple[int, str]] = deque()
-        self.last, self.depth, self.known = len(lines), 0, set[str]()
-        for line, content in enumerate(lines, start=1):
-            end = 0
-            while end < len(content) and content[end] != "#":
-                found = _TOKEN.match(content, end)
-                if found is None:
-                    raise ScriptError(line, f"syntax error at {shown(content[end])}")
-                end = found.end()
-            if code := content[:end].strip():
-                self.lines.append((line, re.sub(r"\s+:$", ":", code)))
+        self._text, self._place, self._line = text, 0, 0
+        self.depth, self.statements, self.known = 0, 0, set[str]()
 
-    def next(self) -> tuple[int, str]:
-        if not self.lines:
-            raise ScriptError(self.last, "syntax error: the program ends where a statement is expected")
-        return self.lines.popleft()
+    def next(self) -> Generator[None, None, tuple[int, str]]:
+        """Return the number of the next line that has code, and its code."""
+        if found := (yield from self.rest()):
+            return found
+        raise ScriptError(self._line, "syntax error: the program ends where a statement is expected")
 
-    def body(self, *ends: str) -> tuple[tuple[Statement, ...], str]:
+    def rest(self) -> Generator[None, None, tuple[int, str] | None]:
+        """Return the same as `next`, or None at the end."""
+        while self._place <= len(self._text):
+            end = self._text.find("\n", self._place)
+            end = len(self._text) if end < 0 else end
+            content, self._place, self._line = self._text[self._place : end], end + 1, self._line + 1
+            if code := _code(content, self._line):
+                return self._line, code
+            if self._line % EMPTY_LINES == 0:
+                yield
+        return None
+
+    def body(self, *ends: str) -> Generator[None, None, tuple[tuple[Statement, ...], str]]:
         """Read statements up to one of the ends; return that, too."""
         self.depth += 1
         statements: list[Statement] = []
-        while (found := self.next())[1] not in ends:
+        while (found := (yield from self.next()))[1] not in ends:
             if self.depth > MAX_DEPTH:
                 raise ScriptError(found[0], f"more than {MAX_DEPTH} levels within one another")
-            statements.append(self.statement(*found))
+            if self.statements == MAX_STATEMENTS:
+                raise ScriptError(found[0], f"a program may have {MAX_STATEMENTS} statements")
+            self.statements += 1
+            statement = yield from self.statement(*found)
+            statements.append(statement)
+            yield
         self.depth -= 1
         return tuple(statements), found[1]
 
-    def statement(self, line: int, code: str) -> Statement:
+    def statement(self, line: int, code: str) -> Generator[None, None, Statement]:
         if found := _IF.fullmatch(code):
-            return self.choice(line, found[1])
+            return (yield from self.choice(line, found[1]))
         if found := _ASSIGNMENT.fullmatch(code):
             name = found[1]
             if iskeyword(name) or name == "end" or name in FUNCTIONS:
@@ -206,12 +225,14 @@ class _Reader:
             raise ScriptError(line, f"compile error: the value of {call.function} is not used")
         return call
 
-    def choice(self, line: int, condition: str) -> Choice:
+    def choice(self, line: int, condition: str) -> Generator[None, None, Choice]:
         asked = self.expression(condition, line)
         before = set(self.known)
-        then, end = self.body("else:", "end")
+        then, end = yield from self.body("else:", "end")
         in_then, self.known = self.known, before
-        otherwise = self.body("end")[0] if end == "else:" else ()
+        otherwise: tuple[Statement, ...] = ()
+        if end == "else:":
+            otherwise, _ = yield from self.body("end")
         self.known &= in_then
         return Choice(asked, then, otherwise, line)
 
@@ -296,6 +317,19 @@ class _Reader:
                     raise ScriptError(line, f"compile error: {function} needs the argument {name}")
                 arguments[name] = Constant(default)
         return Call(function, arguments, line)
+
+
+def _code(content: str, line: int) -> str:
+    """Return what a line has before its comment, in the signs that are known."""
+    if len(content) > MAX_LINE:
+        raise ScriptError(line, f"syntax error at sign {MAX_LINE + 1}: a line may have {MAX_LINE}, got {len(content)}")
+    end = 0
+    while end < len(content) and content[end] != "#":
+        found = _TOKEN.match(content, end)
+        if found is None:
+            raise ScriptError(line, f"syntax error at {shown(content[end])}")
+        end = found.end()
+    return re.sub(r"\s+:$", ":", content[:end].strip())
 
 
 def is_number(value: object) -> bool:

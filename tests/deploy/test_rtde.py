@@ -402,7 +402,7 @@ def test_bad_packages_end_the_connection_and_nothing_else(robot):
 
 def test_truncated_packages_wait_and_harm_nobody(robot):
     with Client(robot) as client:
-        client.socket.sendall(struct.pack(">HB", 60000, Kind.SETUP_OUTPUTS) + b"abc")
+        client.socket.sendall(struct.pack(">HB", 2000, Kind.SETUP_OUTPUTS) + b"abc")
         assert alive(robot)
         client.socket.sendall(b"d")
     assert alive(robot)
@@ -541,6 +541,8 @@ class TestScriptPort:
         monkeypatch.setattr("kinreach.deploy._server.MAX_CHARACTERS", 100_000)
         with self.script(robot) as client, suppress(OSError):
             client.sendall(b"def f():\n" + b"  sleep(1)\n" * 20_000)
-            assert client.recv(10) == b""
+            while client.recv(4096):
+                pass
+        assert not robot._clients
         assert alive(robot)
         assert robot.controller.runtime_state == 1
