@@ -21,6 +21,7 @@ from kinreach._checks import Floats, check_count, check_path, listed
 from kinreach._files import read_bytes, write_text
 from kinreach.errors import InputError
 from kinreach.robots._calibration import (
+    PUBLISHED_CALIBRATIONS,
     Calibration,
     as_conf,
     as_driver_file,
@@ -33,7 +34,7 @@ from kinreach.robots._calibration import (
 )
 from kinreach.robots._description import ArmDescription
 from kinreach.robots._identification import IdentifiedArm, frames_of, turns_between
-from kinreach.robots._pairs import PosePairs, read_pairs
+from kinreach.robots._pairs import PosePairs, looks_like_rows, read_pairs
 from kinreach.robots._polyscope import is_program, read_program
 from kinreach.robots._registry import FILES, arm_named, get_arm
 from kinreach.robots._rotations import as_frame, pose, pose_vector
@@ -45,7 +46,7 @@ LINK = (3e-3, 5e-3)
 #: Those of a frame that is not known [m], [rad].
 UNKNOWN = (1.0, 3.0)
 #: Least noise that is believed [m], [rad]; most rows of a fit, and by how much their postures differ [rad].
-LEAST_NOISE, MAX_ROWS, APART = (1e-8, 1e-8), 400, 0.02
+LEAST_NOISE, MAX_ROWS, APART = (1e-11, 1e-11), 400, 0.02
 #: Fewest different postures.
 MIN_ROWS = 3
 #: Errors of the data sheet up to which rows are those of a model [m], [rad].
@@ -60,7 +61,6 @@ OUTLIER, MOST_DROPPED = 6.0, 0.4
 WORKSPACE = 400
 #: A calibration is used if the expected error is below this share of its correction, or below this [m].
 BETTER, GOOD = 0.5, 1e-5
-TOGETHER = "tool and flange are only known together: use the calibration with this tool"
 #: Dropped rows that a statement names.
 SHOWN = 8
 #: Turn of a joint below which rows say little of it [rad].
@@ -227,6 +227,24 @@ def calibrate(
     if isinstance(own, ArmDescription):
         return _fitted_arm(own, pairs)
     return _fitted_ur(own, pairs)
+
+
+def calibration_from(file: str | Path, model: str, *, repair: bool = False) -> Calibration:
+    """Read a UR's calibration from a file that has it, or fit it to one that has rows.
+
+    Raises:
+        InputError: As `read_calibration` and `calibrate`; or the rows do not determine it.
+    """
+    path = PUBLISHED_CALIBRATIONS.get(str(file)) or check_path("file", file)
+    content = read_bytes(path, "the calibration", most=2**28)
+    if is_program(content) or is_calibration(content) or not looks_like_rows(content):
+        return read_calibration(file, model, repair=repair)
+    found = calibrate(path, arm=model)
+    if found.calibration is None or found.fit is None:
+        raise InputError(f"{path.name} does not determine the calibration: {found.missing}")
+    expected = _millimetres(float(np.median(found.fit.expected)))
+    note = f"the calibration is fitted to {found.fit.rows} rows of {path.name}; {expected} mm are expected to be left"
+    return replace(found.calibration, file=path, note="; ".join([note, *found.notes]))
 
 
 def _own_arm(arm: str | Path | ArmDescription | None) -> str | ArmDescription | None:
@@ -400,7 +418,9 @@ def _fitted_ur(model: str | None, pairs: PosePairs) -> CalibratedArm:
     found = not best.rows.tool_known
     tcp = np.linalg.inv(nominal[-1]) @ fit.arm.placements[-1] if found else None if pairs.tcp is None else pairs.tcp[0]
     errors, missing = _judged(fit)
-    notes = (*pairs.notes, *[best.note] * bool(best.note), *[TOGETHER] * found)
+    notes = (*pairs.notes, *[best.note] * bool(best.note))
+    if found and tcp is not None:
+        notes += (f"the tool is fitted, too, and is only known together with the flange: use tool={_six(tcp)}",)
     if missing:
         return CalibratedArm(get_arm(twins[0]), twins, None, tcp, found, errors, missing, notes)
     calibration = calibration_of(np.array([*fit.arm.placements[:-1], nominal[-1]]), twins[0], Path(pairs.source))
@@ -615,7 +635,7 @@ def _identified(
 ) -> tuple[IdentifiedArm, tuple[float, float]]:
     """The most probable arm with the noise that the rows show; rows count less the farther they are off."""
     noise, weights, poses = (1e-4, 1e-4), np.ones(len(rows.q)), rows.seen.ndim == 3
-    for _ in range(12):
+    for _ in range(25):
         arm = IdentifiedArm(
             start, rows.q, rows.seen, prior=spread, noise=noise if poses else noise[0], weights=weights, steps=5
         )

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_ANGLE, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError
-from kinreach.robots._calibration import Calibration, calibrated_urdf, read_calibration
+from kinreach.robots._calibration import Calibration, calibrated_urdf
 from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots._tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
 from kinreach.robots._urdf import (
@@ -338,7 +338,8 @@ class ArmDescription:
         Args:
             file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, a program of PolyScope
                 (`.urp`), a calibrated URDF, or the name of a published calibration, a key of
-                `kinreach.robots.PUBLISHED_CALIBRATIONS`; or a calibration that was read or found before.
+                `kinreach.robots.PUBLISHED_CALIBRATIONS`; an export, a recording or a table, to which it is fitted as by
+                `kinreach.robots.calibrate`; or a calibration that was read or found before.
             model: Which UR it is, "ur3" to "ur30"; default is this arm's name.
             repair: Correct what an old exporter folded (`kinreach.robots.read_calibration`).
 
@@ -346,11 +347,10 @@ class ArmDescription:
             UnknownNameError: Unknown model.
             InputError: The file is none of these, is folded, or does not fit the model.
         """
-        calibration = (
-            file
-            if isinstance(file, Calibration)
-            else read_calibration(file, self.name if model is None else model, repair=repair)
-        )
+        from kinreach.robots._calibrate import calibration_from  # which describes the arms that it finds
+
+        name = self.name if model is None else model
+        calibration = file if isinstance(file, Calibration) else calibration_from(file, name, repair=repair)
         check_known(f"tip of arm {self.name!r}", "tool0", self.tips)
         urdf = calibrated_urdf(self.urdf, calibration, base=self.base, tip=self.tips["tool0"])
         return replace(

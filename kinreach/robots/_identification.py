@@ -94,7 +94,7 @@ class IdentifiedArm:
         if terms is not None:
             spread = np.concatenate([spread, terms.spread])
             self._free = np.concatenate([self._free, terms.spread > 0.0])
-        precision = np.diag(1.0 / spread[self._free] ** 2)
+        prior_rows = np.diag(1.0 / spread[self._free])
         position, turn = noise if isinstance(noise, tuple) else (noise, 0.0)
         lever = position / turn if turn else 0.0  # turns as lengths, so that all rows have one noise
         roots = None if weights is None else np.sqrt(weights)
@@ -111,15 +111,17 @@ class IdentifiedArm:
                 rows = np.tile(roots, 2) if lever else roots
                 J, missed = J * np.repeat(rows, 3)[:, None], missed * rows[:, None]
             offset_missed = missed.ravel() + J @ offsets
-            information = J.T @ J / position**2 + precision
-            offsets = np.asarray(np.linalg.solve(information, J.T @ offset_missed / position**2))
+            # by QR: the normal equations lose the directions that exact measurements hardly determine
+            Q, R = np.linalg.qr(np.concatenate([J / position, prior_rows]))
+            offsets = np.linalg.solve(R, Q[: J.shape[0]].T @ (offset_missed / position))
             errors = np.zeros(len(spread))
             errors[self._free] = offsets
             self.placements = moved_frames(placements, errors[:frames_end].reshape(-1, 6))
             self._factors = errors[frames_end:]
-        self.cost = float(offsets @ precision @ offsets)
-        self.covariance: Floats = np.asarray(np.linalg.inv(information))
-        self.determined = float(len(offsets) - np.sum(np.diag(self.covariance) * np.diag(precision)))
+        self.cost = float(np.sum((prior_rows @ offsets) ** 2))
+        inverse = np.linalg.inv(R)
+        self.covariance: Floats = np.asarray(inverse @ inverse.T)
+        self.determined = float(len(offsets) - np.sum((prior_rows @ inverse) ** 2))
 
     def positions(self, q: Floats) -> Floats:
         """Compute positions of the tip in postures (m, n) [m], shape (m, 3); for few faster than the chain."""

@@ -166,9 +166,21 @@ def read_pairs(file: Path, *, joints: Sequence[str] = ()) -> PosePairs:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{file.name} is no text: it must be a .urp, a .script or a table of numbers") from None
-    if re.search(r"^\s*def\s+\w+\s*\(|_p\s*=\s*p\[", text, re.MULTILINE):
+    if _SCRIPT.search(content):
         return _from_export(text, file.name)
     return _from_table(table_of(text, file.name), file.name, joints)
+
+
+#: What a program in URScript has, and a table not.
+_SCRIPT = re.compile(rb"^\s*def\s+\w+\s*\(|_p\s*=\s*p\[", re.MULTILINE)
+
+
+def looks_like_rows(content: bytes) -> bool:
+    """Whether a file's content is an exported program, or has a line of six numbers or more."""
+    numbers = rb"[-+\d.eE,\"]+"
+    return bool(
+        _SCRIPT.search(content) or re.search(rb"^" + numbers + rb"(?:[;,\t ]+" + numbers + rb"){5}", content, re.M)
+    )
 
 
 def _from_export(text: str, name: str) -> PosePairs:

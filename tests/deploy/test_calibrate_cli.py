@@ -124,6 +124,18 @@ def test_bad_input_is_one_line(capsys, arguments, said):
     assert error.count("\n") == 1
 
 
+def test_a_recording_is_a_calibration_everywhere(recording):
+    arm = get_arm("ur5e").calibrated(recording)
+    assert "fitted to 20 rows of robot_data.csv" in arm.notes[0]
+    assert off(recording) < 2e-6
+    with pytest.raises(InputError, match="not of a ur10"):
+        get_arm("ur10").calibrated(recording)
+    rows = recording.read_text().splitlines()
+    recording.write_text("\n".join(rows[:4]))
+    with pytest.raises(InputError, match="does not determine the calibration: "):
+        get_arm("ur5e").calibrated(recording)
+
+
 def test_a_calibration_is_converted(tmp_path, capsys):
     assert calibrate(CALIBRATION, "--out", tmp_path / "my.conf") == 0
     assert "read, nothing is fitted" in capsys.readouterr().out
