@@ -59,8 +59,9 @@ TELLING = 12.0
 OUTLIER, MOST_DROPPED = 6.0, 0.4
 #: Postures of the workspace on which the expected error is judged.
 WORKSPACE = 400
-#: A calibration is used if the expected error is below this share of its correction, or below this [m].
-BETTER, GOOD = 0.5, 1e-5
+#: A calibration is used if the expected error is below this share of its correction, or below this [m]. Corrections
+#: count up to what data sheets usually miss [m]: a fit that is not determined corrects by more.
+BETTER, GOOD, USUAL = 0.5, 1e-5, 2e-3
 #: Dropped rows that a statement names.
 SHOWN = 8
 #: Turn of a joint below which rows say little of it [rad].
@@ -732,7 +733,7 @@ def _judged(fit: _Fit) -> tuple[CalibrationFit, str]:
 
 def _missing(rows: _Rows, expected: float, correction: float) -> str:
     """Say what the rows do not determine; empty if the calibration is better than the data sheet."""
-    if expected < max(BETTER * correction, GOOD):
+    if expected < max(BETTER * min(correction, USUAL), GOOD):
         return ""
     still = [f"joint {joint + 1}" for joint, turn in enumerate(np.ptp(rows.q, axis=0)) if turn < STILL]
     if len(rows.q) < 6:
