@@ -15,15 +15,15 @@ from stable_baselines3 import PPO
 
 import kinreach  # noqa: F401  (registers the environments)
 from kinreach.compare import compare
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.vision import geometric_goal_view
 
-kin = UR5Kinematics(tip="tcp", base="world")
+kin = URKinematics("ur5-thesis", tip="tcp", base="world")
 rng, home = np.random.default_rng(1), kin.arm.home
 goals = kin.arm.workcell.goals.sample(rng, 5000)  # not those of the comparison
 postures = np.array([kin.axis_goal(goal, [0, 0, -1], seed=home).q for goal in goals])
 # the first six numbers of an observation
-tree = cKDTree(geometric_goal_view("ur5", goals))
+tree = cKDTree(geometric_goal_view("ur5-thesis", goals))
 
 
 def memory(observation: np.ndarray) -> np.ndarray:

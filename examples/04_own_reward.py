@@ -10,9 +10,9 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach  # noqa: F401  (registers the environments)
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 
-kin = UR5Kinematics(tip="tcp", base="world")
+kin = URKinematics("ur5-thesis", tip="tcp", base="world")
 home = np.array(kin.arm.home)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from kinreach.sim import ArmSimulation
 from kinreach.vision import RGBDCamera, SensorNoise, find_ball
 
-simulation = ArmSimulation("ur5")
+simulation = ArmSimulation("ur5-thesis")
 radius = simulation.arm.workcell.ball_radius
 noise, rng = SensorNoise(rgb_sigma=6.0, depth_sigma=0.002), np.random.default_rng(0)
 

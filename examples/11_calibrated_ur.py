@@ -26,8 +26,9 @@ print(
     (1000 * calibration.offsets).round(1),
 )
 
-nominal = URKinematics(model, tip="tcp", base="world")
-real = URKinematics.from_calibration(file, model=model, tip="tcp", base="world")
+tool = [0, 0, 0.2, 0, 0, 0]  # its centre point on the flange, as on the pendant
+nominal = URKinematics(model, tool=tool, base="world")
+real = URKinematics.from_calibration(file, model=model, tool=tool, base="world")
 q = np.random.default_rng(0).uniform(-np.pi, np.pi, (1000, 6))
 off = 1000 * np.linalg.norm(real.positions(q) - nominal.positions(q), axis=1)
 print(
@@ -36,9 +37,9 @@ print(
 )
 
 # the truth; a method may still believe in the data sheet
-arm = get_arm(model).calibrated(file)
+arm = get_arm(model).calibrated(file).with_tool(tool)
 checker, simulation = CollisionChecker(arm), ArmSimulation(arm)
-home, goal = np.array(arm.home), np.array([0.45, 0.1, -0.15])
+home, goal = np.array(arm.home), np.array([0.45, 0.1, 0.05])
 T = real.fk(real.axis_goal(goal, [0, 0, -1], home).q)
 solutions = real.all_solutions(T)
 print(

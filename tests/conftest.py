@@ -24,7 +24,7 @@ from hypothesis import settings
 
 from kinreach.envs._reach.task import TOOL_DOWN
 from kinreach.errors import InstallationError
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.sim import ArmSimulation, render
 from tests.machine import SessionFolder, no_graphics
 
@@ -94,7 +94,7 @@ def root() -> Path:
 def needs_gl() -> None:
     """Skip where nothing can be drawn, with the reason; fail instead where `KINREACH_REQUIRE_GL` is set, as in CI."""
     try:
-        render(ArmSimulation("ur5"), width=8, height=8)
+        render(ArmSimulation("ur5-thesis"), width=8, height=8)
     except InstallationError as error:
         if os.environ.get("KINREACH_REQUIRE_GL"):
             pytest.fail(f"KINREACH_REQUIRE_GL is set, and nothing can be drawn: {error}")
@@ -191,13 +191,13 @@ def closings(monkeypatch):
 
 @pytest.fixture
 def ur5():
-    return ArmSimulation("ur5")
+    return ArmSimulation("ur5-thesis")
 
 
 @pytest.fixture(scope="session")
 def tool_down():
     """Posture of the UR5 with the tcp at a point of the world [m], pointing down."""
-    kinematics = UR5Kinematics(tip="tcp", base="world")
+    kinematics = URKinematics("ur5-thesis", tip="tcp", base="world")
 
     def posture(position):
         result = kinematics.axis_goal(position, TOOL_DOWN, np.array(kinematics.arm.home))
@@ -210,7 +210,7 @@ def tool_down():
 @pytest.fixture(scope="session")
 def goals():
     """Goals of the UR5 [m]: the corners of the area first, then drawn ones."""
-    region = ArmSimulation("ur5").arm.workcell.goals
+    region = ArmSimulation("ur5-thesis").arm.workcell.goals
     corners = [(x, y, region.z[0]) for x in region.x for y in region.y]
     return np.array([*corners, *region.sample(np.random.default_rng(7), 60)])
 

@@ -37,7 +37,7 @@ FACES = ("kinreach.deploy", "kinreach.kinematics", "kinreach.robots", "kinreach.
 
 def samples():
     """Instances of every exported dataclass, and the kinematics that make some of them."""
-    ur5, cell = URKinematics("ur5"), get_arm("ur5").workcell
+    ur5, cell = URKinematics("ur5"), get_arm("ur5-thesis").workcell
     calibrated = URKinematics.from_calibration(PUBLISHED_CALIBRATIONS["ur5_a"], model="ur5")
     arm3, six, seven = Arm3Kinematics(), SixAxisKinematics("ur5"), SevenAxisKinematics("panda")
     motions = seven.self_motions(seven.fk(np.array(seven.arm.home)))
@@ -58,8 +58,8 @@ def samples():
         Recording(motion, motion, 2, ""), move := Move("movej", q, 0.5, 1.0), Program(q, q, (move,)),
         RobotState(0.5, q, q, q, q, q, 7, 1, 1, 1.0, None, 2),
         *(get_arm(name) for name in ("ur5", "arm3", "panda")),
-        get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"]),
-        cell, *cell.obstacles, cell.goals, *get_arm("ur5").cameras, get_arm("ur5").gripper,
+        get_arm("ur5-thesis").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"]),
+        cell, *cell.obstacles, cell.goals, *get_arm("ur5-thesis").cameras, get_arm("ur5-thesis").gripper,
         Tool.tube(np.array([0, 0, 0.1, 0, 0, 0]), 0.03, mass=1.0), Solid((0.1, 0.2, 0.3)),
         Obstacle("ball", (0.1,), (1.0,) * 6), QuadrantRegion((0.1, 0.7), (0.0, 0.7)),
         PosePairs("rows.csv", np.zeros((2, 6)), np.tile(np.eye(4), (2, 1, 1)), None, ("line 2", "line 3")),

@@ -26,7 +26,7 @@ import kinreach
 from kinreach._registration import BUTTON, MULTI, SINGLE
 from kinreach.baselines._policies import load_policy
 from kinreach.envs._reach.task import TOOL_DOWN
-from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics, URKinematics
+from kinreach.kinematics import Arm3Kinematics, CollisionChecker, URKinematics
 from kinreach.kinematics._goals import AxisGoal
 from kinreach.kinematics._solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
@@ -39,8 +39,8 @@ DIGITS = 9
 SEED = 20_24
 #: Arms that are described: not all there are, so that a new one changes no digest.
 ARMS = (
-    "arm3", "panda", "ur3", "ur3e", "ur5", "ur5e", "ur7e", "ur8long", "ur10", "ur10e", "ur12e", "ur15", "ur16e", "ur18",
-    "ur20", "ur30",
+    "arm3", "panda", "ur3", "ur3e", "ur3-thesis", "ur5", "ur5e", "ur5-thesis", "ur7e", "ur8long", "ur10", "ur10e",
+    "ur10-thesis", "ur12e", "ur15", "ur16e", "ur18", "ur20", "ur30",
 )  # fmt: skip
 #: Numbers of an arm's description, and of a MuJoCo model.
 DESCRIBED = (
@@ -60,7 +60,7 @@ EXACT, ROUNDED = "same bits", f"same to 1e-{DIGITS}"
 
 def forward() -> Iterator[Any]:
     """Poses of 1000 postures, and their Jacobians."""
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     for q in _postures(1000):
         yield kin.fk(q)
         yield kin.jacobian(q)
@@ -76,7 +76,7 @@ def descriptions() -> Iterator[Any]:
 
 def scenes() -> Iterator[Any]:
     """The models that MuJoCo gets: bodies, shapes, joints, actuators, cameras, lights, and how they look."""
-    for name, visual in (("ur5e", True), ("arm3", True), ("panda", False), ("ur5", False)):
+    for name, visual in (("ur5e", True), ("arm3", True), ("panda", False), ("ur5-thesis", False)):
         model = scene_model(get_arm(name), visual=visual)
         yield from (getattr(model, each) for each in sorted(dir(model)) if each.startswith(PARTS))
         yield [model.opt.timestep, model.opt.integrator, model.opt.cone, model.opt.impratio, *model.opt.gravity]
@@ -99,7 +99,7 @@ def family() -> Iterator[Any]:
 
 def closed_form() -> Iterator[Any]:
     """All postures of 500 poses, one by one and as a batch, with their branches."""
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     poses = kin.fk(_postures(500))
     for T in poses:
         found = kin.all_solutions(T)
@@ -112,7 +112,7 @@ def closed_form() -> Iterator[Any]:
 
 def nearest() -> Iterator[Any]:
     """The posture nearest to another one for each of 500 poses, some of them out of reach, and its branch."""
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     poses = kin.fk(_postures(500))
     poses[::10, :3, 3] += 1.0
     found = kin.nearest_batch(poses, np.roll(_postures(500), 1, axis=0))
@@ -135,7 +135,7 @@ def arm3() -> Iterator[Any]:
 
 def solvers() -> Iterator[Any]:
     """What the numeric solvers find for 40 goals above the table."""
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     home = np.array(kin.arm.home)
     for solver in (LevenbergMarquardtSolver(kin), PlacoSolver(kin), QPSolver(kin)):
         for position in _goals(40):
@@ -146,7 +146,7 @@ def solvers() -> Iterator[Any]:
 
 def collisions() -> Iterator[Any]:
     """Whether 1000 postures are free, and the thesis's error of them."""
-    checker = CollisionChecker("ur5")
+    checker = CollisionChecker("ur5-thesis")
     postures = _postures(1000)
     yield np.array([checker.free(q) for q in postures])
     yield posture_error(postures)
@@ -169,11 +169,11 @@ def button() -> Iterator[Any]:
 
 def moves() -> Iterator[Any]:
     """10 moves, one by one and as a batch."""
-    single, targets = ArmSimulation("ur5"), _postures(10)
+    single, targets = ArmSimulation("ur5-thesis"), _postures(10)
     for target in targets:
         single.reset()
         yield single.move(target).q
-    batch = BatchSimulation("ur5", len(targets))
+    batch = BatchSimulation("ur5-thesis", len(targets))
     yield [move.q for move in batch.move(np.arange(len(targets)), targets)]
 
 
@@ -265,7 +265,7 @@ def _postures(count: int) -> Any:
 
 
 def _goals(count: int) -> Any:
-    return UR5Kinematics().arm.workcell.goals.sample(np.random.default_rng(SEED), count)
+    return URKinematics("ur5-thesis").arm.workcell.goals.sample(np.random.default_rng(SEED), count)
 
 
 def _played(name: str, arms: int, steps: int, **options: Any) -> Iterator[Any]:

@@ -159,7 +159,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--only", metavar="NAME", help="target, self-motion, real-arm, episodes, results or film")
     parser.add_argument("--simple", action="store_true", help="fewer triangles and no shadows")
     arguments = parser.parse_args(argv)
-    server = Server(setup_of("ur5", simple=arguments.simple, environment=MULTI), port=8720)
+    server = Server(setup_of("ur5-thesis", simple=arguments.simple, environment=MULTI), port=8720)
 
     def wanted(name: str) -> bool:
         return arguments.only in (None, name)

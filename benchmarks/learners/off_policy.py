@@ -190,7 +190,7 @@ def scheduled_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[st
     arguments["exploration"] = Exploration(**arguments["exploration"])
     arguments["start"] = np.zeros(env.action_space.shape or ()).tolist()
     if recipe.networks.posture:
-        arm = get_arm("ur5")
+        arm = get_arm("ur5-thesis")
         half, middle = action_range(arm)
         arguments["start"] = ((np.asarray(arm.home) - middle) / half).tolist()
     return arguments

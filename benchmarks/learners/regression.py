@@ -38,8 +38,8 @@ def regression_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[s
     Raises:
         InputError: The task is not the UR5's single-step task, whose postures the closed form gives.
     """
-    arm = recipe.options.get("arm", "ur5")
-    if recipe.environment not in (SINGLE, SINGLE_KINEMATIC) or arm != "ur5":
+    arm = recipe.options.get("arm", "ur5-thesis")
+    if recipe.environment not in (SINGLE, SINGLE_KINEMATIC) or arm != "ur5-thesis":
         raise InputError(f"regression is on postures of the UR5 in {SINGLE}, not of {arm!r} in {recipe.environment}")
     arguments = actor_arguments(recipe, env, planned)
     del arguments["tries"]

@@ -13,7 +13,7 @@ import numpy as np
 from kinreach.kinematics import URKinematics
 
 Poses = np.ndarray
-FLANGE = URKinematics("ur5")
+FLANGE = URKinematics("ur5-thesis")
 
 
 def _postures(rng: np.random.Generator, count: int) -> np.ndarray:

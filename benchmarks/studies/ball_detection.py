@@ -29,7 +29,7 @@ from kinreach.vision._goal_view import CameraGoalView, geometric_goal_view, goal
 
 PROG = "python -m benchmarks.studies.ball_detection"
 
-CAMERAS = [camera.name for camera in get_arm("ur5").goal_cameras]
+CAMERAS = [camera.name for camera in get_arm("ur5-thesis").goal_cameras]
 RESOLUTIONS = ((1280, 720), (640, 360), (320, 180))
 NOISE = SensorNoise(rgb_sigma=6.0, depth_sigma=0.002)
 #: The goal as both cameras together say it: the mean of what they found.
@@ -51,17 +51,17 @@ class Measured:
 
 def goals_of(count: int, seed: int) -> np.ndarray:
     """Corners of the goal area, then balls drawn from it [m], shape (count, 3)."""
-    region = get_arm("ur5").workcell.goals
+    region = get_arm("ur5-thesis").workcell.goals
     corners = [(x, y, region.z[0]) for x in region.x for y in region.y]
     return np.array([*corners, *region.sample(np.random.default_rng(seed), count)])[:count]
 
 
 def measure(count: int, seed: int) -> Measured:
     """Show every ball to both cameras at every resolution, without noise and with it."""
-    simulation = ArmSimulation("ur5")
+    simulation = ArmSimulation("ur5-thesis")
     radius = simulation.arm.workcell.ball_radius
     goals = goals_of(count, seed)
-    truth = geometric_goal_view("ur5", goals).reshape(count, len(CAMERAS), 3)
+    truth = geometric_goal_view("ur5-thesis", goals).reshape(count, len(CAMERAS), 3)
     result = Measured()
     for width, height in RESOLUTIONS:
         shape = (count, len(CAMERAS), 3)
@@ -129,11 +129,11 @@ def draw(path: Path) -> None:
 
     from kinreach.plots._style import new_figure
 
-    simulation = ArmSimulation("ur5")
+    simulation = ArmSimulation("ur5-thesis")
     simulation.place_ball(PICTURE_GOAL)
-    with CameraGoalView("ur5") as view:
+    with CameraGoalView("ur5-thesis") as view:
         look = view.measure(simulation)
-    truth = geometric_goal_view("ur5", PICTURE_GOAL).reshape(-1, 3)
+    truth = geometric_goal_view("ur5-thesis", PICTURE_GOAL).reshape(-1, 3)
     note = f"the ball at {PICTURE_GOAL} m in the world; its true centre is known to the simulation"
     figure, axes = new_figure("Where each camera finds the ball", size=(9.0, 3.4), columns=2, note=note, bare=True)
     for ax, name, image, fix, true in zip(axes, CAMERAS, look.images, look.fixes, truth, strict=True):

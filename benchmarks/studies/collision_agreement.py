@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.studies.tables import head, line
 from kinreach.cli import Parser, finish
-from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.robots import get_arm
 from kinreach.sim._scene import build_scene
 from kinreach.sim._simulation import ArmSimulation
@@ -28,7 +28,7 @@ from kinreach.thesis import posture_error
 
 PROG = "python -m benchmarks.studies.collision_agreement"
 
-ARMS = ("ur3", "ur5", "ur10", "panda")
+ARMS = ("ur3-thesis", "ur5-thesis", "ur10-thesis", "panda")
 #: Halvings of the way from a free posture to one in collision.
 HALVINGS = 12
 NOISES = (0.02, 0.05, 0.1, 0.2)
@@ -36,7 +36,7 @@ NOISES = (0.02, 0.05, 0.1, 0.2)
 
 def near_solutions(rng: np.random.Generator, count: int) -> np.ndarray:
     """Tool-down postures at random goals, both natural branches in turn, any angle about the tool, shape (count, 6)."""
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     found: list[np.ndarray] = []
     while len(found) < count:
         T = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -123,7 +123,7 @@ def main(argv: list[str] | None = None) -> int:
             ("at the edge", np.concatenate(edges(judge, rng, args.edges // 2))),
         ):
             print(contact_row(arm, kind, q, judge), flush=True)
-    checker, simulation = CollisionChecker("ur5"), ArmSimulation("ur5")
+    checker, simulation = CollisionChecker("ur5-thesis"), ArmSimulation("ur5-thesis")
     columns = ("count", "impossible", "agreement", "free, blocked on the way", "impossible, attained")
     print(f"\n{head('moves from home', *columns)}")
     for name, q in classes(np.random.default_rng(args.seed), args.moves).items():

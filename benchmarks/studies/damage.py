@@ -98,7 +98,7 @@ def held(q: Floats, joint: int | None, angle: float) -> Floats:
 
 def damage(kind: str, rng: np.random.Generator) -> Damage:
     """An arm with a fault in a random joint."""
-    arm = get_arm("ur5")
+    arm = get_arm("ur5-thesis")
     joint = int(rng.integers(6))
     if kind == STUCK:
         at = arm.home[joint] + rng.uniform(-0.3, 0.3)

@@ -22,7 +22,7 @@ from kinreach._statistics import median
 from kinreach.baselines._evaluation import HELD_OUT, evaluate
 from kinreach.baselines._policies import load_policy
 from kinreach.cli import Parser, finish
-from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.sim._simulation import BatchSimulation
 from kinreach.thesis import REACHED_POSTURE_ERROR, posture_error, reach_reward
 
@@ -54,7 +54,7 @@ HEADINGS = (
 
 def answers(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Held-out goals [m], shape (count, 3), and a natural posture of the closed form for each [rad], (count, 6)."""
-    kin, collision = UR5Kinematics(tip="tcp", base="world"), CollisionChecker("ur5")
+    kin, collision = URKinematics("ur5-thesis", tip="tcp", base="world"), CollisionChecker("ur5-thesis")
     goals = kin.arm.workcell.draw_goals(np.random.default_rng(HELD_OUT), count)
 
     def natural(q: np.ndarray) -> bool:
@@ -67,7 +67,7 @@ def answers(count: int) -> tuple[np.ndarray, np.ndarray]:
 def row(name: str, goals: np.ndarray, postures: np.ndarray, step: float) -> str:
     """A row of the table, as Markdown, with a small step of so much [rad]."""
     flaws, everyone = ARMS[name], np.arange(len(goals))
-    arms = BatchSimulation("ur5", len(goals), imperfections=flaws)
+    arms = BatchSimulation("ur5-thesis", len(goals), imperfections=flaws)
     moves = arms.move(everyone, postures)
     off = np.linalg.norm(arms.tip_positions - goals, axis=1)
     stuck = np.array([not move.reached for move in moves])

@@ -20,7 +20,7 @@ from kinreach._checks import Floats, check_count
 from kinreach._registration import SINGLE
 from kinreach.baselines import load_policy
 from kinreach.cli import Parser, finish
-from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.sim import ArmSimulation
 from kinreach.thesis import REACHED_POSTURE_ERROR, posture_error
 
@@ -31,7 +31,11 @@ EXPLORING, LOW, IN_FRONT = 0.05, -0.08, 0.2
 
 def targets(count: int) -> dict[str, Floats]:
     """Possible postures to move to [rad], by what they are, each of shape (n, 6) with n at most `count`."""
-    kinematics, checker, rng = UR5Kinematics(tip="tcp", base="world"), CollisionChecker("ur5"), np.random.default_rng(0)
+    kinematics, checker, rng = (
+        URKinematics("ur5-thesis", tip="tcp", base="world"),
+        CollisionChecker("ur5-thesis"),
+        np.random.default_rng(0),
+    )
     natural = []
     for goal in kinematics.arm.workcell.draw_goals(rng, count):
         found = kinematics.axis_solutions(goal, (0.0, 0.0, -1.0), seed=np.array(kinematics.arm.home)).q
@@ -56,7 +60,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--moves", type=int, default=60, help="of each kind (default: %(default)s)")
     count = check_count("--moves", parser.parse_args(argv).moves)
-    simulation = ArmSimulation("ur5")
+    simulation = ArmSimulation("ur5-thesis")
     home = np.array(simulation.arm.home)
     print(head("to", "moves", "executed, shoulder last", "executed, all at once", "the same in both"))
     for name, postures in targets(count).items():

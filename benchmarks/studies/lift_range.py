@@ -88,7 +88,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--objects", type=int, default=1000, help="of each world (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=100, help="of the objects (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=1, help="that step the dynamics (default: %(default)s)")
-    parser.add_argument("--arm", default="ur5", help="default: %(default)s")
+    parser.add_argument("--arm", default="ur5-thesis", help="default: %(default)s")
     parser.add_argument("--worlds", nargs="+", default=list(WORLDS), choices=list(WORLDS), help="default: all")
     parser.add_argument("--figure", type=Path, help="where the shares beyond the range are drawn")
     arguments = parser.parse_args(argv)

@@ -40,7 +40,7 @@ NO_NOISE = SensorNoise()
 COLOURS = {"hybrid": "lime", "thesis": "deepskyblue"}
 PICTURE_SEED = 2
 AWAY = (0.0, 0.0, -50.0)
-ARM = get_arm("ur5")
+ARM = get_arm("ur5-thesis")
 CAMERAS = [camera.name for camera in ARM.goal_cameras]
 RADIUS = ARM.workcell.ball_radius
 #: Edge of a square as large as the ball's disk [m].

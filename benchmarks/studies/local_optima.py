@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.studies.tables import head, line
 from kinreach._checks import Floats, check_count
 from kinreach.cli import Parser, finish
-from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.thesis import distance_reward, reach_reward
 
 PROG = "python -m benchmarks.studies.local_optima"
@@ -34,8 +34,8 @@ class Climber:
 
     def __init__(self, *, posture: bool) -> None:
         self._kinematics, self._checker, self._posture = (
-            UR5Kinematics(tip="tcp", base="world"),
-            CollisionChecker("ur5"),
+            URKinematics("ur5-thesis", tip="tcp", base="world"),
+            CollisionChecker("ur5-thesis"),
             posture,
         )
 
@@ -83,8 +83,8 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     postures, balls = check_count("--postures", arguments.postures), check_count("--balls", arguments.balls)
     steps = check_count("--steps", arguments.steps)
-    arm = UR5Kinematics(tip="tcp", base="world").arm
-    checker = CollisionChecker("ur5")
+    arm = URKinematics("ur5-thesis", tip="tcp", base="world").arm
+    checker = CollisionChecker("ur5-thesis")
     rng = np.random.default_rng(0)
     drawn = rng.uniform(-math.pi, math.pi, (20 * postures, 6))
     random = drawn[~checker.impossible(drawn)][:postures]

@@ -45,7 +45,7 @@ from kinreach.compare._methods.interception import Interception
 from kinreach.compare._task import get_task
 from kinreach.envs._moving import AGE, DELAY, FRAMES, PATHS
 from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.plots._style import INK, new_figure
 from kinreach.robots import get_arm
 
@@ -158,7 +158,11 @@ def caused(policy: str, balls: int, seed: int) -> list[object]:
         median time [s], distance of tip and ball [mm], tilt of the tool [deg], and depth below the table's top of the
         fingers' lowest corner [mm].
     """
-    task, kinematics, cell = get_task("moving"), UR5Kinematics(tip="tcp", base="world"), get_arm("ur5").workcell
+    task, kinematics, cell = (
+        get_task("moving"),
+        URKinematics("ur5-thesis", tip="tcp", base="world"),
+        get_arm("ur5-thesis").workcell,
+    )
     with closing(make_batch(task.environment, balls, {**task.options, "speeds": TABLE_SPEEDS})) as env:
         trials = rollout_batch(env, load_policy(policy), seed=seed)
     hits = [trial for trial in trials if trial["impossible"]]

@@ -39,7 +39,7 @@ def kinematic(policy: LearnedPolicy, goals: Floats, directions: Floats) -> Map:
     """Places (n, 2) [m] and errors [mm], not a number where the posture is impossible."""
     options = {**needed_options(policy), "backend": "kinematic"}
     env: Any = gym.make_vec(SPACE, num_envs=len(goals), vectorization_mode="vector_entry_point", **options)
-    home = np.tile(get_arm("ur5").home, (len(goals), 1))
+    home = np.tile(get_arm("ur5-thesis").home, (len(goals), 1))
     trials = rollout_batch(env, policy, seed=0, options={"goal": goals, "direction": directions, "q": home})
     env.close()
     return goals[:, :2], errors_of(trials)
@@ -52,7 +52,7 @@ def errors_of(trials: Any) -> Floats:
 
 def over_the_table(policy: LearnedPolicy, height: float) -> Map:
     """The tool straight down, on a grid that is larger than the area of the goals."""
-    lowest = get_arm("ur5").workcell.goals.z[0]
+    lowest = get_arm("ur5-thesis").workcell.goals.z[0]
     xs, ys = np.meshgrid(np.linspace(0.2, 0.75, 23), np.linspace(-0.42, 0.42, 35), indexing="ij")
     goals = np.column_stack([xs.ravel(), ys.ravel(), np.full(xs.size, lowest + height)])
     return kinematic(policy, goals, np.tile([0.0, 0.0, -1.0], (len(goals), 1)))
@@ -61,7 +61,7 @@ def over_the_table(policy: LearnedPolicy, height: float) -> Map:
 def tilted(policy: LearnedPolicy, tilt: float) -> Map:
     """Goals in the middle of the volume, the tool off the vertical by so much [degrees], all around."""
     rng = np.random.default_rng(0)
-    goals = get_arm("ur5").workcell.draw_goals(rng, SCATTERED) + np.array([0.0, 0.0, 0.125])
+    goals = get_arm("ur5-thesis").workcell.draw_goals(rng, SCATTERED) + np.array([0.0, 0.0, 0.125])
     angle, around = math.radians(tilt), rng.uniform(0.0, 2.0 * math.pi, SCATTERED)
     across = math.sin(angle) * np.array([np.cos(around), np.sin(around)])
     return kinematic(policy, goals, np.column_stack([*across, np.full(SCATTERED, -math.cos(angle))]))
@@ -97,7 +97,7 @@ def main(argv: list[str] | None = None) -> int:
         print(
             f"{name}: {within:.1f} % within 10 mm, median {np.median(seen):.2f} mm, {np.isnan(errors).sum()} impossible"
         )
-    region: Any = get_arm("ur5").workcell.goals
+    region: Any = get_arm("ur5-thesis").workcell.goals
     figure = draw_error_maps(
         maps,
         title=f"{arguments.policy} inside and outside of where it was trained",

@@ -60,7 +60,7 @@ def drags(arm: str, calibration: Path | None, count: int) -> Floats:
 
 def tabs(count: int, *, every: int) -> list[tuple[int, float, int]]:
     """Memory [MB] and threads of this process after so many tabs, each opened, used in all its parts, and closed."""
-    server = Server(setup_of("ur5", calibration=str(CALIBRATION), simple=True), port=PORT)
+    server = Server(setup_of("ur5-thesis", calibration=str(CALIBRATION), simple=True), port=PORT)
     process, found = psutil.Process(), []
     try:
         for number in range(1, count + 1):
@@ -91,7 +91,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     print(head("arm", "drags", "median, ms", "p95, ms", "slowest, ms"))
     for name, calibration in (("UR5 by its data sheet", None), ("UR5 calibrated", CALIBRATION)):
-        seconds = 1e3 * drags("ur5", calibration, arguments.drags)
+        seconds = 1e3 * drags("ur5-thesis", calibration, arguments.drags)
         median, p95 = np.quantile(seconds, (0.5, 0.95))
         print(line(name, len(seconds), *(f"{value:.1f}" for value in (median, p95, seconds.max()))))
     print(f"\n{head('tabs opened, used and closed', 'memory, MB', 'threads')}")

@@ -239,7 +239,7 @@ def play(
 
 def goals(seed: int, count: int) -> np.ndarray:
     """Goals of the table area in the world [m], shape (count, 3)."""
-    return get_arm("ur5").workcell.draw_goals(np.random.default_rng(seed), count)
+    return get_arm("ur5-thesis").workcell.draw_goals(np.random.default_rng(seed), count)
 
 
 def measure(networks: Networks, count: int, environment: str) -> list[dict[str, float]]:

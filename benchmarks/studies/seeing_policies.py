@@ -40,7 +40,7 @@ HEADINGS = ("policy", "the goal is", "found by both cameras, %", "reached, % [95
 def sights(policy: LearnedPolicy) -> Sequence[str]:
     """In which of the `SIGHTS` a policy can act; none where no camera looks for a ball at rest."""
     reaches = policy.card.environment in (SINGLE, MULTI, SPACE)
-    if not reaches or not get_arm(trained_arm(policy).get("arm", "ur5")).goal_cameras:
+    if not reaches or not get_arm(trained_arm(policy).get("arm", "ur5-thesis")).goal_cameras:
         return []
     return [sight for sight in SIGHTS if (sight == PICTURES) == bool(policy.network.eyes)]
 

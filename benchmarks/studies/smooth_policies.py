@@ -141,7 +141,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--goals", type=int, default=50, help="of the comparison (default: %(default)s)")
     count = check_count("--goals", parser.parse_args(argv).goals)
-    kinematics = ArmKinematics.of("ur5", tip="tcp", base="world")
+    kinematics = ArmKinematics.of("ur5-thesis", tip="tcp", base="world")
     limits = MotionLimits.of(kinematics)
     print(head("policy", "command", "s, median", "speed", "acceleration", "jerk", "off its way, mm"))
     for name in (*POLICIES, "closed-form"):

@@ -32,7 +32,7 @@ from kinreach.baselines._recipes import Recipe
 from kinreach.baselines._training import train
 from kinreach.cli import Parser, finish
 from kinreach.envs._reach.task import MULTI_STEP
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.thesis import REACHED_DISTANCE
 from kinreach.thesis._reward import IMPOSSIBLE_REWARD, REACHED_REWARD
 
@@ -40,7 +40,7 @@ PROG = "python -m benchmarks.studies.thesis_multi_step"
 
 #: Held-out goals of each policy, and decimals of what is measured on them.
 GOALS, DIGITS = 1000, 3
-_KINEMATICS = UR5Kinematics(tip="tcp", base="world")
+_KINEMATICS = URKinematics("ur5-thesis", tip="tcp", base="world")
 #: The standard deviation begins with the thesis's degree and ends with a quarter of it, as that of `ppo-multi`; the
 #: learning rate stays the thesis's, which AdaptivePPO would otherwise adapt.
 _SCHEDULE = {

@@ -69,12 +69,12 @@ def area(side: float) -> ArmDescription:
 
 def higher(by: float) -> ArmDescription:
     """The arm with the ball higher [m]."""
-    (z, _) = get_arm("ur5").workcell.goals.z  # type: ignore[union-attr]
+    (z, _) = get_arm("ur5-thesis").workcell.goals.z  # type: ignore[union-attr]
     return _with_goals(f"ur5_{100 * by:g}_cm_up", z=(z + by, z + by))
 
 
 def _with_goals(name: str, **ranges: tuple[float, float]) -> ArmDescription:
-    arm = get_arm("ur5")
+    arm = get_arm("ur5-thesis")
     region: Any = arm.workcell.goals
     return replace(arm, name=name, workcell=replace(arm.workcell, goals=replace(region, **ranges)))
 
@@ -82,7 +82,7 @@ def _with_goals(name: str, **ranges: tuple[float, float]) -> ArmDescription:
 def pixels(stack: Stack) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """What makes columns and rows in focal lengths into pixels of the thesis's pictures."""
     shift, scale = np.zeros(13), np.ones(13)
-    for block, camera in enumerate(get_arm("ur5").goal_cameras):
+    for block, camera in enumerate(get_arm("ur5-thesis").goal_cameras):
         lens = Intrinsics.from_fovy(camera.fovy, WIDTH, HEIGHT)
         shift[3 * block : 3 * block + 2] = -lens.cx / lens.fx, -lens.cy / lens.fy
         scale[3 * block : 3 * block + 2] = 1.0 / lens.fx, 1.0 / lens.fy
@@ -101,7 +101,7 @@ WORLDS: Mapping[str, World] = {
     "goals in a square of 10 cm": World(arm=lambda: area(0.1)),
     "goals in a square of 2 cm": World(arm=lambda: area(0.02)),
     "ball 10 cm higher": World(arm=lambda: higher(0.1)),
-    "another start": World(arm=lambda: replace(get_arm("ur5"), name="ur5_other_start", home=OTHER_START)),
+    "another start": World(arm=lambda: replace(get_arm("ur5-thesis"), name="ur5_other_start", home=OTHER_START)),
     "goals as pixels and depths": World(options={"goal_in": "image"}, inputs=pixels),
     "inputs normalised": World(inputs=normalised),
     "one arm, 4096 steps": World(stack={"arms": 1, "n_steps": 4096}, tasks=("multi",)),
@@ -111,7 +111,7 @@ WORLDS: Mapping[str, World] = {
 def measured(task: str, name: str, steps: int | None) -> list[dict[str, float]]:
     """Train and try; a row for each seed: goals reached in training, held-out distance [mm] and goals reached [%]."""
     world, environment = WORLDS[name], TASKS[task]
-    arm = get_arm("ur5") if world.arm is None else world.arm()
+    arm = get_arm("ur5-thesis") if world.arm is None else world.arm()
     stack = replace(PLANS[task].stack, options={**world.options, "arm": arm}, **world.stack)
     stack = replace(stack, steps=steps or stack.steps)
     if world.inputs is not None:

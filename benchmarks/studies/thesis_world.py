@@ -60,7 +60,7 @@ COLUMNS = (
 
 def looked_at(places: np.ndarray) -> np.ndarray:
     """How the thesis's pipeline sees goals in the world [m], shape (k, 3): rendered, shape (k, 6)."""
-    observer = CameraObserver(get_arm("ur5"), ReachOptions(backend="kinematic", **SEEN))
+    observer = CameraObserver(get_arm("ur5-thesis"), ReachOptions(backend="kinematic", **SEEN))
     views = observer.measure(places, np.zeros(len(places), dtype=np.intp), [np.random.default_rng(0)]).views
     observer.close()
     return views

@@ -46,7 +46,7 @@ from kinreach.envs._lift.task import KIND_END, LiftTask
 from kinreach.envs._reach.space import SpaceTask
 from kinreach.envs._reach.task import CAMERA, ReachTask, action_range, layout_of
 from kinreach.errors import InputError
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 
 
 def normal_scores(rewards: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
@@ -201,7 +201,7 @@ def _features(recipe: Recipe) -> dict[str, Any]:
         scale: tuple[float, ...] = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
         frame = (*scale, *(CONTROL_LIMIT,) * JOINTS * options.controls)
         return {"mean": [0.0] * len(frame) * options.frames, "scale": frame * options.frames}
-    home = get_arm("ur5").home
+    home = get_arm(THESIS_ARM).home
     if kind == "sights":
         # a ball [m], the age of its sight [s], joint angles [rad] and speeds [rad/s]; of earlier sights the way to the
         # last [m], which is the longer the earlier they are
@@ -272,7 +272,7 @@ def _fixed(recipe: Recipe) -> slice:
 
 
 def _arm(recipe: Recipe) -> ArmDescription:
-    return get_arm(recipe.options.get("arm", "ur5"))
+    return get_arm(recipe.options.get("arm", THESIS_ARM))
 
 
 def _action_to(arm: ArmDescription, q: ArrayLike) -> list[float]:

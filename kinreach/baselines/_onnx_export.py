@@ -23,7 +23,7 @@ from kinreach.baselines._eyes import MIDDLE, Eye
 from kinreach.baselines._policies import SLACK, LearnedPolicy, trained_arm
 from kinreach.envs._reach.task import STEP_SIZE
 from kinreach.errors import InputError
-from kinreach.robots import get_arm
+from kinreach.robots import THESIS_ARM, get_arm
 
 #: Versions of ONNX's operators and of its file format, as ONNX Runtime has had them since 1.14.
 OPSET, IR_VERSION = 18, 8
@@ -72,7 +72,7 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
     graph = _Graph()
     helper, kinds = graph.onnx.helper, graph.onnx.TensorProto
     eyes, outputs = policy.network.eyes, len(policy.network.gain)
-    cameras = get_arm(trained_arm(policy).get("arm", "ur5")).goal_cameras
+    cameras = get_arm(trained_arm(policy).get("arm", THESIS_ARM)).goal_cameras
     pictures = sorted(f"{camera.name}_rgb" for camera in cameras)[: len(eyes)]
     seen = (_eye(graph, eye, name) for eye, name in zip(eyes, pictures, strict=True))
     output = _network(graph, policy, graph("Concat", *seen, axis=1) if eyes else INPUT)

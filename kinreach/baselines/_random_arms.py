@@ -25,7 +25,8 @@ from kinreach.envs._moving import check_actions
 from kinreach.envs._options import check_not_over, option_rows
 from kinreach.envs._real_arm import BUDGETS, MEDIAN_LENGTH, NEAR, NOISE
 from kinreach.envs._single import SingleEnv
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
+from kinreach.robots import THESIS_ARM
 from kinreach.robots._identification import Prior, frames_of, moved_frames, slopes
 
 #: Errors of frames as in `kinreach/RealArm-v0` (root mean square); those of the base stand for cameras, too.
@@ -44,8 +45,8 @@ _PARTS = (42, 3, 1, 1, 9, 3, 3 * MOVES)
 
 
 @cache
-def ur5() -> UR5Kinematics:
-    return UR5Kinematics(tip="tcp", base="world")
+def ur5() -> URKinematics:
+    return URKinematics(THESIS_ARM, tip="tcp", base="world")
 
 
 @cache

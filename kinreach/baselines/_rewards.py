@@ -14,6 +14,7 @@ from kinreach.baselines._expert import GRIPPER, table_top, tool_down_postures
 from kinreach.envs._lift.task import HEIGHT, NEAR
 from kinreach.envs._moving import ANGLES
 from kinreach.kinematics import Arm3Kinematics, URKinematics
+from kinreach.robots import THESIS_ARM
 
 Array = np.ndarray[Any, Any]
 
@@ -97,7 +98,7 @@ WHOLE_WAY = 6.0
 
 @cache
 def _ur5() -> URKinematics:
-    return URKinematics("ur5", tip="tcp", base="world")
+    return URKinematics(THESIS_ARM, tip="tcp", base="world")
 
 
 @cache

@@ -17,7 +17,7 @@ from kinreach.baselines._policies import paced
 from kinreach.baselines._rewards import TrainingReward, own
 from kinreach.envs._reach.task import UR5_LAYOUT, Layout, action_range
 from kinreach.errors import InputError, TrainingError
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 
 Array = np.ndarray[Any, Any]
 
@@ -145,7 +145,7 @@ class TriesVecEnv(SB3VecEnv):
         reward: TrainingReward,
         blur: float,
         layout: Layout = UR5_LAYOUT,
-        arm: str | ArmDescription = "ur5",
+        arm: str | ArmDescription = THESIS_ARM,
     ) -> None:
         super().__init__(env, reward=reward)
         self._tries, self._draw, self._steps, self._blur = tries, draw, steps, blur

@@ -18,6 +18,7 @@ from kinreach.compare._task import SOLVER, Method, Task, episode_seed
 from kinreach.envs._lift.task import HEIGHT, HOLD, MULTI
 from kinreach.kinematics._solvers import new_solver
 from kinreach.plots._style import name_label, new_figure
+from kinreach.robots import THESIS_ARM
 
 #: Stages at which a grasp can fail, in their order, and how tables and figures call them.
 _STAGES = {
@@ -77,7 +78,7 @@ LIFT_TASK = Task(
     name="lift",
     title="A UR5 grasps an object and lifts it",
     environment=LIFT,
-    arm="ur5",
+    arm=THESIS_ARM,
     arm_title="it grasps an object and lifts it",
     options={"attempts": 2},
     variants={"lift": LIFT},

@@ -21,6 +21,7 @@ from kinreach.envs import _moving as ball
 from kinreach.kinematics import ArmKinematics
 from kinreach.plots._maps import view_from_the_robot
 from kinreach.plots._style import INK, name_label, new_figure, text_colour
+from kinreach.robots import THESIS_ARM
 
 #: Title of the second table.
 TIME_TABLE = "Distances and times"
@@ -76,7 +77,7 @@ def draw_paths(trials: Sequence[Trial], results: Mapping[str, Any], replay: Repl
         f"Balls at {speed:g} m/s, and the tip", size=(2.5 * len(goals) + 0.6, 0.9 + 2.6 * len(methods)),
         rows=len(methods), columns=len(goals), note=note, grid="none",
     )  # fmt: skip
-    kinematics = ArmKinematics("ur5", tip="tcp", base="world")
+    kinematics = ArmKinematics(THESIS_ARM, tip="tcp", base="world")
     panels, everything = iter(axes), []
     for method in methods:
         for kind, goal in goals.items():

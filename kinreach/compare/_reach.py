@@ -31,6 +31,7 @@ from kinreach.compare._task import SEEDED, Draw, Method, Task, common_columns, p
 from kinreach.envs._button.task import PRESS_RADIUS
 from kinreach.errors import InputError
 from kinreach.kinematics._solvers import SOLVERS, Tolerance, new_solver
+from kinreach.robots import THESIS_ARM
 from kinreach.sim._controller import TOLERANCE
 from kinreach.thesis import REACHED_DISTANCE
 
@@ -159,7 +160,7 @@ UR5_TASK = Task(
     name="ur5",
     title="UR5: gripper on the ball, tool down, natural posture",
     environment=SINGLE,
-    arm="ur5",
+    arm=THESIS_ARM,
     variants={"single": SINGLE, "multi": MULTI},
     observations=("geometric", "camera"),
     resets=_resets,
@@ -211,7 +212,7 @@ SPACE_TASK = Task(
     name="space",
     title="Reaching in space: the tip on the ball, the tool along a direction, from anywhere near the start pose",
     environment=SPACE,
-    arm="ur5",
+    arm=THESIS_ARM,
     options={"tilt": 30.0, "start_spread": 0.3},
     variants={"space": SPACE},
     observations=("geometric", "camera"),

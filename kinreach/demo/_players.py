@@ -22,13 +22,11 @@ from kinreach.compare._task import POLICY, get_task, task_names
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._solvers import SOLVERS, new_solver
-from kinreach.robots import ArmDescription
+from kinreach.robots import THESIS_ARM, ArmDescription
 
 RANDOM = "random"
 #: Options of environments that the page lets the user choose.
 ARM, OBSERVATION, BACKEND = "arm", "observation", "backend"
-#: Arm of policies whose card names none.
-TRAINED_ARM = "ur5"
 #: Otherwise than in the comparison: an episode that can be watched to its end.
 SHORTER: Mapping[str, Mapping[str, Any]] = {REAL_ARM: {"balls": 4, "budgets": (0, 5, 20)}}
 
@@ -151,7 +149,7 @@ def trained_for(environment: str, arm: str | None = None, *, eyes: bool = False)
         name
         for name, policy in found.items()
         if policy.card.environment == environment
-        and arm in (None, trained_arm(policy).get("arm", TRAINED_ARM))
+        and arm in (None, trained_arm(policy).get("arm", THESIS_ARM))
         and bool(policy.network.eyes) == eyes
     ]
 

@@ -32,7 +32,7 @@ from kinreach.kinematics._solutions import SLACK
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots import ArmDescription
 from kinreach.robots._tools import FLANGE, TOOL_BODY
-from kinreach.robots._ur import JOINTS
+from kinreach.robots._ur import JOINTS, ur_model
 from kinreach.robots._urdf import origin_of, parse_urdf
 from kinreach.sim import ArmSimulation
 from kinreach.sim._controller import touches
@@ -67,7 +67,7 @@ _AFTER = {RuntimeState.PAUSING: RuntimeState.PAUSED, RuntimeState.RESUMING: Runt
 
 def rate_of(arm: ArmDescription) -> int:
     """Return the control cycles of a UR's controller per second."""
-    return 125 if arm.name.split("_")[0] in CB3 else 500
+    return 125 if ur_model(arm.name) in CB3 else 500
 
 
 def check_is_ur(arm: ArmDescription) -> None:

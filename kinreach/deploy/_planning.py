@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -89,7 +88,7 @@ def plan(
             else:
                 path = plan_path(checker, q, solutions, timeout=TIMEOUT)
                 between = _radii(kinematics, path, blend) if rounded else [0.0] * (len(path) - 2)
-                moves = _joint(path, speed * float(kinematics.velocity_limit.min()), [*between, radius])
+                moves = _joint(path, speed * kinematics.velocity_limit, [*between, radius])
                 end = path[-1]
         except PathError as error:
             raise PathError(f"{name}: {error}") from None
@@ -101,11 +100,22 @@ def plan(
     return legs
 
 
-def _joint(path: Floats, speed: float, radii: Sequence[float]) -> tuple[Move, ...]:
-    points = path[1:].round(ROUNDED)
-    moving = [not np.array_equal(one, other) for one, other in pairwise([path[0].round(ROUNDED), *points])]
-    rows = [row for row in zip(points, radii, moving, strict=True) if row[2]] or [(points[-1], 0.0, True)]
-    return tuple(Move("movej", tuple(point), speed, JOINT_ACCELERATION, radius) for point, radius, _ in rows)
+def _joint(path: Floats, speeds: Floats, radii: Sequence[float]) -> tuple[Move, ...]:
+    """Move along a path, each joint at most at its speed [rad/s]; a move has the speed of the joint that turns most."""
+    points = path.round(ROUNDED)
+    ways = np.abs(np.diff(points, axis=0))
+    rows = [row for row in zip(points[1:], radii, ways, strict=True) if row[2].any()] or [(points[-1], 0.0, ways[-1])]
+    return tuple(
+        Move("movej", tuple(point), _leading_speed(way, speeds), JOINT_ACCELERATION, radius)
+        for point, radius, way in rows
+    )
+
+
+def _leading_speed(way: Floats, speeds: Floats) -> float:
+    """Return the largest speed of the joint that turns most with which none exceeds its own [rad/s]."""
+    if not way.any():
+        return float(speeds.min())
+    return float((speeds[way > 0.0] * way.max() / way[way > 0.0]).min())
 
 
 def _radii(kinematics: ClosedFormKinematics, path: Floats, most: float) -> list[float]:

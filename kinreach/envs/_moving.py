@@ -26,7 +26,7 @@ from kinreach.envs._single import SingleEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.kinematics._collision import MARGIN
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 
 #: Frames of the cameras a second, and parts of a frame in which the motion is computed.
 FRAMES, PARTS = 30, 8
@@ -166,7 +166,7 @@ ALL_DRAWN = MovingStart()
 @cache
 def ur5_checker(margin: float) -> CollisionChecker:
     """Return the collision checker of the UR5 in its work cell, without the ball, with a margin [m]."""
-    return CollisionChecker("ur5", margin=margin)
+    return CollisionChecker(THESIS_ARM, margin=margin)
 
 
 class MovingEpisodes:
@@ -185,7 +185,7 @@ class MovingEpisodes:
 
     def __init__(self, options: MovingOptions, count: int) -> None:
         self.options = options
-        self.arm: ArmDescription = (arm := get_arm("ur5"))
+        self.arm: ArmDescription = (arm := get_arm(THESIS_ARM))
         self.chain = ArmKinematics(arm, tip="tcp", base="world").chain
         self.checker = ur5_checker(options.margin)
         self.home, self.speed_limit, self.acceleration_limit = (
@@ -340,7 +340,7 @@ def check_start(options: Mapping[str, Any] | None, count: int | None) -> MovingS
 def observation_space(options: MovingOptions) -> spaces.Box:
     """Return the space of one environment."""
     before = 3 * (options.sights - 1) * [4.0]
-    high = np.array([2.0, 2.0, 2.0, 2.0, *6 * [math.pi], *6 * [get_arm("ur5").speed_limit], *before])
+    high = np.array([2.0, 2.0, 2.0, 2.0, *6 * [math.pi], *6 * [get_arm(THESIS_ARM).speed_limit], *before])
     return spaces.Box(np.where(np.arange(len(high)) == AGE, 0.0, -high), high, dtype=np.float64)
 
 

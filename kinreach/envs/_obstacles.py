@@ -41,12 +41,11 @@ from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, CollisionChecker, URKinematics
 from kinreach.kinematics._collision import PATH_MARGIN
 from kinreach.kinematics._motion_check import MIN_MARGIN
-from kinreach.robots import ArmDescription, Box, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, Box, get_arm
 from kinreach.sim._picture import Scene
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
-ARM = "ur5"
 #: Numbers of obstacles, one of them an episode.
 CLUTTER, MAX_CLUTTER = (0, 4, 8, 16), 20
 #: Edges of an obstacle across [m], and where its centre is on the table [m].
@@ -96,19 +95,19 @@ def check_clutter(count: object) -> int:
 
 @cache
 def _kinematics() -> URKinematics:
-    return URKinematics(ARM, tip="tcp", base="world")
+    return URKinematics(THESIS_ARM, tip="tcp", base="world")
 
 
 @lru_cache(maxsize=4)
 def _arm_among(obstacles: tuple[Box, ...]) -> ArmDescription:
     """Return the UR5 with more obstacles on its table; cached, because scenes are cached by the arm."""
-    arm = get_arm(ARM)
+    arm = get_arm(THESIS_ARM)
     return replace(arm, workcell=replace(arm.workcell, obstacles=(*arm.workcell.obstacles, *obstacles)))
 
 
 @lru_cache(maxsize=32)
 def _checker_among(obstacles: tuple[Box, ...], margin: float) -> CollisionChecker:
-    around = (*get_arm(ARM).workcell.obstacles, *obstacles)
+    around = (*get_arm(THESIS_ARM).workcell.obstacles, *obstacles)
     return CollisionChecker(_kinematics(), obstacles=around, margin=margin)
 
 
@@ -200,7 +199,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
 
     def __init__(self, **options: Any) -> None:
         self.options = options_from(ObstaclesOptions, options)
-        arm = get_arm(ARM)
+        arm = get_arm(THESIS_ARM)
         self.kinematics = _kinematics()
         self.action_space = action_space(arm)
         self.observation_space: spaces.Box = observation_space(arm)
@@ -257,7 +256,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        half, middle = action_range(get_arm(ARM))
+        half, middle = action_range(get_arm(THESIS_ARM))
         return np.asarray(half * check_actions(action, None) + middle)
 
     def action_for(self, q: ArrayLike) -> Floats:
@@ -266,7 +265,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        half, middle = action_range(get_arm(ARM))
+        half, middle = action_range(get_arm(THESIS_ARM))
         return np.asarray((as_vector("q", q, len(half)) - middle) / half)
 
     def ik_goal(self, position: ArrayLike) -> AxisGoal:
@@ -275,7 +274,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return tool_goal(get_arm(ARM), position)  # type: ignore[return-value]
+        return tool_goal(get_arm(THESIS_ARM), position)  # type: ignore[return-value]
 
     def waypoints_to(self, q: Floats, target: Floats) -> list[Floats]:
         """Return the postures that a move passes [rad]: only the target."""
@@ -315,7 +314,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         return self._observe(), self._state()
 
     def _scene(self, count: int) -> tuple[tuple[Box, ...], Floats]:
-        rng, cell = self.np_random, get_arm(ARM).workcell
+        rng, cell = self.np_random, get_arm(THESIS_ARM).workcell
         table = next(box for box in cell.obstacles if box.name == "table")
         top = table.position[2] + table.size[2] / 2
         goal = cell.draw_goals(rng, 1)[0]
@@ -401,7 +400,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
 
     def _observe(self) -> Floats:
         observation = np.empty(UR5_LAYOUT.size)
-        observation[UR5_LAYOUT.goal] = goal_block(get_arm(ARM), self._goal[None])[0]
+        observation[UR5_LAYOUT.goal] = goal_block(get_arm(THESIS_ARM), self._goal[None])[0]
         observation[UR5_LAYOUT.q] = self._q
         observation[UR5_LAYOUT.gripper] = self._opening
         return observation

@@ -33,7 +33,7 @@ from kinreach.envs._options import about, check_not_over, check_seed, given_opti
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._chain import SerialChain
-from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
+from kinreach.robots import PUBLISHED_CALIBRATIONS, THESIS_ARM, ArmDescription, get_arm
 from kinreach.robots._identification import frames_of
 from kinreach.robots._rotations import turn
 from kinreach.sim._engine import mujoco
@@ -125,7 +125,7 @@ def true_arm(calibration: str | Path) -> ArmDescription:
 
 @lru_cache
 def _calibrated(file: Path, written: int) -> ArmDescription:
-    return get_arm("ur5").calibrated(file)
+    return get_arm(THESIS_ARM).calibrated(file)
 
 
 @lru_cache
@@ -217,11 +217,11 @@ def workplace(errors: str, calibration: str, rng: np.random.Generator) -> Workpl
     tool, base, shift, axis = _direction(rng), rng.choice((-1.0, 1.0)), _direction(rng), _direction(rng)
     cameras = np.eye(4)
     if CAMERAS in parts:
-        stand = np.array(next(m.position for m in get_arm("ur5").cameras if m.name == "front"))
+        stand = np.array(next(m.position for m in get_arm(THESIS_ARM).cameras if m.name == "front"))
         cameras[:3, :3] = turn(axis, CAMERAS_TURN)
         cameras[:3, 3] = stand - cameras[:3, :3] @ stand + CAMERAS_OFF * shift
     return Workplace(
-        true_arm(calibration) if LINKS in parts else get_arm("ur5"),
+        true_arm(calibration) if LINKS in parts else get_arm(THESIS_ARM),
         TOOL_OFF * tool if TOOL in parts else np.zeros(3),
         float(BASE_TURN * base) if BASE in parts else 0.0,
         cameras,
@@ -309,7 +309,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         shape = (given.balls, 1)
         self.observation_space = spaces.Box(np.tile(low, shape), np.tile(high, shape), dtype=np.float64)
         self.action_space = spaces.Box(-1.0, 1.0, (given.balls, 6))
-        self.believed: ArmDescription = get_arm("ur5")
+        self.believed: ArmDescription = get_arm(THESIS_ARM)
         self.noise = given.noise / MEDIAN_LENGTH
         self._place: Workplace | None = None
         self._scene: PosedScene | None = None
@@ -348,7 +348,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         drawn = {"errors": rng.choice(self.options.errors), "calibration": rng.choice(self.options.calibrations)}
         chosen = {name: str(value) for name, value in {**drawn, **given}.items()}
         self._place = workplace(**chosen, rng=rng)
-        self._balls = get_arm("ur5").workcell.draw_goals(rng, self.options.balls)
+        self._balls = get_arm(THESIS_ARM).workcell.draw_goals(rng, self.options.balls)
         self._seen = self._observed(self._balls)
         self._looks, self._level, self._moves, self._over = 0, 0, 0, False
         self._scene, self._at = None, np.array(self.believed.home)

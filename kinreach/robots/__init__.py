@@ -1,6 +1,7 @@
 """What an arm is: description, mount, tool centre point, home, limits, gripper; and the work cell around it.
 
 - `get_arm`, `arm_names`, `register_arm`: arms by name.
+- `THESIS_ARM`: the name of the thesis's arm, the default of its tasks.
 - `ArmDescription`: an arm of your own, also from its URDF file; `CameraMount`, `Workcell`, `Box`, `BoxRegion` and
   `QuadrantRegion` are its parts.
 - `Obstacle`: a solid or a mesh around the arm, for collision checks and paths.
@@ -22,6 +23,7 @@ from kinreach.robots._description import ArmDescription
 from kinreach.robots._obstacles import Obstacle
 from kinreach.robots._registry import arm_names, get_arm, register_arm
 from kinreach.robots._tools import Tool
+from kinreach.robots._ur_arms import THESIS_ARM
 from kinreach.robots._workcell import Box, BoxRegion, CameraMount, QuadrantRegion, Workcell
 
 if TYPE_CHECKING:
@@ -36,6 +38,7 @@ _MODULES = {
 
 __all__ = [
     "PUBLISHED_CALIBRATIONS",
+    "THESIS_ARM",
     "ArmDescription",
     "Box",
     "BoxRegion",

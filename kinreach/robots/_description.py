@@ -17,6 +17,7 @@ from kinreach.errors import InputError
 from kinreach.robots._calibration import Calibration, calibrated_urdf
 from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots._tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
+from kinreach.robots._ur import ur_model
 from kinreach.robots._urdf import (
     WORLD,
     UrdfArm,
@@ -274,7 +275,7 @@ class ArmDescription:
     def with_tool(self, tool: Tool | str | ArrayLike) -> ArmDescription:
         """Return the same arm with a tool on its flange, whose centre point becomes the tip `"tool"`.
 
-        It replaces a gripper, such as kinreach's own on UR3, UR5 and UR10.
+        It replaces a gripper, such as that of the thesis's arm.
 
         Args:
             tool: A `Tool`; or only its centre point, `[x, y, z, rx, ry, rz]` as on the pendant, or a 4x4 transform; or
@@ -340,7 +341,7 @@ class ArmDescription:
                 (`.urp`), a calibrated URDF, or the name of a published calibration, a key of
                 `kinreach.robots.PUBLISHED_CALIBRATIONS`; an export, a recording or a table, to which it is fitted as by
                 `kinreach.robots.calibrate`; or a calibration that was read or found before.
-            model: Which UR it is, "ur3" to "ur30"; default is this arm's name.
+            model: Which UR it is, "ur3" to "ur30"; default is the one that this arm's name begins with.
             repair: Correct what an old exporter folded (`kinreach.robots.read_calibration`).
 
         Raises:
@@ -349,7 +350,7 @@ class ArmDescription:
         """
         from kinreach.robots._calibrate import calibration_from  # which describes the arms that it finds
 
-        name = self.name if model is None else model
+        name = (ur_model(self.name) or self.name) if model is None else model
         calibration = file if isinstance(file, Calibration) else calibration_from(file, name, repair=repair)
         check_known(f"tip of arm {self.name!r}", "tool0", self.tips)
         urdf = calibrated_urdf(self.urdf, calibration, base=self.base, tip=self.tips["tool0"])

@@ -1,9 +1,13 @@
-"""Universal Robots arms: UR3, UR5 and UR10 with a parallel gripper in a work cell; the others with shapes of cylinders.
+"""Universal Robots arms: all models of the maker, and the thesis's arm of three sizes.
 
-Those three are the joint-limited ones of example-robot-data (all joints within ±pi). kinreach mounts them with a yaw of
-+90 degrees, so that the front is world +x (base_link -y), and adds the gripper of `grippers`, with `tcp` between the
-finger tips, 0.20 m along z from `tool0`. The other models have the same frames, made from their lengths, the cylinders
-of `_ur_shapes`, and ±2 pi as in the data sheets, the elbow ±pi.
+`ur3` to `ur30` are the maker's robots: lengths, limits and speeds are those of `_ur.UR_MODELS`, shapes the cylinders of
+`_ur_shapes`. UR3, UR5 and UR10 are drawn by the meshes of example-robot-data. These do not collide: of random postures
+the hulls of a UR5's collision meshes touch in 35 % where the meshes do not, and without the pairs that the thesis's arm
+leaves out they miss 12 %; its cylinders 3 % either way. Each stands on a table, with a yaw of +90 degrees, so that its
+front is world +x (base_link -y). The frame `tcp` is 0.20 m along z from the flange `tool0`.
+
+`ur3-thesis`, `ur5-thesis` and `ur10-thesis` stand in the thesis's work cell: the joint-limited robots of
+example-robot-data (all joints within ±pi) with its parallel gripper, whose fingers end at `tcp`, and its cameras.
 """
 
 from __future__ import annotations
@@ -16,25 +20,28 @@ from functools import partial
 from pathlib import Path
 
 from kinreach.errors import InstallationError
-from kinreach.robots._description import ArmDescription
+from kinreach.robots._description import ArmDescription, no_package
 from kinreach.robots._grippers import PARALLEL_GRIPPER, PARALLEL_GRIPPER_PAIRS, add_parallel_gripper
 from kinreach.robots._ur import JOINTS, MOUNT_YAW, UR_LENGTHS, nominal_urdf
-from kinreach.robots._urdf import prune, set_origin
+from kinreach.robots._urdf import named, prune, set_origin
 from kinreach.robots._workcell import Box, BoxRegion, CameraMount, Workcell
 
 FLOOR = -0.75
 PLATE = 0.02  # thickness of the plate under the arm [m]
 BALL_RADIUS = 0.025
 URDF_FILE = "example-robot-data/robots/ur_description/urdf/{}_joint_limited_robot.urdf"
+#: The arm of the thesis's tasks; the other two are the same in other sizes.
+THESIS_ARM = "ur5-thesis"
+THESIS = "-thesis"
 HOME = (-math.pi / 2, -math.pi / 2, math.pi / 2, -math.pi / 2, -math.pi / 2, 0.0)
 
 
 @dataclass(frozen=True)
 class _Cell:
-    """The work cell of an arm with meshes, and what its simulation needs. Lengths [m], in the world.
+    """The work cell of the thesis's arm, and what its simulation needs. Lengths [m], in the world.
 
     Attributes:
-        name: The model; `NAME_joint_limited_robot.urdf` is its file.
+        model: `MODEL_joint_limited_robot.urdf` is its file.
         table_top: Height of the table. If it is lower, the natural postures push wrist_1 across ±pi.
         table, table_x: Edges of the table top, and x of its centre.
         goals_x, goals_y: Ranges of the goals; both natural postures reach them with the tool down.
@@ -45,7 +52,7 @@ class _Cell:
         speed_limit: Of the joints [rad/s].
     """
 
-    name: str
+    model: str
     table_top: float
     table: tuple[float, float]
     table_x: float
@@ -63,19 +70,19 @@ class _Cell:
 
 _CELLS = (
     _Cell(
-        name="ur3", table_top=-0.12, table=(0.50, 0.90), table_x=0.41, goals_x=(0.26, 0.42), goals_y=(-0.20, 0.20),
+        model="ur3", table_top=-0.12, table=(0.50, 0.90), table_x=0.41, goals_x=(0.26, 0.42), goals_y=(-0.20, 0.20),
         plate=(0.24, 0.16), plate_x=-0.04, front_target=(0.34, 0.0, -0.14), wrist_target=(0.112, -0.041, 0.409),
         overview=(1.25, -0.95, 0.55), overview_target=(0.15, 0.0, 0.0),
         position_gains=(1200.0, 1200.0, 800.0, 300.0, 250.0, 200.0), speed_limit=2.16,
     ),
     _Cell(
-        name="ur5", table_top=-0.20, table=(0.70, 1.20), table_x=0.53, goals_x=(0.30, 0.65), goals_y=(-0.30, 0.30),
+        model="ur5", table_top=-0.20, table=(0.70, 1.20), table_x=0.53, goals_x=(0.30, 0.65), goals_y=(-0.30, 0.30),
         plate=(0.30, 0.18), plate_x=-0.06, front_target=(0.45, 0.0, -0.23), wrist_target=(0.109, 0.012, 0.607),
         overview=(1.75, -1.30, 0.70), overview_target=(0.25, 0.0, 0.0),
         position_gains=(4000.0, 4000.0, 2500.0, 800.0, 600.0, 400.0), speed_limit=math.pi,
     ),
     _Cell(
-        name="ur10", table_top=-0.18, table=(0.90, 1.50), table_x=0.72, goals_x=(0.42, 0.90), goals_y=(-0.40, 0.40),
+        model="ur10", table_top=-0.18, table=(0.90, 1.50), table_x=0.72, goals_x=(0.42, 0.90), goals_y=(-0.40, 0.40),
         plate=(0.36, 0.22), plate_x=-0.07, front_target=(0.62, 0.0, -0.23), wrist_target=(0.164, 0.028, 0.802),
         overview=(2.40, -1.80, 1.00), overview_target=(0.35, 0.0, 0.05),
         position_gains=(12000.0, 12000.0, 6000.0, 500.0, 400.0, 250.0), speed_limit=2.16,
@@ -96,11 +103,28 @@ def example_robot_data() -> str:
     )
 
 
-def _build_urdf(name: str) -> str:
-    robot = ET.parse(Path(example_robot_data()) / URDF_FILE.format(name)).getroot()
+def _from_example_robot_data(model: str) -> ET.Element:
+    return ET.parse(Path(example_robot_data()) / URDF_FILE.format(model)).getroot()
+
+
+def _thesis_urdf(model: str) -> str:
+    robot = _from_example_robot_data(model)
     prune(robot, tags=("gazebo", "transmission"), links=("ee_link", "base"))
     set_origin(robot, "world_joint", (0, 0, 0), (0, 0, MOUNT_YAW))
     add_parallel_gripper(robot, "tool0")
+    ET.indent(robot)
+    return ET.tostring(robot, encoding="unicode")
+
+
+def _drawn_urdf(model: str) -> str:
+    """Build the URDF of a model, drawn by the meshes of example-robot-data."""
+    robot = ET.fromstring(nominal_urdf(model))
+    for drawn in _from_example_robot_data(model).iterfind("link"):
+        link = named(robot, "link", drawn.get("name", ""))
+        if link is not None and (visuals := drawn.findall("visual")):
+            for own in link.findall("visual"):
+                link.remove(own)
+            link.extend(visuals)
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode")
 
@@ -162,11 +186,11 @@ def _cameras(cell: _Cell) -> tuple[CameraMount, ...]:
     )
 
 
-def _describe(cell: _Cell) -> ArmDescription:
+def _describe_thesis(cell: _Cell) -> ArmDescription:
     return ArmDescription(
-        name=cell.name,
-        title=f"{cell.name.upper()} with parallel gripper",
-        build_urdf=partial(_build_urdf, cell.name),
+        name=f"{cell.model}{THESIS}",
+        title=f"{cell.model.upper()} with parallel gripper",
+        build_urdf=partial(_thesis_urdf, cell.model),
         joints=JOINTS,
         home=HOME,
         base="base_link",
@@ -201,12 +225,14 @@ def _table(name: str) -> Workcell:
     )
 
 
-def _describe_nominal(name: str) -> ArmDescription:
-    """Describe a model without meshes: the bare arm on a table."""
+def _describe(name: str) -> ArmDescription:
+    """Describe a robot of the maker: the bare arm on a table."""
+    meshes = name in DRAWN
     return ArmDescription(
         name=name,
         title=name.upper(),
-        build_urdf=partial(nominal_urdf, name),
+        build_urdf=partial(_drawn_urdf if meshes else nominal_urdf, name),
+        package_root=example_robot_data if meshes else no_package,
         joints=JOINTS,
         home=HOME,
         base="base_link",
@@ -216,5 +242,6 @@ def _describe_nominal(name: str) -> ArmDescription:
     )
 
 
-_WITH_MESHES = {cell.name: _describe(cell) for cell in _CELLS}
-ARMS = tuple(_WITH_MESHES.get(name) or _describe_nominal(name) for name in UR_LENGTHS)
+#: Models whose meshes example-robot-data has.
+DRAWN = tuple(cell.model for cell in _CELLS)
+ARMS = (*map(_describe, UR_LENGTHS), *map(_describe_thesis, _CELLS))

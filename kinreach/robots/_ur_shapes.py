@@ -1,4 +1,4 @@
-"""Shapes and masses of the UR models that come without meshes: cylinders along the joints' axes and the tubes.
+"""Shapes and masses of the UR models: cylinders along the joints' axes and the tubes.
 
 A UR is made of joints of a few sizes and tubes between them. The numbers are read, to the millimetre, off the maker's
 visual meshes (Universal_Robots_ROS2_Description 2.4.5); masses are those of its data sheets. No
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi, radians
+from math import pi
 from typing import Any
 
 from kinreach.robots._urdf import Solid
@@ -33,8 +33,6 @@ class URShape:
         wrist_1, wrist_2: Along the own axis, ending at the middle of the next joint's housing; and along that.
         wrist_3: From the flange backwards: length and radius.
         masses: Of shoulder, upper arm, forearm and the three wrists.
-        speeds: Largest speed of each joint [rad/s].
-        torques: Largest torque of each joint [N m].
     """
 
     base: tuple[Span, Span]
@@ -46,11 +44,9 @@ class URShape:
     wrist_2: tuple[float, Span]
     wrist_3: tuple[float, float]
     masses: tuple[float, ...]
-    speeds: tuple[float, ...]
-    torques: tuple[float, ...]
 
     def scaled(self, factor: float) -> URShape:
-        """Return the shape in another size; masses scale with the volume, the motors stay."""
+        """Return the shape in another size; masses scale with the volume."""
 
         def times(value: Any, factor: float) -> Any:
             if isinstance(value, tuple):
@@ -58,13 +54,7 @@ class URShape:
             return round(value * factor, 4)
 
         sizes = {name: times(value, factor) for name, value in vars(self).items()}
-        kept = {"masses": times(self.masses, factor**3), "speeds": self.speeds, "torques": self.torques}
-        return URShape(**(sizes | kept))
-
-
-def _speeds(base: float, elbow: float, wrist: float) -> tuple[float, ...]:
-    """Speeds of the six joints [rad/s] from those of the base, the elbow and the wrists [degrees/s]."""
-    return tuple(round(radians(speed), 4) for speed in (base, base, elbow, wrist, wrist, wrist))
+        return URShape(**(sizes | {"masses": times(self.masses, factor**3)}))
 
 
 _UR3E = URShape(
@@ -77,8 +67,6 @@ _UR3E = URShape(
     wrist_2=(-0.035, (-0.047, 0.050, 0.032)),
     wrist_3=(0.042, 0.032),
     masses=(1.98, 3.4445, 1.437, 0.871, 0.805, 0.261),
-    speeds=_speeds(180, 180, 360),
-    torques=(56.0, 56.0, 28.0, 12.0, 12.0, 12.0),
 )
 _UR5E = URShape(
     base=((0.0, 0.05, 0.075), (0.05, 0.099, 0.062)),
@@ -90,8 +78,6 @@ _UR5E = URShape(
     wrist_2=(-0.046, (-0.057, 0.053, 0.039)),
     wrist_3=(0.046, 0.038),
     masses=(3.761, 8.058, 2.846, 1.37, 1.3, 0.365),
-    speeds=_speeds(180, 180, 180),
-    torques=(150.0, 150.0, 150.0, 28.0, 28.0, 28.0),
 )
 _UR10E = URShape(
     base=((0.0, 0.05, 0.095), (0.05, 0.099, 0.080)),
@@ -103,8 +89,6 @@ _UR10E = URShape(
     wrist_2=(-0.053, (-0.057, 0.068, 0.047)),
     wrist_3=(0.049, 0.045),
     masses=(7.369, 13.051, 3.989, 2.1, 1.98, 0.615),
-    speeds=_speeds(120, 180, 180),
-    torques=(330.0, 330.0, 150.0, 56.0, 56.0, 56.0),
 )
 _UR16E = URShape(**{**vars(_UR10E), "masses": (7.369, 10.45, 4.321, 2.18, 2.033, 0.907)})
 _UR20 = URShape(
@@ -117,8 +101,6 @@ _UR20 = URShape(
     wrist_2=(-0.075, (-0.054, 0.084, 0.050)),
     wrist_3=(0.070, 0.050),
     masses=(16.343, 29.632, 7.879, 3.054, 3.126, 0.926),
-    speeds=_speeds(120, 150, 210),
-    torques=(738.0, 738.0, 433.0, 107.0, 107.0, 107.0),
 )
 _UR30 = URShape(**{**vars(_UR20), "masses": (16.343, 28.542, 7.156, 3.054, 3.126, 0.926)})
 #: Of the sum of d4, d5 and d6 of a UR20 that those of a UR15 are.
@@ -134,8 +116,6 @@ _UR3 = URShape(
     wrist_2=(-0.046, (-0.048, 0.041, 0.032)),
     wrist_3=(0.041, 0.032),
     masses=(2.0, 3.42, 1.26, 0.8, 0.8, 0.35),
-    speeds=_UR3E.speeds,
-    torques=_UR3E.torques,
 )
 _UR5 = URShape(
     base=((0.0, 0.012, 0.075), (0.012, 0.024, 0.070)),
@@ -147,8 +127,6 @@ _UR5 = URShape(
     wrist_2=(-0.046, (-0.057, 0.047, 0.039)),
     wrist_3=(0.034, 0.038),
     masses=(3.7, 8.393, 2.33, 1.219, 1.219, 0.1879),
-    speeds=_UR5E.speeds,
-    torques=_UR5E.torques,
 )
 _UR10 = URShape(
     base=((0.0, 0.02, 0.095), (0.02, 0.038, 0.090)),
@@ -160,8 +138,6 @@ _UR10 = URShape(
     wrist_2=(-0.054, (-0.057, 0.062, 0.046)),
     wrist_3=(0.031, 0.045),
     masses=(7.1, 12.7, 4.27, 2.0, 2.0, 0.365),
-    speeds=_UR10E.speeds,
-    torques=_UR10E.torques,
 )
 
 #: Shapes by model; of others see `kinreach.robots._ur.shape_of`.

@@ -101,13 +101,13 @@ def set_origin(robot: ET.Element, joint: str, xyz: Sequence[float], rpy: Sequenc
     origin.set("rpy", numbers(rpy))
 
 
-def set_limits(robot: ET.Element, joint: str, lower: float, upper: float) -> None:
+def set_limits(robot: ET.Element, joint: str, lower: float, upper: float, **others: float) -> None:
+    """Set a joint's limits [rad, m], and others by their names in URDF: velocity and effort in SI units."""
     element = named(robot, "joint", joint)
     limit = None if element is None or element.get("type") not in _LIMITED else element.find("limit")
     if limit is None:
         raise InputError(f"the URDF has no joint {shown(joint)} of a kind that has limits")
-    limit.set("lower", repr(lower))
-    limit.set("upper", repr(upper))
+    limit.attrib.update({key: repr(value) for key, value in {"lower": lower, "upper": upper, **others}.items()})
 
 
 def add_link(

@@ -23,7 +23,7 @@ from kinreach._checks import (
     shown,
 )
 from kinreach.errors import InputError, raise_unknown
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 from kinreach.sim._controller import TOLERANCE, JointController, MoveResult, Touch, touches
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import OBJECTS
@@ -64,7 +64,7 @@ class ArmSimulation:
 
     def __init__(
         self,
-        arm: str | ArmDescription = "ur5",
+        arm: str | ArmDescription = THESIS_ARM,
         *,
         timestep: float = TIMESTEP,
         visual: bool = False,

@@ -9,7 +9,7 @@ from typing import Any
 
 from kinreach._checks import check_count
 from kinreach.cli import Parser
-from kinreach.robots import Tool, arm_names
+from kinreach.robots import THESIS_ARM, Tool, arm_names
 from kinreach.robots._flags import add_arm_flags, arm_options, arm_with, print_notes
 from kinreach.robots._registry import FILES
 from kinreach.view._results import read_results
@@ -84,7 +84,7 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument(
         "--arm",
-        default="ur5",
+        default=THESIS_ARM,
         metavar="NAME",
         help=f"one of: {', '.join(arm_names())}; a URDF file; or module:attribute (default: %(default)s)",
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Any
 
-from kinreach.robots._ur import UR_LENGTHS
+from kinreach.robots._ur import ur_model
 from kinreach.view import _html as html
 from kinreach.view._draw import Grid, Surroundings, overview
 from kinreach.view._episodes_panel import EpisodesPanel
@@ -26,7 +26,7 @@ WIDTH, HEIGHT = 1600, 1000
 
 def panels(setup: Setup) -> dict[str, type[Panel]]:
     kinds: dict[str, type[Panel]] = {TARGET: TargetPanel}
-    if (setup.nominal or setup.arm).name in UR_LENGTHS:
+    if ur_model((setup.nominal or setup.arm).name) is not None:
         kinds[REAL_ARM] = RealArmPanel
     kinds[EPISODES] = EpisodesPanel
     kinds[RESULTS] = ResultsPanel

@@ -30,7 +30,7 @@ from kinreach._checks import (
 )
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import build_model, link_frame, pin
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 from kinreach.sim._rendering import FrameRenderer
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.sim._visuals import camera_rotation
@@ -168,7 +168,7 @@ class CameraGoalView:
 
     def __init__(
         self,
-        arm: str | ArmDescription = "ur5",
+        arm: str | ArmDescription = THESIS_ARM,
         *,
         width: int = 640,
         height: int = 360,

@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Wedge
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.plots import FAINT, INK, PALETTE, new_figure
 from kinreach.robots import CameraMount
 from kinreach.thesis import pentagon_angles
@@ -65,7 +65,7 @@ class Pentagon:
     turn: float
 
 
-def pentagon_of(q: ArrayLike, *, ground: float, kinematics: UR5Kinematics | None = None) -> Pentagon:
+def pentagon_of(q: ArrayLike, *, ground: float, kinematics: URKinematics | None = None) -> Pentagon:
     """Compute the pentagon of a posture by forward kinematics.
 
     Args:
@@ -73,7 +73,7 @@ def pentagon_of(q: ArrayLike, *, ground: float, kinematics: UR5Kinematics | None
         ground: Height on which the pentagon stands [m].
         kinematics: Of the arm in the world frame; by default of the UR5's tcp.
     """
-    kin = kinematics or UR5Kinematics(tip="tcp", base="world")
+    kin = kinematics or URKinematics("ur5-thesis", tip="tcp", base="world")
     posture = np.asarray(q, dtype=float)
     T_world_tip = kin.fk(posture)
     pin.forwardKinematics(kin.model, kin.data, posture)

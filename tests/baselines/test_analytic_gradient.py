@@ -42,7 +42,7 @@ def observations(trainee):
 @pytest.mark.slow
 def test_what_is_made_small(trainee, observations):
     """By Pinocchio: distance and angle of postures that are high enough for the fingers; more where they are not."""
-    kin, task = ArmKinematics("ur5", tip="tcp", base="world"), SpaceTask.of(SMALL.options)
+    kin, task = ArmKinematics("ur5-thesis", tip="tcp", base="world"), SpaceTask.of(SMALL.options)
     objective = trainee.model.objective(observations)
     rng, checked = np.random.default_rng(0), {True: 0, False: 0}
     home = np.array(SMALL.settings["around"])
@@ -166,4 +166,4 @@ def test_what_the_simulation_knows_is_learned(name, tmp_path):
 
 def test_an_arm_without_a_table_may_go_as_low_as_it_likes():
     assert table_top(get_arm("arm3")) == -math.inf
-    assert table_top(get_arm("ur5")) == pytest.approx(-0.2)
+    assert table_top(get_arm("ur5-thesis")) == pytest.approx(-0.2)

@@ -13,7 +13,7 @@ from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._models import build
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import training_reward
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_a_policy_begins_at_the_start_pose_with_fingers_nearly_closed(name):
 
 def test_the_guiding_reward_grows_on_the_way_to_the_grasp():
     """Home, above, in the grasp, closed, held: in this order, for objects all over the table."""
-    reward, kinematics = training_reward("grasp-guided"), UR5Kinematics(tip="tcp", base="world")
+    reward, kinematics = training_reward("grasp-guided"), URKinematics("ur5-thesis", tip="tcp", base="world")
     env = gym.make_vec(LIFT, 20, vectorization_mode="vector_entry_point", steps="multi", shapes=("cube", "ball"))
     seen, _ = env.reset(seed=0)
     place, turn = seen[:, :3], seen[:, 3]

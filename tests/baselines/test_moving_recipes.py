@@ -9,10 +9,10 @@ pytest.importorskip("stable_baselines3")
 from kinreach.baselines._models import build
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import REWARDS
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 
 RECIPE = get_recipe("ppo-moving-clear")
-UR5 = UR5Kinematics(tip="tcp", base="world")
+UR5 = URKinematics("ur5-thesis", tip="tcp", base="world")
 #: A tip over the table, its gripper's lowest corner 12 mm further down, and 83 mm out across the fingers [m].
 PLACE, CORNER, ACROSS = (0.45, 0.1), 0.012, 0.083
 

@@ -169,7 +169,7 @@ def test_options_of_a_card_may_be_anything(tmp_path):
 
 
 @pytest.mark.parametrize("steps", ["single", "multi"])
-@pytest.mark.parametrize(("arm", "name"), [("panda", "panda-single"), ("ur5", "ranked-single")])
+@pytest.mark.parametrize(("arm", "name"), [("panda", "panda-single"), ("ur5-thesis", "ranked-single")])
 def test_a_posture_is_what_the_environment_makes_of_it(arm, name, steps):
     trained = load_policy(name)
     environment = {"single": SINGLE, "multi": MULTI}[steps]

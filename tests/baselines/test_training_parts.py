@@ -105,7 +105,7 @@ def test_training_rewards():
     np.testing.assert_allclose(REWARDS["dense"](rewards, info), expected)
 
 
-def around(beyond, arm="ur5"):
+def around(beyond, arm="ur5-thesis"):
     """Goals on the table area and around it."""
     region = get_arm(arm).workcell.goals.wider(beyond)
     return lambda rng, count: {"goal": region.sample(rng, count)}
@@ -129,7 +129,7 @@ def test_groups_share_goals_and_are_rewarded_for_where_they_end(name, steps):
     groups = first.reshape(8, 8, 13)
     np.testing.assert_array_equal(groups, np.repeat(groups[:, :1], 8, axis=1))
     assert len(np.unique(groups[:, 0, 0])) == 8
-    home = np.array(get_arm("ur5").home) / np.pi
+    home = np.array(get_arm("ur5-thesis").home) / np.pi
     after, rewards, dones, _ = env.step(np.tile(home, (64, 1)))
     assert dones.all()
     assert len(np.unique(rewards.round(4))) == 8
@@ -139,7 +139,7 @@ def test_groups_share_goals_and_are_rewarded_for_where_they_end(name, steps):
 
 @pytest.mark.parametrize(("name", "walk"), [("ranked-single", 1), ("ranked-multi", 16)])
 def test_goals_of_training_are_from_around_the_table_area_as_the_recipe_says(name, walk):
-    area, rng, drawn = get_arm("ur5").workcell.goals, np.random.default_rng(0), 0
+    area, rng, drawn = get_arm("ur5-thesis").workcell.goals, np.random.default_rng(0), 0
     assert (get_recipe(name).beyond, get_recipe(name).walk) == (0.02, walk)
     for beyond, steps in ((0.02, walk), (0.0, 1), (0.1, 3)):
         env = build(replace(get_recipe(name), num_envs=8, beyond=beyond, walk=steps), 0, steps=8).env
@@ -153,7 +153,7 @@ def test_goals_of_training_are_from_around_the_table_area_as_the_recipe_says(nam
     assert drawn == 12_000
 
 
-@pytest.mark.parametrize("arm", ["ur5", "panda"])
+@pytest.mark.parametrize("arm", ["ur5-thesis", "panda"])
 def test_walking_ends_where_one_step_ends(arm):
     rng = np.random.default_rng(0)
     half, middle = action_range(get_arm(arm))

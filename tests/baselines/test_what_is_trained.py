@@ -33,7 +33,7 @@ def models():
         if each.arguments.__module__ == algorithms.__name__ and not isinstance(each.model, str):
             yield said(each)
     for recipe in (*REACH_RECIPES, *BUTTON_RECIPES, *LIFT_RECIPES):
-        size = len(get_arm(recipe.options.get("arm", "ur5")).home) + (recipe.environment == LIFT)
+        size = len(get_arm(recipe.options.get("arm", "ur5-thesis")).home) + (recipe.environment == LIFT)
         env = SimpleNamespace(
             action_space=spaces.Discrete(54) if recipe.environment == BUTTON else spaces.Box(-1, 1, (size,)),
             get_attr=lambda name, index: [SimpleNamespace(episodes=f"episodes of {name} {index}")],
@@ -63,9 +63,9 @@ def steps():
     seen[:, 4] = rng.uniform(0.015, 0.035, count)
     seen[:, 6:9] = (0.45, 0.35, 0.3) + 0.5 * seen[:, 6:9]  # the button
     lifting, moving = seen.copy(), seen.copy()
-    lifting[:, 8:14] += get_arm("ur5").home
+    lifting[:, 8:14] += get_arm("ur5-thesis").home
     lifting[::3, 15:17] = 0.001
-    moving[:, 4:10] = get_arm("ur5").home + rng.uniform(-0.2, 0.2, (count, 6))
+    moving[:, 4:10] = get_arm("ur5-thesis").home + rng.uniform(-0.2, 0.2, (count, 6))
     info = {
         "distance": rng.uniform(0, 0.1, count), "posture_error": rng.uniform(0, 1, count), "reached_lately": 0.7,
         "impossible": rng.uniform(size=count) < 0.3, "held": rng.uniform(size=count) < 0.5,

@@ -85,7 +85,7 @@ def test_sac_begins_with_that_deviation_and_aims_at_its_entropy(name, monkeypatc
 def test_postures_begin_at_the_start_pose(name):
     """And what is bootstrapped from as well."""
     built = trainee(name)
-    home = np.array(get_arm("ur5").home) / np.pi
+    home = np.array(get_arm("ur5-thesis").home) / np.pi
     observations = built.env.reset()
     np.testing.assert_allclose(
         built.model.predict(observations, deterministic=True)[0], np.tile(home, (8, 1)), atol=0.01

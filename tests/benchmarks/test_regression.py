@@ -13,7 +13,7 @@ from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._models import build
 from kinreach.baselines._training import train
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
+from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
 from kinreach.robots import get_arm
 from kinreach.thesis import posture_error
 
@@ -22,7 +22,7 @@ CASES = 5000
 
 def test_postures_reach_and_change_smoothly():
     """By Pinocchio's forward kinematics; over all of what is drawn from in training, which is more than the table."""
-    arm, ur5 = get_arm("ur5"), UR5Kinematics(tip="tcp", base="world")
+    arm, ur5 = get_arm("ur5-thesis"), URKinematics("ur5-thesis", tip="tcp", base="world")
     rng = np.random.default_rng(0)
     goals = arm.workcell.goals.wider(ik_net.beyond).sample(rng, CASES)
     q = tool_down_postures(ur5, goals)
@@ -35,7 +35,7 @@ def test_postures_reach_and_change_smoothly():
     assert moved.max() < 0.05  # no jump from one branch to the other
     assert q.shape == (CASES, 6)
     on_table = arm.workcell.goals.sample(rng, CASES)
-    assert not CollisionChecker("ur5").impossible(tool_down_postures(ur5, on_table)).any()
+    assert not CollisionChecker("ur5-thesis").impossible(tool_down_postures(ur5, on_table)).any()
 
 
 def test_rewards_make_no_difference(tmp_path):

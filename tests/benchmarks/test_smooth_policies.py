@@ -10,9 +10,9 @@ from benchmarks.studies import smooth_policies as study
 from kinreach.compare._motion import peaks
 from kinreach.kinematics import MotionLimits
 
-LIMITS = MotionLimits.of("ur5")
+LIMITS = MotionLimits.of("ur5-thesis")
 #: Steps of at most 5 degrees, in other directions each.
-POSTURES = np.array(study.ArmKinematics("ur5").arm.home) + np.vstack(
+POSTURES = np.array(study.ArmKinematics("ur5-thesis").arm.home) + np.vstack(
     [np.zeros(6), np.random.default_rng(0).uniform(-np.radians(5), np.radians(5), (8, 6)).cumsum(axis=0)]
 )
 ALL = {**study.WAYS, "filtered": study.filtered(0.1)}
@@ -30,7 +30,7 @@ def test_a_command_goes_from_the_first_posture_to_the_last(name):
 
 
 def test_only_some_stay_on_the_way():
-    kinematics = study.ArmKinematics.of("ur5", tip="tcp", base="world")
+    kinematics = study.ArmKinematics.of("ur5-thesis", tip="tcp", base="world")
     off = {name: study.off_way(kinematics, command(POSTURES, LIMITS), POSTURES) for name, command in ALL.items()}
     for name in ("straight between decisions", "ruckig, stops at each posture"):
         assert off[name] < 1e-3

@@ -16,7 +16,7 @@ def test_areas_and_heights():
     goals = area(0.1).workcell.draw_goals(np.random.default_rng(0), 1000)
     assert np.ptp(goals, axis=0)[:2] == pytest.approx([0.1, 0.1], abs=0.002)
     assert goals.mean(axis=0)[:2] == pytest.approx([0.475, 0.0], abs=0.01)
-    own = get_arm("ur5").workcell.draw_goals(np.random.default_rng(0), 100)
+    own = get_arm("ur5-thesis").workcell.draw_goals(np.random.default_rng(0), 100)
     up = higher(0.1).workcell.draw_goals(np.random.default_rng(0), 100)
     np.testing.assert_allclose(up - own, np.tile([0, 0, 0.1], (100, 1)), atol=1e-12)
 
@@ -30,7 +30,7 @@ def test_pixels_are_where_a_camera_has_the_ball():
     )
     shift, scale = map(np.array, pixels(stack))
     seen, checked = (image - shift) / scale, 0
-    for block, camera in enumerate(get_arm("ur5").goal_cameras):
+    for block, camera in enumerate(get_arm("ur5-thesis").goal_cameras):
         columns = slice(3 * block, 3 * block + 3)
         uv = Intrinsics.from_fovy(camera.fovy, WIDTH, HEIGHT).project(metres[:, columns])
         inside = (np.abs(image[:, columns][:, :2]) < 2.0).all(axis=1)

@@ -60,7 +60,7 @@ def test_recipes_train_in_the_same_worlds():
 def test_trainings_differ_by_their_world(tmp_path, monkeypatch):
     plan = ppo2.PLANS["single"]
     monkeypatch.setattr(thesis_world, "PLANS", {"single": replace(plan, stack=replace(plan.stack, steps=512))})
-    views = geometric_goal_view("ur5", ppo2.goals(HELD_OUT, 20))
+    views = geometric_goal_view("ur5-thesis", ppo2.goals(HELD_OUT, 20))
     told, loose = (trained(tmp_path, "single", world, views) for world in ("told", "inexact joints"))
     assert [len(told), len(loose)] == [5, 5]
     for one, other in zip(told, loose, strict=True):

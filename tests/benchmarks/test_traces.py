@@ -9,13 +9,13 @@ import pytest
 from benchmarks.logs import trace
 from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, UR5Kinematics
+from kinreach.kinematics import ArmKinematics, URKinematics
 from kinreach.robots import get_arm
 
 
 @pytest.fixture(scope="module")
 def goals():
-    return get_arm("ur5").workcell.goals.sample(np.random.default_rng(3), 8)
+    return get_arm("ur5-thesis").workcell.goals.sample(np.random.default_rng(3), 8)
 
 
 @pytest.mark.parametrize("name", ["ranked-single", "ranked-multi", "ppo-multi"])
@@ -75,9 +75,9 @@ def test_the_trace_of_another_arm():
 
 def test_it_starts_at_home(goals):
     traced = trace(load_policy("ranked-single"), goals, options={"backend": "kinematic"})
-    home = np.array(get_arm("ur5").home)
+    home = np.array(get_arm("ur5-thesis").home)
     np.testing.assert_allclose(traced.q[0], np.tile(home, (len(goals), 1)), atol=1e-12)
-    tip = UR5Kinematics(tip="tcp", base="world").fk(home)[:3, 3]
+    tip = URKinematics("ur5-thesis", tip="tcp", base="world").fk(home)[:3, 3]
     np.testing.assert_allclose(traced.distance[0], np.linalg.norm(goals - tip, axis=1), atol=1e-9)
 
 

@@ -13,7 +13,7 @@ from kinreach.compare import compare, register_task
 from kinreach.compare._methods import resolve_methods
 from kinreach.compare._task import POLICY, SOLVER, Method, get_task
 from kinreach.errors import InputError
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 
 
 def act(observation):
@@ -206,7 +206,7 @@ class Arrays:
 
 class Elsewhere:
     def __init__(self):
-        self.kin = UR5Kinematics()
+        self.kin = URKinematics("ur5-thesis")
 
     def solve(self, goal, seed, *, accept=None):
         raise AssertionError("never asked")

@@ -21,7 +21,7 @@ from kinreach.compare._reach import goals_of
 from kinreach.compare._runner import WARM_UP_GOALS
 from kinreach.compare._task import get_task, resets_to
 from kinreach.errors import InputError
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.robots import BoxRegion, get_arm
 from kinreach.vision._goal_view import CameraGoalView
 
@@ -121,7 +121,7 @@ class Nowhere:
     """A solver that finds nothing."""
 
     def solve(self, goal, seed, *, accept=None):
-        kin = UR5Kinematics(tip="tcp", base="world")
+        kin = URKinematics("ur5-thesis", tip="tcp", base="world")
         return kin.nearest(FAR, seed)
 
 
@@ -149,7 +149,7 @@ class Low:
     """A solver that aims 20 mm below the goal: the finger tips are pressed into the table, near the goal."""
 
     def solve(self, goal, seed, *, accept=None):
-        kin = UR5Kinematics(tip="tcp", base="world")
+        kin = URKinematics("ur5-thesis", tip="tcp", base="world")
         return kin.axis_goal(goal.position - (0.0, 0.0, 0.02), goal.axis, seed)
 
 

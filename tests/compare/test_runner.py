@@ -147,7 +147,7 @@ def test_other_settings_do_not_go_on(toy, tmp_path):
 
 
 def test_another_arm_of_the_same_name_does_not_go_on(tmp_path):
-    arm, started = get_arm("ur5"), []
+    arm, started = get_arm("ur5-thesis"), []
     with pytest.raises(Interrupted):
         compare("ur5", ["closed-form"], arm=arm, goals=3, out=tmp_path, progress=interrupt_after(2))
     narrow = arm.with_limits({"wrist_3_joint": (-3.0, 3.0)})
@@ -163,7 +163,7 @@ def test_another_arm_of_the_same_name_does_not_go_on(tmp_path):
 
 def test_policies_are_for_the_arm_that_they_were_trained_on(monkeypatch):
     monkeypatch.setattr(runner._Environments, "policy", lambda environments, method: None)
-    ur5 = get_arm("ur5")
+    ur5 = get_arm("ur5-thesis")
     for arm, all_of_them in (("ur5", True), (ur5, True), (replace(ur5, name="mine"), False), ("ur3", False)):
         task = prepare(
             "ur5", (), goals=1, seed=0, arm=arm, observation=None, options={"backend": "kinematic"}, command=""
@@ -184,7 +184,7 @@ def test_times_of_a_cluster_are_not_said_to_be_of_this_machine(toy, tmp_path, mo
 
 
 def test_an_arm_has_another_version_whatever_of_it_changes():
-    arm = get_arm("ur5")
+    arm = get_arm("ur5-thesis")
     changes = {
         "home": (*arm.home[:5], 0.1), "meshes": "triangles", "title": "another", "gripper": None,
         "joints": arm.joints[::-1],

@@ -104,7 +104,7 @@ def test_what_the_cameras_found_is_circled():
 
 def test_a_caption_follows_the_ball_the_object_or_the_goal():
     """What is right of and above the goal as the camera sees it; an object counts before a goal without a ball."""
-    model = scene_model(get_arm("ur5"))
+    model = scene_model(get_arm("ur5-thesis"))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     data.mocap_pos[model.body("ball").mocapid[0]] = (0.5, 0.1, 0.0)

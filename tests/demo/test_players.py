@@ -25,11 +25,11 @@ def test_all_that_is_registered_can_be_played():
 
 def test_all_methods_of_comparisons_are_offered():
     """By their own names, or by those of the policies that they are."""
-    offered, ur5 = 0, get_arm("ur5")
+    offered, ur5 = 0, get_arm("ur5-thesis")
     for name in task_names():
         task = get_task(name)
         for key, method in task.methods.items():
-            if task.arm in ("", "ur5"):
+            if task.arm in ("", "ur5-thesis"):
                 players = playable(method.environment or task.environment).players(ur5)
                 shipped = [version.removeprefix("policy ") for version in method.versions]
                 assert {key, *shipped} & set(players), (name, key, players)
@@ -44,11 +44,11 @@ KINEMATIC = slow(*(name for name in playable_names() if "Kinematic" in name))
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*(name for name in playable_names() if "Kinematic" not in name), *KINEMATIC])
 def test_everybody_who_is_offered_plays(name):
-    players = playable(name).players(get_arm("ur5"))
+    players = playable(name).players(get_arm("ur5-thesis"))
     assert len(players) == len(set(players)) >= 3
     assert players[-1] == "random"
     for player in players:
-        episode = Recording(name, player, get_arm("ur5"), seed=2, options=SHORT.get(name, {})).play(simple=True)
+        episode = Recording(name, player, get_arm("ur5-thesis"), seed=2, options=SHORT.get(name, {})).play(simple=True)
         assert len(episode.frames) >= 2, player
         assert episode.verdict.startswith(("Reached", "Not reached")), player
         assert len(episode.steps) == episode.trial["steps"], player
@@ -66,7 +66,7 @@ def test_everybody_who_is_offered_for_another_arm_plays(arm):
 @pytest.mark.slow
 @pytest.mark.parametrize("observation", ["camera", "pixels"])
 def test_everybody_plays_by_pictures(observation, needs_gl):
-    known, ur5 = playable(SINGLE), get_arm("ur5")
+    known, ur5 = playable(SINGLE), get_arm("ur5-thesis")
     players = known.players(ur5, observation=observation)
     assert ("pixels-single" in players, "ranked-single" in players) == (
         observation == "pixels",

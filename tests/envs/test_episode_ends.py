@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.kinematics import Arm3Kinematics, UR5Kinematics
+from kinreach.kinematics import Arm3Kinematics, URKinematics
 
 MULTI, BUTTON = "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
 NATURAL = np.array([-1.8, -1.0, 1.9, -2.47, -np.pi / 2, 0.0])
@@ -28,7 +28,7 @@ def rows(value, count):
 def test_the_hundredth_step(last, backend, count):
     env = made(MULTI, count, backend=backend)
     turn = np.array([np.radians(4.0), 0, 0, 0, 0, 0])
-    goal = UR5Kinematics(tip="tcp", base="world").positions(NATURAL)
+    goal = URKinematics("ur5-thesis", tip="tcp", base="world").positions(NATURAL)
     env.reset(options={"q": rows(NATURAL - turn, count), "goal": rows(goal, count)})
     for _ in range(99):
         _, _, terminated, truncated, info = env.step(rows(np.zeros(6), count))

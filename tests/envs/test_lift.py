@@ -464,7 +464,7 @@ def test_the_scene_follows_grasps_that_are_only_judged():
 
 def test_a_ur_gets_the_gripper():
     arm = get_arm("ur5e").with_gripper()
-    assert (arm.gripper, arm.default_tip) == (get_arm("ur5").gripper, "tcp")
+    assert (arm.gripper, arm.default_tip) == (get_arm("ur5-thesis").gripper, "tcp")
     with pytest.raises(InputError, match="has a gripper already"):
         arm.with_gripper()
 
@@ -523,7 +523,7 @@ def test_the_margin_counts_what_is_nearer_as_a_collision():
     margin, moved = 0.02, 0
     envs = [make(backend="kinematic", margin=each).unwrapped for each in (MARGIN, margin)]
     batch = gym.make_vec(LIFT, 2, "vector_entry_point", backend="kinematic", margin=margin)
-    exact = CollisionChecker("ur5")
+    exact = CollisionChecker("ur5-thesis")
     for seed, height in product(range(4), (0.0, 0.02, 0.04)):
         place = [*envs[0].reset(seed=seed)[1]["goal"][:2], -0.175 + height]
         q = tool_down_postures(envs[0]._task.kinematics, np.array([place]))[0]

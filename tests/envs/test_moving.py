@@ -24,7 +24,7 @@ from kinreach.envs._moving import (
     travel_times,
 )
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.kinematics import CollisionChecker, URKinematics
 
 LOW, HIGH = np.array([0.32, -0.28]), np.array([0.63, 0.28])
 TIMES = np.arange(round(SECONDS * FRAMES) * PARTS + 1) / (FRAMES * PARTS)
@@ -108,7 +108,7 @@ def test_touching_ends_it():
         while not over:
             above = max(0.008, 0.1 - 0.1 * info["time"])  # comes down slowly: the fingers end 15 mm above the table
             place = info["goal"] + [0.0, 0.0, above]
-            q = tool_down_postures(UR5Kinematics(tip="tcp", base="world"), place[None])[0]
+            q = tool_down_postures(URKinematics("ur5-thesis", tip="tcp", base="world"), place[None])[0]
             _, reward, over, _, info = env.step(q / np.pi)
         touched += info["is_success"]
         assert info["is_success"] == (info["distance"] <= TOUCH)
@@ -121,7 +121,7 @@ def test_touching_ends_it():
 
 def test_a_touch_counts_only_without_a_collision_on_the_way():
     """The same moves with and without the rule: the same until the first collision, which ends the episode."""
-    checker, kinematics = CollisionChecker("ur5"), UR5Kinematics(tip="tcp", base="world")
+    checker, kinematics = CollisionChecker("ur5-thesis"), URKinematics("ur5-thesis", tip="tcp", base="world")
     free_touches = collisions = late_touches = 0
     for seed in range(16):
         ruled, lawless = make(), make(collisions=False)
@@ -273,7 +273,7 @@ def test_a_refused_reset_changes_nothing():
 
 def test_the_margin_counts_what_is_nearer_as_a_collision():
     """With the tip at a ball's height the fingers are 15 mm above the table."""
-    kinematics, reasons = UR5Kinematics(tip="tcp", base="world"), []
+    kinematics, reasons = URKinematics("ur5-thesis", tip="tcp", base="world"), []
     for margin in (0.01, 0.02):
         env = make(margin=margin)
         _, info = env.reset(seed=0, options={"speed": 0.05, "path": "circle"})
@@ -282,7 +282,7 @@ def test_the_margin_counts_what_is_nearer_as_a_collision():
         while not over:
             place = np.array([[x, y, z + max(0.0, 0.1 - 0.1 * info["time"])]])  # comes down slowly
             _, _, over, _, info = env.step(tool_down_postures(kinematics, place)[0] / np.pi)
-            assert CollisionChecker("ur5", margin=margin).in_collision(info["q"]) == info["impossible"]
+            assert CollisionChecker("ur5-thesis", margin=margin).in_collision(info["q"]) == info["impossible"]
         reasons.append(info["impossible_reason"])
     assert reasons[0] == ""
     assert reasons[1].endswith("- table")

@@ -28,7 +28,7 @@ def test_a_scene_is_as_described(env):
     obstacles = 0
     for seed in range(6):
         world, info = begun(env, seed, clutter=2 * seed)
-        exact = CollisionChecker("ur5", obstacles=world.arm.workcell.obstacles)
+        exact = CollisionChecker("ur5-thesis", obstacles=world.arm.workcell.obstacles)
         assert exact.distance(world.home).distance >= world.options.margin
         assert info["clutter"] == len(world.obstacles) == 2 * seed
         np.testing.assert_array_equal(
@@ -40,7 +40,7 @@ def test_a_scene_is_as_described(env):
             obstacles += 1
         goals = world.goal_postures()
         assert len(goals) >= 1
-        kin = URKinematics("ur5", tip="tcp", base="world")
+        kin = URKinematics("ur5-thesis", tip="tcp", base="world")
         for q in goals:
             T = kin.fk(q)
             np.testing.assert_allclose(T[:3, 3], info["goal"], atol=1e-7)
@@ -125,7 +125,7 @@ def test_the_verdict_is_the_checkers(env):
         world, _ = begun(env, seed)
         target = world.home + rng.uniform(-1.0, 1.0, 6)
         line = world.home + np.linspace(0, 1, 1500)[:, None] * (target - world.home)
-        exact = CollisionChecker("ur5", obstacles=world.arm.workcell.obstacles)
+        exact = CollisionChecker("ur5-thesis", obstacles=world.arm.workcell.obstacles)
         apart = min(exact.distance(q).distance for q in line[::25])
         _, _, terminated, _, info = env.step(world.action_for(target))
         if exact.impossible(line).any():

@@ -38,7 +38,7 @@ from kinreach.envs._real_arm import (
     workplace,
 )
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import ArmKinematics, UR5Kinematics
+from kinreach.kinematics import ArmKinematics, URKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 from kinreach.sim._scene import build_scene
 
@@ -55,7 +55,7 @@ def test_what_is_off(errors):
     seen = 0
     for robot in UR5S:
         links = errors in ("links", "all")
-        arm = get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS[robot]) if links else "ur5"
+        arm = get_arm("ur5-thesis").calibrated(PUBLISHED_CALIBRATIONS[robot]) if links else "ur5-thesis"
         kin = ArmKinematics(arm, tip="tcp", base="world")
         for seed in range(5):
             place = workplace(errors, robot, np.random.default_rng(seed))
@@ -84,7 +84,7 @@ def test_what_is_off(errors):
 
 def postures(count, seed=0):
     """Over the table, the tool down."""
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     balls = kin.arm.workcell.draw_goals(np.random.default_rng(seed), count)
     return kin, tool_down_postures(kin, balls), balls
 
@@ -191,7 +191,7 @@ def test_an_episode():
     observation, info = env.reset(seed=3)
     assert info["errors"] == "all"
     assert info["calibration"] in UR5S
-    kin, world = UR5Kinematics(tip="tcp", base="world"), env.unwrapped
+    kin, world = URKinematics("ur5-thesis", tip="tcp", base="world"), env.unwrapped
     moves = []
     for budget, again in ((0, 0), (0, 1), (5, 0), (5, 1)):
         assert (observation[:, BUDGET] == budget).all()

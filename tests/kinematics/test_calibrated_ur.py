@@ -167,7 +167,7 @@ def test_goals_seeds_limits_and_reasons():
     assert len(every) >= 4
     assert (np.abs(every.q[:, 5] - q[5]) < 1e-12).all()
     assert every.residual.max() < 1e-9
-    beyond = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=[*q[:5], q[5] + 4.0])
+    beyond = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=[*q[:5], q[5] + 7.0])
     assert len(beyond) >= 1
     np.testing.assert_allclose(beyond.q[:, 5], kin.upper[5], atol=1e-12)
     nearest = kin.nearest_batch(np.array([T, T]), np.array([q, q + 0.1]))

@@ -193,7 +193,7 @@ def test_what_a_calibration_changes(tmp_path, capsys):
     median, late, most = map(
         float, re.search(r"([\d.]+) mm off in the median, p95 ([\d.]+), most ([\d.]+);", text).groups()
     )
-    real, nominal = URKinematics.from_calibration(file, model="ur5", tip="tcp"), URKinematics("ur5", tip="tcp")
+    real, nominal = URKinematics.from_calibration(file, model="ur5"), URKinematics("ur5")
     q = np.random.default_rng(5).uniform(-np.pi, np.pi, (4000, 6))
     off = 1e3 * np.linalg.norm(real.positions(q) - nominal.positions(q), axis=1)
     np.testing.assert_allclose((median, late), np.quantile(off, (0.5, 0.95)), rtol=0.05)

@@ -16,7 +16,7 @@ from kinreach.kinematics._solvers.levenberg_marquardt import LevenbergMarquardtS
 from kinreach.robots import ArmDescription, Box, get_arm
 from kinreach.sim._scene import build_scene
 
-arms = pytest.mark.parametrize("name", ["ur5", "arm3"])
+arms = pytest.mark.parametrize("name", ["ur5-thesis", "arm3"])
 FOLDED = (0.0, -np.pi / 2, 3.0, -np.pi / 2, -np.pi / 2, 0.0)
 
 
@@ -27,10 +27,10 @@ def random_postures(name, count, seed=0):
 
 @pytest.fixture(scope="module")
 def ur5():
-    return CollisionChecker("ur5")
+    return CollisionChecker("ur5-thesis")
 
 
-@pytest.mark.parametrize("name", ["arm3", "ur10", "ur3", "ur5"])
+@pytest.mark.parametrize("name", ["arm3", "ur10-thesis", "ur3-thesis", "ur5-thesis"])
 def test_home_is_free(name):
     checker, home = CollisionChecker(name), get_arm(name).home
     assert not checker.in_collision(home)
@@ -51,7 +51,7 @@ def test_a_folded_arm_touches_itself(ur5):
 
 @pytest.mark.parametrize(("height", "touches"), [(0.05, False), (0.01, False), (-0.03, True), (-0.10, True)])
 def test_fingers_below_the_table_top_touch_the_table(ur5, height, touches):
-    kin = ArmKinematics("ur5", base="world")
+    kin = ArmKinematics("ur5-thesis", base="world")
     table = next(box for box in kin.arm.workcell.obstacles if box.name == "table")
     top = table.position[2] + table.size[2] / 2
     below = 0.210 - 0.200  # the fingers end 1 cm beyond the tool centre point
@@ -64,18 +64,20 @@ def test_fingers_below_the_table_top_touch_the_table(ur5, height, touches):
 
 
 def test_obstacles_can_be_others():
-    alone = CollisionChecker("ur5", obstacles=())
+    alone = CollisionChecker("ur5-thesis", obstacles=())
     assert not any("table" in pair or "floor" in pair for pair in alone.pairs)
-    tcp = ArmKinematics("ur5", base="world").fk(get_arm("ur5").home)[:3, 3]
+    tcp = ArmKinematics("ur5-thesis", base="world").fk(get_arm("ur5-thesis").home)[:3, 3]
     crate = Box("crate", (0.1, 0.3, 0.1), tuple(tcp))
-    walled = CollisionChecker(get_arm("ur5"), obstacles=[crate])
-    assert alone.free(get_arm("ur5").home)
-    assert walled.contacts(get_arm("ur5").home) == (("crate", "finger_left"), ("crate", "finger_right"))
+    walled = CollisionChecker(get_arm("ur5-thesis"), obstacles=[crate])
+    assert alone.free(get_arm("ur5-thesis").home)
+    assert walled.contacts(get_arm("ur5-thesis").home) == (("crate", "finger_left"), ("crate", "finger_right"))
 
 
 def test_an_obstacle_around_the_base_is_reported():
     block = Box("block", (0.4, 0.4, 0.1), (0.0, 0.0, 0.0))
-    assert ("base_link", "block") in CollisionChecker("ur5", obstacles=[block]).contacts(get_arm("ur5").home)
+    assert ("base_link", "block") in CollisionChecker("ur5-thesis", obstacles=[block]).contacts(
+        get_arm("ur5-thesis").home
+    )
 
 
 @arms
@@ -105,13 +107,13 @@ def test_all_three_answers_agree(name):
 
 
 def test_a_graze_that_loose_tolerances_miss(ur5):
-    q = random_postures("ur5", 3605)[3604]
+    q = random_postures("ur5-thesis", 3605)[3604]
     assert ur5.distance(q).pair == ("forearm_link", "gripper_palm")
     assert -0.002 < ur5.distance(q).distance < -0.001
     assert ur5.in_collision(q)
 
 
-@pytest.mark.parametrize("name", ["arm3", "panda", "ur10", "ur3", "ur5"])
+@pytest.mark.parametrize("name", ["arm3", "panda", "ur10-thesis", "ur3-thesis", "ur5-thesis"])
 def test_mujoco_finds_the_same_contacts(name):
     arm = get_arm(name)
     checker = CollisionChecker(arm, margin=0.0)
@@ -146,7 +148,7 @@ def test_margin_counts_what_is_nearer(name, margin):
 
 def test_the_gripper_is_as_wide_as_the_description_says(ur5):
     # At home a thin wall beside one finger is touched only if the finger is held at half the opening.
-    arm = get_arm("ur5")
+    arm = get_arm("ur5-thesis")
     kin = ArmKinematics(arm, base="world")
     T = kin.fk(arm.home)
     thickness = 0.012
@@ -181,15 +183,15 @@ def test_malformed_postures(ur5, method, q):
 @pytest.mark.parametrize("margin", [-0.01, float("nan"), float("inf")])
 def test_margins_that_cannot_be_used(margin):
     with pytest.raises(InputError, match="margin"):
-        CollisionChecker("ur5", margin=margin)
+        CollisionChecker("ur5-thesis", margin=margin)
 
 
 def test_unknown_arm():
-    with pytest.raises(UnknownNameError, match="ur5"):
+    with pytest.raises(UnknownNameError, match="ur5-thesis"):
         CollisionChecker("ur6")
 
 
-@pytest.mark.parametrize("name", ["ur10", "ur3", "ur5"])
+@pytest.mark.parametrize("name", ["ur10-thesis", "ur3-thesis", "ur5-thesis"])
 def test_triangles_collide_only_where_hulls_do(name):
     hulls, triangles = CollisionChecker(name, obstacles=()), CollisionChecker(name, obstacles=(), meshes="triangles")
     q = random_postures(name, 4000, seed=5)
@@ -203,9 +205,9 @@ def test_triangles_collide_only_where_hulls_do(name):
 
 
 def test_answers_of_triangles_agree():
-    checker, wide = (CollisionChecker("ur5", meshes="triangles", margin=margin) for margin in (0.0, 0.02))
+    checker, wide = (CollisionChecker("ur5-thesis", meshes="triangles", margin=margin) for margin in (0.0, 0.02))
     near = 0
-    for q in random_postures("ur5", 100, seed=6):
+    for q in random_postures("ur5-thesis", 100, seed=6):
         distance, contacts = checker.distance(q).distance, checker.contacts(q)
         assert checker.in_collision(q) == bool(contacts) == (distance <= 0)
         assert wide.in_collision(q) == (distance < 0.02)
@@ -216,7 +218,7 @@ def test_answers_of_triangles_agree():
 
 
 def test_an_owner_s_arm_is_judged_by_its_triangles(tmp_path):
-    hulls = CollisionChecker("ur5", obstacles=())
+    hulls = CollisionChecker("ur5-thesis", obstacles=())
     ours, file = hulls.kinematics.arm, tmp_path / "own.urdf"
     file.write_text(ours.urdf.replace("package://", f"{ours.package_root()}/"))
     arm = ArmDescription.from_urdf(
@@ -228,11 +230,11 @@ def test_an_owner_s_arm_is_judged_by_its_triangles(tmp_path):
     assert arm.meshes == "triangles"
     assert arm.with_tool([0.0, 0.0, 0.1, 0.0, 0.0, 0.0]).meshes == "triangles"
     own, copy = CollisionChecker(arm), pickle.loads(pickle.dumps(CollisionChecker(arm, meshes="hulls")))
-    q = random_postures("ur5", 1500, seed=7)
-    wanted = CollisionChecker("ur5", obstacles=(), meshes="triangles").impossible(q)
+    q = random_postures("ur5-thesis", 1500, seed=7)
+    wanted = CollisionChecker("ur5-thesis", obstacles=(), meshes="triangles").impossible(q)
     np.testing.assert_array_equal(own.impossible(q), wanted)
     np.testing.assert_array_equal(copy.impossible(q), hulls.impossible(q))
     assert (hulls.impossible(q) != wanted).sum() > 20
     with pytest.raises(UnknownNameError, match="hulls"):
-        CollisionChecker("ur5", meshes="boxes")
-    assert {get_arm(name).meshes for name in ("ur3", "ur5", "ur10", "panda")} == {"hulls"}
+        CollisionChecker("ur5-thesis", meshes="boxes")
+    assert {get_arm(name).meshes for name in ("ur3-thesis", "ur5-thesis", "ur10-thesis", "panda")} == {"hulls"}

@@ -16,13 +16,13 @@ import kinreach  # noqa: F401 (registers the environments)
 from benchmarks.studies.collision_agreement import edges, near_solutions
 from kinreach._registration import MULTI, SINGLE
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
+from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
 from kinreach.kinematics._collision import Cause
 from kinreach.robots import ArmDescription, Box, Workcell, get_arm
 
-ARMS = ("ur3", "ur5", "ur10", "panda", "arm3")
+ARMS = ("ur3-thesis", "ur5-thesis", "ur10-thesis", "panda", "arm3")
 FOLDED = np.array([0.0, -np.pi / 2, 3.0, -np.pi / 2, -np.pi / 2, 0.0])
-HOME = np.array(get_arm("ur5").home)
+HOME = np.array(get_arm("ur5-thesis").home)
 
 
 @pytest.fixture(scope="module", params=ARMS)
@@ -32,12 +32,12 @@ def checker(request):
 
 @pytest.fixture(scope="module")
 def ur5():
-    return CollisionChecker("ur5")
+    return CollisionChecker("ur5-thesis")
 
 
 @pytest.fixture(scope="module")
 def kin():
-    return UR5Kinematics(tip="tcp", base="world")
+    return URKinematics("ur5-thesis", tip="tcp", base="world")
 
 
 def random_postures(kin, count, *, beyond=1.0, seed=10):
@@ -63,7 +63,7 @@ def test_the_verdict_on_one_and_on_many_is_the_same(checker):
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(checker)).causes(q), together)
 
 
-@pytest.mark.parametrize("arm", ["ur5", "panda"])
+@pytest.mark.parametrize("arm", ["ur5-thesis", "panda"])
 def test_environments_of_any_size_and_solvers_say_what_the_checker_says(arm):
     checker, kin = CollisionChecker(arm), ArmKinematics.of(arm)
     free, hit = edges(checker, np.random.default_rng(11), 15)
@@ -106,7 +106,7 @@ def lowered(kin, q, heights):
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_finger_tips_meet_the_table_exactly(ur5, kin, tilt):
-    table = next(box for box in get_arm("ur5").workcell.obstacles if box.name == "table")
+    table = next(box for box in get_arm("ur5-thesis").workcell.obstacles if box.name == "table")
     top = table.position[2] + table.size[2] / 2
     rng = np.random.default_rng(4)
     checked = 0
@@ -179,7 +179,7 @@ def test_malformed_postures(ur5, q):
 
 def test_the_margin_of_environments_is_the_checkers():
     margin, moved = 0.02, 0
-    wide = CollisionChecker("ur5", margin=margin)
+    wide = CollisionChecker("ur5-thesis", margin=margin)
     envs = [gym.make(SINGLE, backend="kinematic", margin=each).unwrapped for each in (0.0, margin)]
     batch = gym.make_vec(MULTI, num_envs=4, vectorization_mode="vector_entry_point", backend="kinematic", margin=margin)
     for q in edges(wide, np.random.default_rng(11), 40)[1]:
@@ -204,7 +204,7 @@ def test_a_margin_that_cannot_be(margin):
 def test_without_obstacles_nothing_collides_with_one(ur5):
     q = random_postures(ur5.kinematics, 200)
     assert Cause.OBSTACLE in ur5.causes(q)
-    assert Cause.OBSTACLE not in CollisionChecker(replace(get_arm("ur5"), workcell=Workcell())).causes(q)
+    assert Cause.OBSTACLE not in CollisionChecker(replace(get_arm("ur5-thesis"), workcell=Workcell())).causes(q)
 
 
 def wrist_arm(tmp_path, geometry):

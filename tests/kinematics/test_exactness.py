@@ -9,22 +9,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinreach.kinematics import ArmKinematics, PoseGoal, UR5Kinematics, URKinematics
+from kinreach.kinematics import ArmKinematics, PoseGoal, URKinematics
 from kinreach.kinematics._collision import Cause, CollisionChecker
 from kinreach.kinematics._solutions import Status, nearest_winding, nearest_windings
 from kinreach.kinematics._solvers import LevenbergMarquardtSolver, QPSolver
 from kinreach.kinematics._ur.geometry import Singularity
 from kinreach.robots import get_arm
 
-FLANGE = UR5Kinematics()
-TCP = UR5Kinematics(tip="tcp", base="world")
+FLANGE = URKinematics("ur5-thesis")
+TCP = URKinematics("ur5-thesis", tip="tcp", base="world")
 DOWN = (0.0, 0.0, -1.0)
 PLACE = (0.45, 0.1, -0.175)
 
 
 def narrow(name="narrow", **limits):
     """The UR5 with other limits of some joints."""
-    return replace(get_arm("ur5").with_limits({f"{joint}_joint": ends for joint, ends in limits.items()}), name=name)
+    return replace(
+        get_arm("ur5-thesis").with_limits({f"{joint}_joint": ends for joint, ends in limits.items()}), name=name
+    )
 
 
 # tool directions: wrist_3 is free, so limits and windings never cost a turn of it
@@ -257,7 +259,7 @@ def test_of_two_ends_of_a_turn_the_seeds_is_taken(joint, sign):
 @pytest.mark.parametrize("joint", range(6))
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_millionth_of_a_radian_outside_is_outside(joint, sign):
-    kin, checker = ArmKinematics("ur5"), CollisionChecker("ur5")
+    kin, checker = ArmKinematics("ur5-thesis"), CollisionChecker("ur5-thesis")
     q = np.tile(kin.arm.home, (6, 1))
     q[:, joint] = sign * (kin.upper[joint] + np.array([-1e-6, 5e-10, 2e-9, 1e-8, 1e-7, 9e-7]))
     outside = [False, False, True, True, True, True]
@@ -273,7 +275,7 @@ def test_a_millionth_of_a_radian_outside_is_outside(joint, sign):
 def test_threads_may_share_kinematics(make):
 
     before = sys.getswitchinterval()
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     solver = make(kin)
     q = np.random.default_rng(0).uniform(-3, 3, (100, 6))
     home = np.array(kin.arm.home)

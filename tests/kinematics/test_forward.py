@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.ik_arms.random_arms import kinematics, motion
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics, URKinematics
 from kinreach.kinematics._goals import pose_error
 from kinreach.robots import get_arm
 from kinreach.robots._grippers import Gripper
@@ -93,10 +93,16 @@ def test_axes_that_are_almost_parallel_are_not_taken_for_parallel(tilt, tmp_path
     [
         ({"gripper": Gripper("jaw", "finger_right_joint", 0.1, 0.1, 9.0)}, "the URDF has no joint 'jaw'"),
         ({"gripper": None}, "URDF joints .*'finger_left_joint'.*, described .*from_urdf holds joints"),
-        ({"joints": get_arm("ur5").joints[::-1]}, "URDF joints .*, described .*'wrist_3_joint', 'wrist_2_joint'"),
+        (
+            {"joints": get_arm("ur5").joints[::-1]},
+            "URDF joints .*, described .*'wrist_3_joint', 'wrist_2_joint'",
+        ),
         ({"base": "stand"}, "the URDF has no link 'stand'"),
         ({"tips": {"tool0": "tool0", "tcp": "tcp", "pen": "pen_link"}}, "the URDF has no link 'pen_link'"),
-        ({"build_urdf": lambda: get_arm("ur5").urdf.replace("elbow_joint", "wrist_0_joint")}, "elbow_joint|wrist_0"),
+        (
+            {"build_urdf": lambda: get_arm("ur5").urdf.replace("elbow_joint", "wrist_0_joint")},
+            "elbow_joint|wrist_0",
+        ),
         (
             {"build_urdf": lambda: continuous("elbow_joint")},
             r"joint 'elbow_joint' \(JointModelRUB.\) is not a revolute",
@@ -105,12 +111,12 @@ def test_axes_that_are_almost_parallel_are_not_taken_for_parallel(tilt, tmp_path
 )
 def test_a_description_that_does_not_fit_its_urdf_is_named(facts, said):
     with pytest.raises(InputError, match=said):
-        ArmKinematics(replace(get_arm("ur5"), **facts), tip="tool0")
+        ArmKinematics(replace(get_arm("ur5-thesis"), **facts), tip="tool0")
 
 
 def continuous(joint):
     """The URDF of the UR5 with a joint that turns without end."""
-    return get_arm("ur5").urdf.replace(f'name="{joint}" type="revolute"', f'name="{joint}" type="continuous"')
+    return get_arm("ur5-thesis").urdf.replace(f'name="{joint}" type="revolute"', f'name="{joint}" type="continuous"')
 
 
 def test_front_of_the_ur5_is_world_x():
@@ -130,8 +136,8 @@ def test_tcp_is_20_cm_in_front_of_the_flange():
 def test_limits_are_named():
     kin = UR5Kinematics()
     assert kin.within_limits(kin.arm.home)
-    assert kin.joints_outside_limits([0, 0, 3.2, 0, -3.2, 0]) == ("elbow_joint", "wrist_2_joint")
-    np.testing.assert_allclose(kin.upper, np.pi, atol=1e-9)
+    assert kin.joints_outside_limits([0, 0, 3.2, 0, -6.4, 0]) == ("elbow_joint", "wrist_2_joint")
+    np.testing.assert_allclose(URKinematics("ur5-thesis").upper, np.pi, atol=1e-9)
     assert Arm3Kinematics().joints_outside_limits([0, 2.1, -2.1]) == ("link_2_joint", "link_3_joint")
 
 

@@ -62,7 +62,7 @@ class LeastSquares:
 
 
 def test_a_solver_of_ten_lines():
-    kin = ArmKinematics("ur5")
+    kin = ArmKinematics("ur5-thesis")
     solver, home, rng = LeastSquares(kin), np.array(kin.arm.home), np.random.default_rng(0)
     results = [solver.solve(PoseGoal(kin.fk(home + rng.uniform(-0.5, 0.5, 6))), home) for _ in range(20)]
     assert sum(result.success for result in results) >= 18
@@ -71,16 +71,16 @@ def test_a_solver_of_ten_lines():
 
 
 def test_solvers_by_their_names():
-    kin, plain = URKinematics("ur5"), ArmKinematics("ur5")
+    kin, plain = URKinematics("ur5-thesis"), ArmKinematics("ur5-thesis")
     for name in SOLVERS:
         assert new_solver(name, kin).name == name
         if name != "closed-form":
             assert new_solver(name, plain).kin is plain
-    with pytest.raises(InputError, match="the arm 'ur5' has no closed form; its solvers are placo, lm and qp"):
+    with pytest.raises(InputError, match="the arm 'ur5-thesis' has no closed form; its solvers are placo, lm and qp"):
         new_solver("closed-form", plain)
     with pytest.raises(InputError, match="unknown solver 'ik'; available: closed-form, lm, placo, qp"):
         new_solver("ik", kin)
-    for what in (plain, "ur5", None):
+    for what in (plain, "ur5-thesis", None):
         with pytest.raises(InputError, match="has no closed form; the solvers placo, lm and qp take any arm"):
             ClosedFormSolver(what)
         if what is not plain:
@@ -90,7 +90,7 @@ def test_solvers_by_their_names():
 
 
 def test_results_are_judged_anew():
-    kin = URKinematics("ur5")
+    kin = URKinematics("ur5-thesis")
     home = np.array(kin.arm.home)
     goal = PoseGoal(kin.fk(home))
     far = IKResult.of(kin, goal, home + 0.1)

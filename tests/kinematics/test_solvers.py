@@ -70,10 +70,10 @@ def reachable_goals(kin, kind, count, seed):
 @pytest.mark.parametrize(
     ("arm", "tip", "base", "kind"),
     [
-        ("ur5", "tool0", "base_link", PoseGoal),
-        ("ur5", "tcp", "world", PoseGoal),
-        ("ur5", "tcp", "base_link", AxisGoal),
-        ("ur5", "tcp", "world", PositionGoal),
+        ("ur5-thesis", "tool0", "base_link", PoseGoal),
+        ("ur5-thesis", "tcp", "world", PoseGoal),
+        ("ur5-thesis", "tcp", "base_link", AxisGoal),
+        ("ur5-thesis", "tcp", "world", PositionGoal),
         ("arm3", "end_effector", "base_link", PositionGoal),
         ("arm3", "end_effector", "world", AxisGoal),
         ("arm3", "end_effector", "base_link", PoseGoal),
@@ -93,7 +93,7 @@ def test_all_reachable_goals_are_reached_from_home(solver_class, arm, tip, base,
 
 @solvers
 def test_the_tool_comes_down_on_every_goal_of_the_thesis_without_a_restart(solver_class):
-    kin = ArmKinematics("ur5", base="world")
+    kin = ArmKinematics("ur5-thesis", base="world")
     solver = solver_class(kin)
     points = kin.arm.workcell.goals.sample(np.random.default_rng(2), COUNT)
     iterations = []
@@ -110,7 +110,7 @@ def test_the_tool_comes_down_on_every_goal_of_the_thesis_without_a_restart(solve
 @solvers
 def test_the_first_attempt_is_as_good_as_measured(solver_class):
     # 82 %, 92 % and 84 % of 1000; held at their limits, full-circle joints would bring placo down to 31 %.
-    kin = ArmKinematics("ur5", tip="tool0")
+    kin = ArmKinematics("ur5-thesis", tip="tool0")
     solver = solver_class(kin, max_restarts=0)
     results = [solver.solve(goal, kin.arm.home) for goal in reachable_goals(kin, PoseGoal, COUNT, seed=3)]
     assert len(results) == COUNT
@@ -120,7 +120,7 @@ def test_the_first_attempt_is_as_good_as_measured(solver_class):
 
 @solvers
 def test_goals_mean_the_same_in_both_base_frames(solver_class):
-    world, base_link = ArmKinematics("ur5", base="world"), ArmKinematics("ur5", base="base_link")
+    world, base_link = ArmKinematics("ur5-thesis", base="world"), ArmKinematics("ur5-thesis", base="base_link")
     q = np.random.default_rng(4).uniform(world.lower, world.upper, (20, 6))
     in_world, in_base_link = solver_class(world), solver_class(base_link)
     for T_world, T_base in zip(world.fk(q), base_link.fk(q), strict=True):
@@ -134,7 +134,7 @@ def test_goals_mean_the_same_in_both_base_frames(solver_class):
 
 @solvers
 def test_a_seed_beyond_the_limits_is_the_same_posture_within(solver_class):
-    kin = ArmKinematics("ur5")
+    kin = ArmKinematics("ur5-thesis")
     goal = AxisGoal(kin.fk(kin.arm.home)[:3, 3] + (0.0, -0.05, -0.1))
     turned = np.array(kin.arm.home) + 2 * np.pi * np.array([1, 0, -1, 2, 0, 0])
     at_home, from_turned = solver_class(kin).solve(goal, kin.arm.home), solver_class(kin).solve(goal, turned)
@@ -145,7 +145,7 @@ def test_a_seed_beyond_the_limits_is_the_same_posture_within(solver_class):
 @solvers
 def test_axis_goals_opposite_to_the_tool_are_left(solver_class):
     # The error of a tool that points exactly the wrong way has no direction; a solver must choose one.
-    kin = ArmKinematics("ur5", base="world")
+    kin = ArmKinematics("ur5-thesis", base="world")
     T = kin.fk(kin.arm.home)
     np.testing.assert_allclose(T[:3, 2], (0, 0, -1), atol=1e-9)
     goal = AxisGoal(T[:3, 3] + (0.0, 0.0, 0.3), -T[:3, 2])
@@ -154,7 +154,7 @@ def test_axis_goals_opposite_to_the_tool_are_left(solver_class):
 
 def test_placo_goes_on_where_its_program_gives_no_numbers(monkeypatch):
     """It happens rarely, and with goals far out of reach; here one step in seven does it."""
-    kin = ArmKinematics("ur5")
+    kin = ArmKinematics("ur5-thesis")
     solver = PlacoSolver(kin)
     steps = []
 

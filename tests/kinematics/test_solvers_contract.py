@@ -32,7 +32,7 @@ def make_goal(kind, T):
 
 @pytest.fixture(scope="module")
 def kin():
-    return ArmKinematics("ur5")
+    return ArmKinematics("ur5-thesis")
 
 
 @pytest.fixture(scope="module")
@@ -303,7 +303,7 @@ def test_tolerance_is_kept(kin, poses):
     assert all(r.success and r.position_error <= 1e-9 and r.orientation_error <= 1e-9 for r in results)
 
 
-@pytest.mark.parametrize("arm", ["ur5", "arm3"])
+@pytest.mark.parametrize("arm", ["ur5-thesis", "arm3"])
 @goal_kinds
 def test_jacobian_is_the_gradient_of_the_error(arm, kind):
     # For any goal, the derivative of |e|^2 / 2 along dq is -e . J dq.

@@ -144,7 +144,7 @@ def test_a_tool_of_any_arm_collides_and_has_a_mass():
 
 def test_the_thesis_s_gripper_on_another_arm():
     """It is where the UR10 has it, and collides as it does."""
-    arms = [get_arm("ur10"), get_arm("ur10").with_tool("gripper")]
+    arms = [get_arm("ur10-thesis"), get_arm("ur10-thesis").with_tool("gripper")]
     own, named = (ArmKinematics.of(arm, base="world") for arm in arms)
     q = np.random.default_rng(0).uniform(-3, 3, (500, 6))
     np.testing.assert_allclose(named.fk(q), own.fk(q), atol=1e-9)
@@ -158,12 +158,12 @@ def test_the_thesis_s_gripper_on_another_arm():
 
 
 def test_the_gripper_makes_room():
-    arm = get_arm("ur5").with_tool([0, 0, 0.1, 0, 0, 0])
+    arm = get_arm("ur5-thesis").with_tool([0, 0, 0.1, 0, 0, 0])
     assert ArmSimulation(arm).contacts() == ()  # without a body of the tool
     assert "gripper_palm" not in arm.urdf
     assert "tcp" not in arm.tips
     assert arm.default_tip == "tool"
-    assert "gripper_palm" in get_arm("ur5").urdf
+    assert "gripper_palm" in get_arm("ur5-thesis").urdf
 
 
 @pytest.mark.parametrize("calibrated", [False, True])

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, PositionGoal, UR5Kinematics
+from kinreach.kinematics import ArmKinematics, PositionGoal, URKinematics
 from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._solutions import Status
 from kinreach.robots import get_arm
 
-FLANGE = UR5Kinematics(tip="tool0")
+FLANGE = URKinematics("ur5-thesis", tip="tool0")
 TURN = 2 * np.pi
 
 
@@ -22,7 +22,7 @@ def postures(seed, count):
 
 def wide_ur5():
     """The UR5 with +-2 pi on every joint, as the real arm has it (the elbow stays at +-pi)."""
-    arm = get_arm("ur5")
+    arm = get_arm("ur5-thesis")
     elbow = arm.urdf.index('<joint name="elbow_joint"')
     after = arm.urdf.index("</joint>", elbow)
     parts = (arm.urdf[:elbow], arm.urdf[elbow:after], arm.urdf[after:])
@@ -34,8 +34,8 @@ def wide_ur5():
 
 @pytest.mark.parametrize(("tip", "base"), [("tool0", "base_link"), ("tcp", "world")])
 def test_every_branch_reaches_and_the_generating_posture_comes_back(tip, base):
-    kin = UR5Kinematics(tip=tip, base=base)
-    reference = ArmKinematics("ur5", tip=tip, base=base)
+    kin = URKinematics("ur5-thesis", tip=tip, base=base)
+    reference = ArmKinematics("ur5-thesis", tip=tip, base=base)
     checked = 0
     for q in postures(0, 500):
         T = reference.fk(q)
@@ -74,7 +74,7 @@ def test_batch_equals_single_poses():
 
 
 def test_nearest_batch_equals_nearest():
-    kin = UR5Kinematics(arm=wide_ur5(), tip="tcp", base="world")
+    kin = URKinematics(arm=wide_ur5(), tip="tcp", base="world")
     rng = np.random.default_rng(3)
     q = rng.uniform(kin.lower, kin.upper, (300, 6))
     seeds = rng.uniform(kin.lower, kin.upper, (300, 6))
@@ -90,7 +90,7 @@ def test_nearest_batch_equals_nearest():
 
 
 def test_nearest_is_exact_over_all_windings():
-    kin = UR5Kinematics(arm=wide_ur5(), tip="tool0")
+    kin = URKinematics(arm=wide_ur5(), tip="tool0")
     assert kin.lower[0] == pytest.approx(-TURN)
     assert kin.upper[2] == pytest.approx(np.pi)
     rng = np.random.default_rng(4)
@@ -190,9 +190,9 @@ def test_every_unreachable_pose_has_a_reason():
 
 
 def test_too_close_for_a_long_upper_arm_is_called_so():
-    arm = get_arm("ur5")
+    arm = get_arm("ur5-thesis")
     urdf = arm.urdf.replace('xyz="0.0 -0.1197 0.425"', 'xyz="0.0 -0.1197 0.925"')
-    kin = UR5Kinematics(arm=replace(arm, name="long", build_urdf=lambda: urdf))
+    kin = URKinematics(arm=replace(arm, name="long", build_urdf=lambda: urdf))
     assert kin.geometry.folded > 0.5
     for T in kin.fk(postures(15, 200)):
         T[:3, 3] = 0.2, 0.0, kin.geometry.d1
@@ -200,10 +200,10 @@ def test_too_close_for_a_long_upper_arm_is_called_so():
 
 
 def test_out_of_limits_names_the_joints():
-    arm = get_arm("ur5")
+    arm = get_arm("ur5-thesis")
     start = arm.urdf.index('<joint name="wrist_1_joint"')
     narrow = arm.urdf[:start] + arm.urdf[start:].replace("3.14159265359", "0.1", 2)
-    kin = UR5Kinematics(replace(arm, name="narrow", build_urdf=lambda: narrow, home=(0.0,) * 6), tip="tool0")
+    kin = URKinematics(replace(arm, name="narrow", build_urdf=lambda: narrow, home=(0.0,) * 6), tip="tool0")
     T = next(T for T in FLANGE.fk(postures(14, 100)) if np.abs(FLANGE.all_solutions(T).q[:, 3]).min() > 0.2)
     assert kin.all_solutions(T, limits=False).success
     blocked = kin.all_solutions(T)
@@ -217,10 +217,10 @@ def test_out_of_limits_names_the_joints():
 
 
 def test_calibrated_lengths_come_from_the_description():
-    arm = get_arm("ur5")
+    arm = get_arm("ur5-thesis")
     urdf = arm.urdf.replace('xyz="0.0 -0.1197 0.425"', 'xyz="0.0 -0.1201 0.4261"')
     assert urdf != arm.urdf
-    kin = UR5Kinematics(arm=replace(arm, name="calibrated", build_urdf=lambda: urdf), tip="tool0")
+    kin = URKinematics(arm=replace(arm, name="calibrated", build_urdf=lambda: urdf), tip="tool0")
     assert kin.geometry.a2 == -0.4261
     assert kin.geometry.d4 == pytest.approx(0.10915 - 0.0004)
     q = postures(7, 200)
@@ -229,11 +229,11 @@ def test_calibrated_lengths_come_from_the_description():
 
 def test_an_arm_of_another_kind_is_refused():
     with pytest.raises(InputError, match="6 joints"):
-        UR5Kinematics(arm=replace(get_arm("arm3"), tips={"tool0": "end_effector"}), tip="tool0")
+        URKinematics(arm=replace(get_arm("arm3"), tips={"tool0": "end_effector"}), tip="tool0")
 
 
 def test_tool_down_reaches_the_goal_area_on_both_natural_branches():
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     goals = kin.arm.workcell.goals.sample(np.random.default_rng(8), 1000)
     a = b = 0
     for goal in goals:
@@ -247,7 +247,7 @@ def test_tool_down_reaches_the_goal_area_on_both_natural_branches():
 
 
 def test_axis_goals_contain_the_generating_posture():
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     found = at_a_limit = 0
     for q in postures(9, 2000):
         T = kin.fk(q)
@@ -261,7 +261,7 @@ def test_axis_goals_contain_the_generating_posture():
 
 
 def test_where_the_seeds_wrist_3_is_refused_the_joint_turns_on_as_little_as_it_may():
-    kin = UR5Kinematics(tip="tool0", arm=wide_ur5())
+    kin = URKinematics(tip="tool0", arm=wide_ur5())
     checked = 0
     for q in np.random.default_rng(7).uniform(-1.5 * np.pi, 1.5 * np.pi, (50, 6)):
         T = kin.fk(q)
@@ -274,7 +274,7 @@ def test_where_the_seeds_wrist_3_is_refused_the_joint_turns_on_as_little_as_it_m
 
 def test_turns_of_wrist_3_beyond_its_limits_are_left_out():
     """A quarter of a turn up is beyond them, one down is not."""
-    kin = UR5Kinematics(get_arm("ur5").with_limits({"wrist_3_joint": (-2.0, 0.2)}), tip="tool0")
+    kin = URKinematics(get_arm("ur5-thesis").with_limits({"wrist_3_joint": (-2.0, 0.2)}), tip="tool0")
     q = np.array([0.3, -1.0, 1.2, -0.4, 0.9, 0.0])
     T = kin.fk(q)
     result = kin.axis_goal(T[:3, 3], T[:3, 2], q, accept=lambda found: abs(found[5]) > 0.1)
@@ -283,7 +283,7 @@ def test_turns_of_wrist_3_beyond_its_limits_are_left_out():
 
 
 def test_axis_goal_with_the_tool_parallel_to_the_middle_axes():
-    kin = UR5Kinematics(tip="tool0")
+    kin = URKinematics("ur5-thesis", tip="tool0")
     for q in postures(10, 300):
         q[4] = 0.0
         T = kin.fk(q)

@@ -166,7 +166,7 @@ def test_arms_without_meshes_have_shapes(name):
 @pytest.mark.parametrize(("name", "largest"), [("ur3", 0.012), ("ur5", 0.016), ("ur10", 0.018)])
 def test_shapes_are_those_of_the_meshes(name, largest):
     """Few points of the meshes are out of the cylinders, and not far; other models have theirs by the same rule."""
-    drawn = ArmKinematics(get_arm(name), tip="tool0")
+    drawn = ArmKinematics(get_arm(f"{name}-thesis"), tip="tool0")
     ruled = ArmKinematics(ArmDescription(name, name, partial(nominal_urdf, name)), tip="tool0")
     q, counted = np.zeros(6), 0
     for link in ("shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"):
@@ -209,7 +209,8 @@ def test_the_ur5_by_its_old_name():
 def test_every_class_takes_the_arm_first_and_files(kind):
     assert kind("ur10").arm is kind(arm="ur10").arm is get_arm("ur10")
     assert kind("ur10", tip="tcp").tip == "tcp"
-    assert (kind().arm, kind().tip, ArmKinematics.of("ur5").tip) == (get_arm("ur5"), "tool0", "tcp")
+    assert (kind().arm, kind().tip, ArmKinematics.of("ur5").tip) == (get_arm("ur5"), "tool0", "tool0")
+    assert ArmKinematics.of("ur5-thesis").tip == "tcp"
     kin = kind.from_urdf(UR_FILES / "ur5_robot.urdf", tip="tool0")
     assert type(kin) is kind
     q = np.random.default_rng(0).uniform(-3.0, 3.0, (20, 6))

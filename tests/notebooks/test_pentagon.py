@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.thesis import posture_error
 from kinreach.vision._cameras import Intrinsics
 from notebooks.figures import draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
@@ -16,8 +16,8 @@ GROUND = -0.20
 
 
 @pytest.fixture(scope="module")
-def kin() -> UR5Kinematics:
-    return UR5Kinematics(tip="tcp", base="world")
+def kin() -> URKinematics:
+    return URKinematics("ur5-thesis", tip="tcp", base="world")
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError, InstallationError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
+from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
 from kinreach.robots import (
     PUBLISHED_CALIBRATIONS,
     ArmDescription,
@@ -26,7 +26,7 @@ from kinreach.sim._simulation import ArmSimulation
 from kinreach.thesis import posture_error
 from kinreach.vision._goal_view import goal_camera_poses
 
-FAMILY = ("ur3", "ur5", "ur10")
+FAMILY = ("ur3-thesis", "ur5-thesis", "ur10-thesis")
 HALF_PICTURE = np.tan(np.deg2rad(29.0))
 
 
@@ -64,7 +64,7 @@ def tool_down(position, turn):
 
 @pytest.mark.parametrize("name", FAMILY)
 def test_both_natural_postures_reach_every_goal_without_a_collision(name):
-    kin, checker = UR5Kinematics(arm=name, tip="tcp", base="world"), CollisionChecker(name)
+    kin, checker = URKinematics(name, tip="tcp", base="world"), CollisionChecker(name)
     region = kin.arm.workcell.goals
     corners = [(x, y, region.z[0]) for x in region.x for y in region.y]
     goals = [*corners, *kin.arm.workcell.draw_goals(np.random.default_rng(0), 60)]
@@ -116,18 +116,18 @@ def test_a_description_reads_what_is_left_empty_from_the_urdf():
 
 
 def test_gripper_joints_are_no_part_of_the_posture():
-    arm = bare("ur5", gripper=get_arm("ur5").gripper)
-    assert arm.joints == get_arm("ur5").joints
+    arm = bare("ur5-thesis", gripper=get_arm("ur5-thesis").gripper)
+    assert arm.joints == get_arm("ur5-thesis").joints
     assert arm.default_tip == "tcp"
     q = np.random.default_rng(0).uniform(-3, 3, (20, 6))
     np.testing.assert_allclose(
-        ArmKinematics(arm, tip="tool0").fk(q), ArmKinematics("ur5", tip="tool0").fk(q), atol=1e-12
+        ArmKinematics(arm, tip="tool0").fk(q), ArmKinematics("ur5-thesis", tip="tool0").fk(q), atol=1e-12
     )
 
 
 def test_derived_pairs_leave_the_home_posture_free_and_keep_real_collisions():
     folded = [0.0, -np.pi / 2, 3.0, -np.pi / 2, -np.pi / 2, 0.0]
-    arm = bare("ur5", gripper=get_arm("ur5").gripper, home=get_arm("ur5").home)
+    arm = bare("ur5-thesis", gripper=get_arm("ur5-thesis").gripper, home=get_arm("ur5-thesis").home)
     checker = CollisionChecker(arm)
     assert checker.free(arm.home)
     assert checker.in_collision(folded)
@@ -163,7 +163,13 @@ def test_what_cannot_be_read_is_named(facts, said):
 
 
 CAMERA = CameraMount("palm", "gripper_palm", (0.0, 0.0, 0.1), (0.0, 0.1, 0.5))
-OWN = replace(get_arm("ur5"), cameras=(*get_arm("ur5").cameras, CAMERA), notes=("a",), armature=0.3, meshes="triangles")
+OWN = replace(
+    get_arm("ur5-thesis"),
+    cameras=(*get_arm("ur5-thesis").cameras, CAMERA),
+    notes=("a",),
+    armature=0.3,
+    meshes="triangles",
+)
 BARE = replace(get_arm("ur5e"), notes=("a",), armature=0.3, meshes="triangles", moves_last=("elbow_joint",))
 TOOL, FILE = Tool.tube([0, 0, 0.1, 0, 0, 0], 0.03, mass=1.0), PUBLISHED_CALIBRATIONS["ur5e_a"]
 
@@ -172,12 +178,12 @@ TOOL, FILE = Tool.tube([0, 0, 0.1, 0, 0, 0], 0.03, mass=1.0), PUBLISHED_CALIBRAT
     ("arm", "change", "new"),
     [
         (OWN, lambda arm: arm.with_tool(TOOL), {
-            "name": "ur5_tool", "title": "UR5 with tool", "tips": {"tool0": "tool0", "tool": "tool"},
+            "name": "ur5-thesis_tool", "title": "UR5 with tool", "tips": {"tool0": "tool0", "tool": "tool"},
             "default_tip": "tool", "gripper": None, "cameras": OWN.cameras[:3],
             "disabled_collisions": (*OWN.disabled_collisions[:10], ("wrist_2_link", "tool_body")),
         }),
         (OWN, lambda arm: arm.with_tool([0, 0, 0.1, 0, 0, 0]), {
-            "name": "ur5_tool", "title": "UR5 with tool", "tips": {"tool0": "tool0", "tool": "tool"},
+            "name": "ur5-thesis_tool", "title": "UR5 with tool", "tips": {"tool0": "tool0", "tool": "tool"},
             "default_tip": "tool", "gripper": None, "cameras": OWN.cameras[:3],
             "disabled_collisions": OWN.disabled_collisions[:10],
         }),
@@ -210,30 +216,30 @@ def test_a_changed_arm_keeps_everything_else(arm, change, new):
 def test_a_cell_without_goals_says_so():
     with pytest.raises(InputError, match="no goals"):
         bare().workcell.draw_goals(np.random.default_rng(0), 1)
-    assert replace(get_arm("ur5"), name="other").home == get_arm("ur5").home
+    assert replace(get_arm("ur5-thesis"), name="other").home == get_arm("ur5-thesis").home
 
 
 @pytest.mark.parametrize(
     ("facts", "said"),
     [
-        ({"speed_limit": -1.0}, "speed_limit of arm 'ur5' must be finite and above 0"),
-        ({"speed_limit": "fast"}, "speed_limit of arm 'ur5' must be a number"),
+        ({"speed_limit": -1.0}, "speed_limit of arm 'ur5-thesis' must be finite and above 0"),
+        ({"speed_limit": "fast"}, "speed_limit of arm 'ur5-thesis' must be a number"),
         ({"acceleration_limit": -1.0}, "acceleration_limit .* above 0"),
         ({"acceleration_limit": np.inf}, "acceleration_limit .* finite"),
         ({"position_gains": (-1.0,) * 6}, "position_gains .* above 0"),
         ({"joint_damping": (-1.0,) * 6}, "joint_damping .* at least 0"),
         ({"armature": -1.0}, "armature .* at least 0"),
-        ({"home": (np.nan,) * 6}, "home of arm 'ur5' must be finite"),
+        ({"home": (np.nan,) * 6}, "home of arm 'ur5-thesis' must be finite"),
         ({"name": 5}, "name of an arm must be text"),
         ({"workcell": "table"}, "workcell of an arm must be a Workcell"),
         ({"gripper": "jaw"}, "gripper of an arm must be a Gripper or None"),
         ({"build_urdf": "<robot/>"}, "build_urdf of an arm must be a function"),
-        ({"cameras": ("front",)}, "cameras of arm 'ur5' must be CameraMounts"),
+        ({"cameras": ("front",)}, "cameras of arm 'ur5-thesis' must be CameraMounts"),
     ],
 )
 def test_what_no_arm_can_have_is_refused_at_once(facts, said):
     with pytest.raises(InputError, match=said):
-        replace(get_arm("ur5"), **facts)
+        replace(get_arm("ur5-thesis"), **facts)
 
 
 @pytest.mark.parametrize(
@@ -244,16 +250,16 @@ def test_what_no_arm_can_have_is_refused_at_once(facts, said):
     ],
 )
 def test_what_does_not_fit_the_urdf_is_refused_when_it_is_read(facts, said):
-    arm = replace(get_arm("ur5"), **facts)
+    arm = replace(get_arm("ur5-thesis"), **facts)
     for make in (lambda: arm.urdf, lambda: ArmKinematics(arm), lambda: ArmSimulation(arm)):
         with pytest.raises(InputError, match=said):
             make()
     with pytest.raises(InputError, match=said):
-        bare("ur5", gripper=get_arm("ur5").gripper, **facts)
+        bare("ur5-thesis", gripper=get_arm("ur5-thesis").gripper, **facts)
 
 
 def test_a_registered_arm_has_its_name():
-    mine = replace(get_arm("ur5"), name="my-arm")
+    mine = replace(get_arm("ur5-thesis"), name="my-arm")
     try:
         assert register_arm(mine) is register_arm(mine) is mine
         assert get_arm("My-Arm") is mine
@@ -264,7 +270,7 @@ def test_a_registered_arm_has_its_name():
         _arms().pop("my-arm", None)
 
 
-@pytest.mark.parametrize("other", ["ur5", None, get_arm])
+@pytest.mark.parametrize("other", ["ur5-thesis", None, get_arm])
 def test_only_arms_are_registered(other):
     with pytest.raises(InputError, match="an arm must be an ArmDescription"):
         register_arm(other)

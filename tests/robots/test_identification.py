@@ -12,7 +12,7 @@ UR5S = [name for name in PUBLISHED_CALIBRATIONS if name.startswith("ur5_")]
 
 
 def chain_of(calibration=None):
-    arm = get_arm("ur5")
+    arm = get_arm("ur5-thesis")
     return ArmKinematics(
         arm if calibration is None else arm.calibrated(PUBLISHED_CALIBRATIONS[calibration]), tip="tcp", base="world"
     ).chain

@@ -202,7 +202,7 @@ def test_the_world_is_the_base_only_where_it_carries_several_links():
 
 
 def test_a_home_may_be_beyond_a_limit_by_its_digits():
-    arm = replace(get_arm("ur5"), home=(3.141595, *get_arm("ur5").home[1:]))
+    arm = replace(get_arm("ur5-thesis"), home=(3.141595, *get_arm("ur5").home[1:]))
     assert arm.urdf
     for angle in (np.pi + 2e-5, -np.pi - 2e-5):
         with pytest.raises(InputError, match="outside its limits"):

@@ -15,7 +15,7 @@ from kinreach.thesis import distance_reward, pentagon_angles, posture_error, rea
 from kinreach.vision._goal_view import geometric_goal_view, goal_in_world
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
-CHECKERS = {arm: CollisionChecker(arm) for arm in ("ur5", "arm3")}
+CHECKERS = {arm: CollisionChecker(arm) for arm in ("ur5-thesis", "arm3")}
 
 
 def angles(*shape, most=7.0):
@@ -71,7 +71,7 @@ def test_what_is_no_list_of_boxes_is_refused(obstacles):
 
 
 def test_causes(fuzzed):
-    checker, kin = CHECKERS["ur5"], ArmKinematics("ur5")
+    checker, kin = CHECKERS["ur5-thesis"], ArmKinematics("ur5-thesis")
 
     def run(q):
         causes = checker.causes(q)
@@ -112,12 +112,12 @@ def test_reward(fuzzed):
 def test_goal_views(fuzzed):
     def run(case):
         goals, found = case
-        view = geometric_goal_view("ur5", goals)
+        view = geometric_goal_view("ur5-thesis", goals)
         points = np.asarray(goals).astype(float)
         assert view.shape == (*points.shape[:-1], 6)
         assert np.isfinite(view).all()
         if points.shape == (3,):
-            back = goal_in_world("ur5", view, found)
+            back = goal_in_world("ur5-thesis", view, found)
             assert back is None or np.abs(back - points).max() <= 1e-9 * (1 + np.abs(points).max())
 
     flags = arrays(np.bool_, 2) | bad_arrays((2,))

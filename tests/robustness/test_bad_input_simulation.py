@@ -11,7 +11,7 @@ from kinreach.sim._controller import MoveStatus
 from kinreach.sim._simulation import BatchSimulation
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
-SIZES = {"arm3": 3, "ur5": 6}
+SIZES = {"arm3": 3, "ur5-thesis": 6}
 
 
 @pytest.fixture(scope="module")
@@ -131,4 +131,4 @@ def test_ids_that_do_not_ascend_are_refused_in_unsigned_numbers_too(batch):
 @pytest.mark.parametrize("name", ["", "nowhere", "a\0b", None, 5, b"tcp", [], "x" * 5000, "\ud800"])
 def test_frames_that_are_none_are_refused(simulations, name):
     with pytest.raises(InputError):
-        simulations["ur5"].T_world_frame(name)
+        simulations["ur5-thesis"].T_world_frame(name)

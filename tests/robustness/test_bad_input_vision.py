@@ -161,7 +161,7 @@ def test_noise(fuzzed):
 
 
 def test_cameras_and_frames(fuzzed):
-    simulation = ArmSimulation("ur5")
+    simulation = ArmSimulation("ur5-thesis")
     known = [simulation.model.camera(i).name for i in range(simulation.model.ncam)]
 
     def camera(case):
@@ -176,7 +176,7 @@ def test_cameras_and_frames(fuzzed):
 
 def test_sizes_of_frames():
     """Only refused ones: none of them opens a graphics library."""
-    model = ArmSimulation("ur5").model
+    model = ArmSimulation("ur5-thesis").model
     bad = [0, -1, 4000, 10**30, 1.5, math.nan, True, *THINGS]
     refused = 0
     for value in bad:

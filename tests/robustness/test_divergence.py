@@ -23,7 +23,7 @@ DIVERGING = """
 import numpy as np
 from kinreach.sim._simulation import BatchSimulation
 from kinreach.sim._simulation import ArmSimulation
-arm, batch = ArmSimulation("ur5"), BatchSimulation("ur5", 4, threads=2)
+arm, batch = ArmSimulation("ur5-thesis"), BatchSimulation("ur5-thesis", 4, threads=2)
 arm._plant.qvel[0], batch._plant.qvel[:] = 1e12, np.nan
 moves = [arm.move(arm.arm.home), *batch.move(np.arange(4), np.tile(batch.arm.home, (4, 1)))]
 print([move.reason.split(":")[0] for move in moves].count("diverged"))
@@ -55,7 +55,7 @@ def test_a_move_that_diverges_writes_no_file_but_the_log_that_was_asked_for(befo
 
 
 @pytest.mark.parametrize("speed", SPEEDS)
-@pytest.mark.parametrize("arm", ["ur5", "arm3"])
+@pytest.mark.parametrize("arm", ["ur5-thesis", "arm3"])
 def test_a_move_that_diverges_is_impossible_and_puts_the_arm_back(arm, speed):
     simulation, sound = ArmSimulation(arm), ArmSimulation(arm)
     target = np.array(simulation.arm.home) + 0.2
@@ -79,7 +79,7 @@ def test_a_move_that_diverges_is_impossible_and_puts_the_arm_back(arm, speed):
 @pytest.mark.parametrize("beyond", [-0.51, -0.49, 0.49, 0.51])
 @pytest.mark.parametrize("joint", range(6))
 def test_one_joint_far_beyond_its_limit_is_enough(joint, beyond, monkeypatch):
-    simulation = ArmSimulation("ur5")
+    simulation = ArmSimulation("ur5-thesis")
     controller, before = simulation.controller, simulation.q
     limit = (controller.lower if beyond < 0.0 else controller.upper)[joint]
 
@@ -96,7 +96,7 @@ def test_one_joint_far_beyond_its_limit_is_enough(joint, beyond, monkeypatch):
 def test_in_a_batch_the_neighbours_notice_nothing():
     count, lost = 6, [1, 4]
     rng = np.random.default_rng(0)
-    batch, untouched = BatchSimulation("ur5", count), BatchSimulation("ur5", count)
+    batch, untouched = BatchSimulation("ur5-thesis", count), BatchSimulation("ur5-thesis", count)
     everyone = np.arange(count)
     there, targets = np.array(batch.arm.home) + rng.uniform(-0.3, 0.3, (2, count, 6))
     for each in (batch, untouched):

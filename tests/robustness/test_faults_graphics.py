@@ -73,7 +73,7 @@ def test_a_context_that_cannot_be_made(monkeypatch):
     def refuse(*arguments, **options):
         raise RuntimeError("Cannot initialize a EGL device display")
 
-    simulation = ArmSimulation("ur5")
+    simulation = ArmSimulation("ur5-thesis")
     with monkeypatch.context() as patch:
         patch.setattr(mujoco, "Renderer", refuse)
         with pytest.raises(DrawingError, match="64x36 pixels: Cannot initialize"):
@@ -83,7 +83,7 @@ def test_a_context_that_cannot_be_made(monkeypatch):
 
 @pytest.mark.parametrize("camera", ["front", *slow("wrist", "overview")])
 def test_a_frame_does_not_depend_on_the_ones_before_it(camera):
-    simulation = ArmSimulation("ur5", visual=True)
+    simulation = ArmSimulation("ur5-thesis", visual=True)
     with FrameRenderer(simulation.model, width=160, height=90, shadows=False) as renderer:
         first = [renderer.rgb(simulation.data, camera), renderer.depth(simulation.data, camera)]
         for other in ("overview", "front", "wrist", camera):
@@ -93,7 +93,7 @@ def test_a_frame_does_not_depend_on_the_ones_before_it(camera):
 
 
 def test_a_closed_renderer_says_so():
-    simulation = ArmSimulation("ur5")
+    simulation = ArmSimulation("ur5-thesis")
     renderer = FrameRenderer(simulation.model, width=64, height=36)
     renderer.rgb(simulation.data, "front")
     for _ in range(2):
@@ -147,7 +147,7 @@ from kinreach.sim import ArmSimulation, render
 
 options = {"observation": "camera", "backend": "kinematic", "width": 64, "height": 48}
 if __name__ == "__main__":
-    render(ArmSimulation("ur5"), width=64, height=48)
+    render(ArmSimulation("ur5-thesis"), width=64, height=48)
     for context in ("fork", "spawn"):
         env = gym.make_vec(
             "kinreach:kinreach/UR5SingleStep-v0", num_envs=2, vectorization_mode="async",

@@ -85,7 +85,7 @@ def test_a_pickled_instance_is_as_good_as_the_first(name, library):
 
 def test_a_distance_does_not_depend_on_what_was_asked_before():
     postures = np.random.default_rng(7).uniform(-3.0, 3.0, (200, 6))
-    checker = CollisionChecker("ur5")
+    checker = CollisionChecker("ur5-thesis")
     forwards = [checker.distance(q) for q in postures]
     backwards = [checker.distance(q) for q in postures[::-1]][::-1]
     assert forwards == backwards

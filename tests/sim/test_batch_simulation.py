@@ -13,7 +13,7 @@ COUNT = 66
 def targets(tool_down, goals):
     """Goals, presses into the table, random postures (most of them in collision) and targets out of limits."""
     rng = np.random.default_rng(3)
-    home = np.array(ArmSimulation("ur5").arm.home)
+    home = np.array(ArmSimulation("ur5-thesis").arm.home)
     return np.array(
         [
             *(tool_down(goal) for goal in goals[:24]),
@@ -45,7 +45,7 @@ def end_of(batch, i, result):
 @pytest.fixture(scope="module")
 def alone(targets):
     """What each target leads to from home in a simulation of its own."""
-    simulation = ArmSimulation("ur5")
+    simulation = ArmSimulation("ur5-thesis")
     ends = []
     for target in targets:
         simulation.reset()
@@ -64,7 +64,7 @@ def test_the_targets_are_mixed(alone):
 
 @pytest.mark.parametrize(("count", "threads"), [(COUNT, 1), (COUNT, 2), (33, 2), (5, 1), (1, 1)])
 def test_each_is_bit_for_bit_what_it_would_be_alone(targets, alone, count, threads):
-    batch = BatchSimulation("ur5", count, threads=threads)
+    batch = BatchSimulation("ur5-thesis", count, threads=threads)
     compared = 0
     for first in range(0, COUNT if count > 1 else 8, count):
         some = targets[first : first + count]
@@ -77,7 +77,7 @@ def test_each_is_bit_for_bit_what_it_would_be_alone(targets, alone, count, threa
 
 
 def test_those_that_are_not_moved_stand_still(targets, alone):
-    batch = BatchSimulation("ur5", 7, threads=2)
+    batch = BatchSimulation("ur5-thesis", 7, threads=2)
     before = batch.batch.state.copy()
     ids = [1, 2, 5]
     for i, target, result in zip(ids, (20, 27, 40), batch.move(ids, targets[[20, 27, 40]]), strict=True):
@@ -90,7 +90,7 @@ def test_those_that_are_not_moved_stand_still(targets, alone):
 
 def test_moves_from_wherever_the_last_one_ended(targets):
     chosen = np.array([0, 24, 30, 36, 41, 50])
-    batch, serial = BatchSimulation("ur5", len(chosen), threads=2), ArmSimulation("ur5")
+    batch, serial = BatchSimulation("ur5-thesis", len(chosen), threads=2), ArmSimulation("ur5-thesis")
     everyone = np.arange(len(chosen))
     for two_phase in (False, True):
         batch.reset(everyone)
@@ -104,7 +104,7 @@ def test_moves_from_wherever_the_last_one_ended(targets):
 
 
 def test_reset_restores_the_whole_state(targets):
-    batch, fresh = BatchSimulation("ur5", 4), ArmSimulation("ur5")
+    batch, fresh = BatchSimulation("ur5-thesis", 4), ArmSimulation("ur5-thesis")
     expected = state(fresh.model, fresh.data)
     batch.place_ball([0, 2], [[0.4, 0.1, 0.0], [0.5, 0.0, 0.0]])
     batch.move(np.arange(4), targets[22:26])
@@ -115,7 +115,7 @@ def test_reset_restores_the_whole_state(targets):
 
 
 def test_reset_to_postures():
-    batch = BatchSimulation("ur5", 3)
+    batch = BatchSimulation("ur5-thesis", 3)
     q = np.array([[-1.2, -1.0, 1.4, -2.0, -1.5, 0.4], [-1.0, -1.2, 1.4, -2.0, -1.5, 0.4]])
     batch.reset([0, 2], q)
     np.testing.assert_array_equal(batch.q, [q[0], batch.arm.home, q[1]])
@@ -125,8 +125,8 @@ def test_reset_to_postures():
 
 
 def test_balls_are_where_they_were_put():
-    batch = BatchSimulation("ur5", 3)
-    default = ArmSimulation("ur5").ball_position
+    batch = BatchSimulation("ur5-thesis", 3)
+    default = ArmSimulation("ur5-thesis").ball_position
     places = np.array([[0.4, 0.1, -0.175], [0.5, -0.1, -0.175]])
     batch.place_ball([0, 2], places)
     np.testing.assert_array_equal(batch.ball_positions, [places[0], default, places[1]])

@@ -13,7 +13,7 @@ GOAL, DOWN = np.array([0.45, 0.1, -0.15]), (0.0, 0.0, -1.0)
 
 
 def test_the_simulated_arm_is_the_real_one():
-    arm = get_arm("ur5").calibrated(FILE)
+    arm = get_arm("ur5-thesis").calibrated(FILE)
     home, simulation = np.array(arm.home), ArmSimulation(arm)
     real = URKinematics.from_calibration(FILE, model="ur5", tip="tcp", base="world")
     nominal = URKinematics("ur5", tip="tcp", base="world")
@@ -32,10 +32,12 @@ def test_the_simulated_arm_is_the_real_one():
 def test_an_environment_of_the_real_arm():
     """The same action ends elsewhere; goals and reward stay as they are."""
     ends = []
-    for arm in ("ur5", get_arm("ur5").calibrated(FILE)):
+    for arm in ("ur5-thesis", get_arm("ur5-thesis").calibrated(FILE)):
         env = gymnasium.make("kinreach/UR5SingleStep-v0", arm=arm, observation="geometric", backend="kinematic")
         _, info = env.reset(seed=3)
-        posture = URKinematics("ur5", tip="tcp", base="world").axis_goal(info["goal"], DOWN, get_arm("ur5").home).q
+        posture = (
+            URKinematics("ur5", tip="tcp", base="world").axis_goal(info["goal"], DOWN, get_arm("ur5-thesis").home).q
+        )
         *_, info = env.step(np.asarray(posture / np.pi, dtype=env.action_space.dtype))
         ends.append(info["distance"])
         env.close()

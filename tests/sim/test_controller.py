@@ -112,7 +112,7 @@ def test_verdicts_are_those_of_the_collision_checker_near_the_table(tool_down, g
     rng = np.random.default_rng(4)
     targets = np.array([tool_down(goal) for goal in goals])
     targets += rng.normal(size=targets.shape) * rng.choice((0.02, 0.05, 0.1), (len(targets), 1))
-    batch, checker = BatchSimulation("ur5", len(targets)), CollisionChecker("ur5", margin=0.0)
+    batch, checker = BatchSimulation("ur5-thesis", len(targets)), CollisionChecker("ur5-thesis", margin=0.0)
     results = batch.move(np.arange(len(targets)), targets)
     colliding = np.array([checker.in_collision(target) for target in targets])
     assert 10 < colliding.sum() < len(targets) - 10
@@ -123,7 +123,7 @@ def test_verdicts_do_not_hang_on_the_timestep():
     targets = np.random.default_rng(5).uniform(-np.pi, np.pi, (40, 6))
     verdicts = []
     for timestep in (TIMESTEP, TIMESTEP / 2):
-        batch = BatchSimulation("ur5", len(targets), timestep=timestep)
+        batch = BatchSimulation("ur5-thesis", len(targets), timestep=timestep)
         verdicts.append([result.status for result in batch.move(np.arange(len(targets)), targets)])
     assert verdicts[0] == verdicts[1]
     assert all(verdicts[0].count(status) >= 8 for status in set(verdicts[0]))
@@ -147,7 +147,7 @@ def test_arm_without_a_joint_to_move_last_and_a_press_into_the_floor():
     assert "touches floor" in result.reason
 
 
-@pytest.mark.parametrize("name", ["ur5", "arm3"])
+@pytest.mark.parametrize("name", ["ur5-thesis", "arm3"])
 def test_targets_out_of_limits_are_refused_by_joint(name):
     simulation = ArmSimulation(name)
     for index, joint in enumerate(simulation.arm.joints):

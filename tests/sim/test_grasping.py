@@ -31,7 +31,7 @@ def compiled(shape, size, mass, friction):
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_object_is_what_mujoco_compiles(kind):
     """In the model of one simulation and in that of a batch, with all constants that follow."""
-    single, batch = ArmSimulation("ur5", objects=1), BatchSimulation("ur5", 3, objects=1)
+    single, batch = ArmSimulation("ur5-thesis", objects=1), BatchSimulation("ur5-thesis", 3, objects=1)
     place, wanted = np.array([[0.5, 0.1, -0.2]]), compiled(*kind)
     Grasping(single).put(ONE, 0, kinds(kind), place, np.zeros(1))
     Grasping(batch).put(ONE + 1, 0, kinds(kind), place, np.zeros(1))
@@ -79,7 +79,7 @@ def test_the_lowest_point_of_an_object(kind):
 
 def grasped(tool_down, *, height=0.0):
     """A simulation in which a ball is held at a point above the table, and the posture there."""
-    simulation = ArmSimulation("ur5", objects=1)
+    simulation = ArmSimulation("ur5-thesis", objects=1)
     world, place = Grasping(simulation), np.array([0.5, 0.1, -0.2])
     world.reset(ONE, simulation.q[None])
     world.put(ONE, 0, kinds(("ball", 0.025, 0.05, 1.0)), place[None], np.zeros(1))
@@ -108,7 +108,7 @@ def test_what_is_held_is_no_collision(tool_down):
 
 def test_what_an_object_blocks_is_said(tool_down):
     """The palm comes down on a large cube."""
-    simulation = ArmSimulation("ur5", objects=1)
+    simulation = ArmSimulation("ur5-thesis", objects=1)
     world, place = Grasping(simulation), np.array([0.5, 0.1, -0.2])
     world.reset(ONE, simulation.q[None])
     turned = np.zeros(1)
@@ -128,7 +128,7 @@ def test_a_table_is_still_in_the_way(tool_down):
 
 @pytest.mark.parametrize(("depth", "collides"), [(-1e-3, False), (0.5e-3, False), (2e-3, True)])
 def test_a_slight_touch_is_not_a_collision(tool_down, depth, collides):
-    simulation = ArmSimulation("ur5", objects=1)
+    simulation = ArmSimulation("ur5-thesis", objects=1)
     world = Grasping(simulation)
     world.reset(ONE, tool_down((0.45, 0.0, -0.19 - depth))[None])  # fingers end 1 cm below the tip
     world.put(ONE, 0, kinds(("ball", 0.025, 0.05, 1.0)), np.array([[0.6, 0.2, -0.2]]), np.zeros(1))
@@ -139,4 +139,4 @@ def test_arms_without_a_gripper_cannot_grasp():
     with pytest.raises(InputError, match="has no gripper"):
         Grasping(ArmSimulation("ur5e", objects=1))
     with pytest.raises(InputError, match="objects must be at most 2"):
-        ArmSimulation("ur5", objects=3)
+        ArmSimulation("ur5-thesis", objects=3)

@@ -6,14 +6,14 @@ import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.robots import get_arm
 from kinreach.sim._imperfections import IDEAL, Imperfections, as_imperfections
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
 GRAVITY = 9.81
 COUNT = 12
-KIN = UR5Kinematics(tip="tcp", base="world")
+KIN = URKinematics("ur5-thesis", tip="tcp", base="world")
 
 
 def postures(count=COUNT, seed=0):
@@ -25,7 +25,7 @@ def postures(count=COUNT, seed=0):
 
 
 def moved(**flaws):
-    arms = BatchSimulation("ur5", COUNT, imperfections=flaws)
+    arms = BatchSimulation("ur5-thesis", COUNT, imperfections=flaws)
     targets = postures()
     moves = arms.move(np.arange(COUNT), targets)
     assert all(move.reached for move in moves)
@@ -35,7 +35,7 @@ def moved(**flaws):
 def test_a_load_bends_the_servos_as_statics_says():
     """Torque of the weight, by the Jacobian transposed, over the stiffness of each servo."""
     mass = 0.5
-    gains = np.array(get_arm("ur5").position_gains)
+    gains = np.array(get_arm("ur5-thesis").position_gains)
     (arms, loaded), (_, ideal) = moved(payload=mass), moved()
     for off, q in zip(loaded - ideal, arms.q, strict=True):
         torque = KIN.jacobian(q)[:3].T @ [0.0, 0.0, -mass * GRAVITY]
@@ -47,14 +47,14 @@ def test_a_load_bends_the_servos_as_statics_says():
 def test_friction_holds_a_joint_off_by_no_more_than_it_can_bear(share):
     arms, off = moved(friction=share)
     effort = arms.model.jnt_actfrcrange[arms.controller.qpos, 1]
-    bound = share * effort / np.array(get_arm("ur5").position_gains)
+    bound = share * effort / np.array(get_arm("ur5-thesis").position_gains)
     assert (np.abs(off) < bound + 1e-4).all()
     assert np.median(np.abs(off).max(axis=1)) > 0.2 * bound.max()
 
 
 def test_damping_takes_the_same_torque_at_every_speed_in_proportion():
-    model = BatchSimulation("ur5", 1, imperfections={"damping": 0.05}).model
-    plain = BatchSimulation("ur5", 1).model
+    model = BatchSimulation("ur5-thesis", 1, imperfections={"damping": 0.05}).model
+    plain = BatchSimulation("ur5-thesis", 1).model
     added = (model.dof_damping - plain.dof_damping)[:6]
     np.testing.assert_allclose(added, 0.05 * model.jnt_actfrcrange[:6, 1])
     assert (added > 1.0).all()
@@ -63,7 +63,7 @@ def test_damping_takes_the_same_torque_at_every_speed_in_proportion():
 def test_noise_of_encoders_is_that_of_the_move_alone_or_in_a_batch():
     flaws = {"friction": 0.02, "damping": 0.01, "payload": 0.2, "encoder_noise": 1e-4}
     _, off = moved(**flaws)
-    alone = ArmSimulation("ur5", imperfections=flaws)
+    alone = ArmSimulation("ur5-thesis", imperfections=flaws)
     for index, target in enumerate(postures()[:4]):
         alone.reset()
         assert alone.move(target).reached
@@ -79,7 +79,7 @@ def test_an_ideal_arm_is_the_default():
     (_, default), (_, zero) = moved(), moved(friction=0.0, payload=0.0)
     np.testing.assert_array_equal(default, zero)
     assert as_imperfections(None) == as_imperfections({}) == Imperfections() == IDEAL
-    assert ArmSimulation("ur5").model is ArmSimulation("ur5", imperfections={"encoder_noise": 1e-4}).model
+    assert ArmSimulation("ur5-thesis").model is ArmSimulation("ur5-thesis", imperfections={"encoder_noise": 1e-4}).model
 
 
 @pytest.mark.parametrize("vector", [False, True])
@@ -103,9 +103,9 @@ def test_environments_take_them(vector):
 
 def test_what_cannot_be_is_refused():
     with pytest.raises(UnknownNameError, match="damping"):
-        ArmSimulation("ur5", imperfections={"rust": 1.0})
+        ArmSimulation("ur5-thesis", imperfections={"rust": 1.0})
     for flaws in ({"friction": -0.1}, {"payload": np.nan}, {"friction": 2.0}, 0.5):
         with pytest.raises(InputError):
-            BatchSimulation("ur5", 1, imperfections=flaws)
+            BatchSimulation("ur5-thesis", 1, imperfections=flaws)
     with pytest.raises(InputError, match="dynamics"):
         gym.make("kinreach/UR5SingleStep-v0", backend="kinematic", imperfections={"payload": 0.5})

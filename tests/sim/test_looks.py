@@ -16,7 +16,7 @@ from kinreach.sim._scene import scene_model
 
 ARM3 = get_arm("arm3")
 SCENES = {
-    "ur5": lambda: scene_model(get_arm("ur5")),
+    "ur5": lambda: scene_model(get_arm("ur5-thesis")),
     "arm3 to measure": lambda: scene_model(ARM3, visual=False, objects=2),
     "button": lambda: torque_model(ARM3, ACTUATIONS["tuned"]),
 }

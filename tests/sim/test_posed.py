@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.robots import get_arm
 from kinreach.sim._engine import mujoco
 from kinreach.sim._posed import PERIOD, PosedScene
 from kinreach.sim._scene import scene_model
 
-ARM = get_arm("ur5")
+ARM = get_arm("ur5-thesis")
 BALL = (0.4, 0.1, -0.1)
 
 
@@ -27,7 +27,7 @@ def test_arm_ball_and_clock_are_where_they_are_put(scene):
     scene.put(ARM.home)
     mujoco.mj_kinematics(scene.model, scene.data)
     np.testing.assert_allclose(
-        scene.data.body("tcp").xpos, UR5Kinematics(tip="tcp", base="world").positions(ARM.home), atol=1e-9
+        scene.data.body("tcp").xpos, URKinematics("ur5-thesis", tip="tcp", base="world").positions(ARM.home), atol=1e-9
     )
     np.testing.assert_array_equal(scene.data.body("ball").xpos, BALL)
     assert scene.data.time == 2.5

@@ -22,11 +22,11 @@ WIDTH, HEIGHT = 320, 180
 
 @pytest.fixture(scope="module")
 def scene(needs_gl):
-    return ArmSimulation("ur5", visual=True)
+    return ArmSimulation("ur5-thesis", visual=True)
 
 
 def test_cameras_look_at_their_targets_with_up_upwards():
-    mounts = [mount for name in ("ur5", "arm3") for mount in get_arm(name).cameras]
+    mounts = [mount for name in ("ur5-thesis", "arm3") for mount in get_arm(name).cameras]
     assert {mount.name for mount in mounts} == {"front", "wrist", "overview"}
     for mount in mounts:
         R = camera_rotation(mount)
@@ -183,7 +183,7 @@ OSMESA = """
 import numpy as np
 from kinreach.sim import ArmSimulation, render
 
-simulation = ArmSimulation("ur5")
+simulation = ArmSimulation("ur5-thesis")
 simulation.place_ball((0.45, 0.05, -0.175))
 red, green, blue = np.moveaxis(render(simulation, "front", width=320, height=180).astype(int), -1, 0)
 loaded = open("/proc/self/maps").read()

@@ -10,7 +10,7 @@ from kinreach.sim import ArmSimulation
 from kinreach.sim._scene import TIMESTEP, build_scene, scene_model
 from tests.cases import slow
 
-ARMS = ("arm3", "ur10", "ur3", "ur5")
+ARMS = ("arm3", "ur10-thesis", "ur3-thesis", "ur5-thesis")
 
 
 def postures(kinematics, count, seed=0):
@@ -18,7 +18,7 @@ def postures(kinematics, count, seed=0):
 
 
 @pytest.mark.parametrize("visual", [False, True])
-@pytest.mark.parametrize("name", ["arm3", "ur5", *slow("ur10", "ur3")])
+@pytest.mark.parametrize("name", ["arm3", "ur5-thesis", *slow("ur10-thesis", "ur3-thesis")])
 def test_every_registered_arm_compiles_and_is_free_of_contact_at_home(name, visual):
     simulation = ArmSimulation(name, visual=visual)
     assert simulation.contacts() == ()
@@ -52,7 +52,7 @@ def test_every_frame_agrees_with_pinocchio(name):
             worst = max(worst, error_p, error_R)
             compared += 1
     assert compared == 1000 * (len(links) + len(sites))
-    assert len(links) >= {"ur5": 12, "arm3": 5}.get(name, 3)
+    assert len(links) >= {"ur5-thesis": 12, "arm3": 5}.get(name, 3)
     assert worst <= 1e-9
 
 
@@ -82,7 +82,7 @@ def test_mass_matrix_agrees_with_pinocchio(name):
         np.testing.assert_allclose(full[:n, :n], M, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["arm3", "ur5", *slow("ur10", "ur3")])
+@pytest.mark.parametrize("name", ["arm3", "ur5-thesis", *slow("ur10-thesis", "ur3-thesis")])
 def test_drives_are_those_of_the_description(name):
     arm, model = get_arm(name), scene_model(get_arm(name))
     kinematics = ArmKinematics(name)
@@ -165,7 +165,7 @@ def test_drawing_does_not_change_the_physics(name):
 
 
 def test_visual_meshes_are_drawn_and_collision_meshes_are_hidden():
-    model = scene_model(get_arm("ur5"), visual=True)
+    model = scene_model(get_arm("ur5-thesis"), visual=True)
     drawn = [i for i in range(model.ngeom) if model.geom_contype[i] == 0 and model.geom_dataid[i] >= 0]
     solid = [i for i in range(model.ngeom) if model.geom_contype[i] == 1 and model.geom_dataid[i] >= 0]
     assert len(drawn) >= 14
@@ -177,7 +177,7 @@ def test_visual_meshes_are_drawn_and_collision_meshes_are_hidden():
 @pytest.mark.parametrize(
     ("name", "colours"),
     [
-        ("ur5", {"gripper_palm": (0.62, 0.64, 0.67), "finger_left": (0.20, 0.21, 0.23)}),
+        ("ur5-thesis", {"gripper_palm": (0.62, 0.64, 0.67), "finger_left": (0.20, 0.21, 0.23)}),
         ("arm3", {"base_link": (0.25, 0.26, 0.28), "link_1": (0.20, 0.36, 0.55), "link_3": (0.86, 0.48, 0.16)}),
     ],
 )

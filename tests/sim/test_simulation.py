@@ -15,7 +15,7 @@ def full_state(simulation):
     return state
 
 
-@pytest.mark.parametrize("name", ["ur5", "arm3"])
+@pytest.mark.parametrize("name", ["ur5-thesis", "arm3"])
 def test_reset_restores_the_whole_state(name):
     simulation = ArmSimulation(name)
     fresh = full_state(simulation)
@@ -39,10 +39,10 @@ def test_two_runs_are_identical(tool_down, goals):
             states.append(full_state(simulation))
         return np.array(states)
 
-    used = ArmSimulation("ur5")
+    used = ArmSimulation("ur5-thesis")
     first = run(used)
     np.testing.assert_array_equal(first, run(used))
-    np.testing.assert_array_equal(first, run(ArmSimulation("ur5")))
+    np.testing.assert_array_equal(first, run(ArmSimulation("ur5-thesis")))
 
 
 def test_reset_to_a_posture_stays_there(ur5):

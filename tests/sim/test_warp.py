@@ -9,7 +9,7 @@ import pytest
 from kinreach.cli import main
 from kinreach.envs._reach.task import TOOL_DOWN
 from kinreach.errors import InputError, InstallationError, UnknownNameError
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.sim import BatchSimulation
 
 COUNT = 12
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def targets():
     """Postures at goals, and every other one some 15 degrees off: something is in the way of some of these."""
-    kinematics, arm = UR5Kinematics(tip="tcp", base="world"), BatchSimulation("ur5", 1).arm
+    kinematics, arm = URKinematics("ur5-thesis", tip="tcp", base="world"), BatchSimulation("ur5-thesis", 1).arm
     rng, home = np.random.default_rng(1), np.array(arm.home)
     found = np.array([kinematics.axis_goal(goal, TOOL_DOWN, home).q for goal in arm.workcell.goals.sample(rng, COUNT)])
     found[1::2] += rng.normal(0.0, 0.25, (COUNT // 2, 6))
@@ -32,7 +32,7 @@ def moved(targets):
     """What became of the moves, by backend."""
     everyone = np.arange(COUNT)
     return {
-        backend: BatchSimulation("ur5", COUNT, backend=backend, device=device).move(everyone, targets)
+        backend: BatchSimulation("ur5-thesis", COUNT, backend=backend, device=device).move(everyone, targets)
         for backend, device in (("mujoco", None), ("warp", "cpu"))
     }
 
@@ -54,7 +54,7 @@ def test_free_moves_end_in_the_same_place(moved):
 def test_the_others_stand_still_and_repeats_are_the_same(targets):
     ends = []
     for _ in range(2):
-        batch = BatchSimulation("ur5", 3, backend="warp", device="cpu")
+        batch = BatchSimulation("ur5-thesis", 3, backend="warp", device="cpu")
         batch.place_ball([2], [0.4, 0.1, -0.1])
         before = batch.q
         (move,) = batch.move([1], targets[:1])
@@ -105,13 +105,13 @@ def test_rewards_are_computed_on_the_device():
 
 def test_what_cannot_be(monkeypatch, capsys):
     with pytest.raises(InputError, match=r"no device 'cuda:7' here: .*available: .*cpu"):
-        BatchSimulation("ur5", 2, backend="warp", device="cuda:7")
+        BatchSimulation("ur5-thesis", 2, backend="warp", device="cuda:7")
     with pytest.raises(InputError, match="is of native batches"):
         gym.make("kinreach/UR5SingleStep-v0", backend="warp")
     with pytest.raises(UnknownNameError, match="unknown backend 'brax'"):
-        BatchSimulation("ur5", 2, backend="brax")
+        BatchSimulation("ur5-thesis", 2, backend="brax")
     monkeypatch.setitem(sys.modules, "mujoco_warp", None)
     with pytest.raises(InstallationError, match=r"pip install 'kinreach\[warp\]'"):
-        BatchSimulation("ur5", 2, backend="warp")
+        BatchSimulation("ur5-thesis", 2, backend="warp")
     assert main(["evaluate", "ranked-single", "--backend", "warp", "--goals", "2"]) == 2
     assert capsys.readouterr().err.strip().endswith("pip install 'kinreach[warp]'")

@@ -88,7 +88,7 @@ def engine(monkeypatch):
 
 
 def batches():
-    return [BatchSimulation("ur5", COUNT, backend=backend) for backend in ("warp", "mujoco")]
+    return [BatchSimulation("ur5-thesis", COUNT, backend=backend) for backend in ("warp", "mujoco")]
 
 
 def test_moves_are_those_of_mujoco_and_the_others_stand_still(engine):
@@ -110,7 +110,7 @@ def test_moves_are_those_of_mujoco_and_the_others_stand_still(engine):
 
 
 def test_states_are_copied_put_back_and_reset(engine):
-    batch, twin = (BatchSimulation("ur5", COUNT, backend="warp") for _ in range(2))
+    batch, twin = (BatchSimulation("ur5-thesis", COUNT, backend="warp") for _ in range(2))
     everyone = np.arange(COUNT)
     fresh = batch._plant.states(everyone)
     batch.place_ball(everyone, np.random.default_rng(0).normal(size=(COUNT, 3)))
@@ -131,7 +131,7 @@ def test_states_are_copied_put_back_and_reset(engine):
 
 @pytest.mark.parametrize(("field", "wrong"), [("qvel", 1e11), ("qvel", -1e11), ("qpos", np.nan)])
 def test_an_unstable_simulation_is_put_back_to_where_it_stood(engine, field, wrong, monkeypatch):
-    batch = BatchSimulation("ur5", COUNT, backend="warp")
+    batch = BatchSimulation("ur5-thesis", COUNT, backend="warp")
     before, step = batch.q, engine.step
 
     def unstable(model, data):
@@ -150,4 +150,4 @@ def test_an_unstable_simulation_is_put_back_to_where_it_stood(engine, field, wro
 
 def test_an_unknown_device_is_refused_with_those_there_are(engine):
     with pytest.raises(InputError, match=r"no device 'cuda:7' here: no cuda:7; available: cpu"):
-        BatchSimulation("ur5", 1, backend="warp", device="cuda:7")
+        BatchSimulation("ur5-thesis", 1, backend="warp", device="cuda:7")

@@ -23,7 +23,7 @@ def comparison(tmp_path_factory):
 def server():
     """Of a UR5, drawn simply."""
     pytest.importorskip("viser")
-    serving = Server(setup_of("ur5", simple=True), port=8450)
+    serving = Server(setup_of("ur5-thesis", simple=True), port=8450)
     yield serving
     serving.stop()
 

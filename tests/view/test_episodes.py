@@ -21,12 +21,12 @@ from kinreach.view._mujoco_scene import MujocoScene, _triangles
 def episodes():
     """One episode of each environment by its name."""
     asked = {
-        "single": Recording(SINGLE, "closed-form", get_arm("ur5")),
-        "multi": Recording(MULTI, "ppo-multi", get_arm("ur5"), options={"backend": "kinematic"}),
-        "space": Recording(SPACE, "lm", get_arm("ur5"), seed=3),
-        "button": Recording(BUTTON, "analytic", get_arm("ur5")),
-        "moving": Recording(MOVING, "interception", get_arm("ur5"), seed=3),
-        "real arm": Recording(REAL_ARM, "look-again", get_arm("ur5"), seed=1),
+        "single": Recording(SINGLE, "closed-form", get_arm("ur5-thesis")),
+        "multi": Recording(MULTI, "ppo-multi", get_arm("ur5-thesis"), options={"backend": "kinematic"}),
+        "space": Recording(SPACE, "lm", get_arm("ur5-thesis"), seed=3),
+        "button": Recording(BUTTON, "analytic", get_arm("ur5-thesis")),
+        "moving": Recording(MOVING, "interception", get_arm("ur5-thesis"), seed=3),
+        "real arm": Recording(REAL_ARM, "look-again", get_arm("ur5-thesis"), seed=1),
     }
     return {name: (recording, recording.play(simple=True)) for name, recording in asked.items()}
 
@@ -80,10 +80,10 @@ def test_frames_end_where_the_arm_ends(episodes):
 
 def test_taking_a_frame_leaves_the_simulation_as_it_is():
     """The same episode with and without frames, to the bit."""
-    asked = Recording(SINGLE, "closed-form", get_arm("ur5"), seed=5)
+    asked = Recording(SINGLE, "closed-form", get_arm("ur5-thesis"), seed=5)
     from kinreach.baselines._loop import rollout
 
-    env = gym.make(SINGLE, arm=get_arm("ur5"))
+    env = gym.make(SINGLE, arm=get_arm("ur5-thesis"))
     (plain,) = rollout(env, new_player("closed-form", env), [{"seed": 5}])
     watched = asked.play(simple=True).trial
     assert watched["q"] == plain["q"]
@@ -126,11 +126,11 @@ def test_the_ball_rolls_and_the_arm_follows(episodes):
 
 def test_the_true_arm_goes_to_every_ball(episodes):
     """By the distances that the environment says; the believed arm is in the same posture, and elsewhere."""
-    from kinreach.kinematics import UR5Kinematics
+    from kinreach.kinematics import URKinematics
 
     recording, episode = episodes["real arm"]
     assert len(episode.steps) == 3 * 3
-    believed = UR5Kinematics(tip="tcp", base="world")
+    believed = URKinematics("ur5-thesis", tip="tcp", base="world")
     palm = episode.scene.links.index("gripper_palm")
     gaps, apart = [], []
     for step, said in enumerate(episode.steps[:1]):
@@ -211,7 +211,7 @@ def turn(observation):
 
 
 def test_what_cannot_be_played_is_refused(tmp_path):
-    ur5 = get_arm("ur5")
+    ur5 = get_arm("ur5-thesis")
     with pytest.raises(InputError, match="unknown policy for kinreach/UR5SingleStep-v0 'wisdom'"):
         Recording(SINGLE, "wisdom", ur5).play()
     with pytest.raises(InputError, match=r"cannot read the policy .*missing\.safetensors"):
@@ -224,7 +224,7 @@ def test_nobody_waits_for_an_episode_any_more():
     stop = Event()
     stop.set()
     with pytest.raises(Stopped):
-        Recording(SINGLE, "closed-form", get_arm("ur5")).play(simple=True, stop=stop)
+        Recording(SINGLE, "closed-form", get_arm("ur5-thesis")).play(simple=True, stop=stop)
 
 
 def test_a_copied_program_plays_the_same(episodes, capsys):

@@ -26,7 +26,9 @@ BAD = (
 @pytest.fixture(scope="module")
 def tab(comparison):
     """A tab with all its parts open, of a calibrated arm and a comparison."""
-    setup = setup_of("ur5", calibration=str(PUBLISHED_CALIBRATIONS["ur5_a"]), simple=True, results=str(comparison))
+    setup = setup_of(
+        "ur5-thesis", calibration=str(PUBLISHED_CALIBRATIONS["ur5_a"]), simple=True, results=str(comparison)
+    )
     server = Server(setup, port=8500)
     with Tab(server) as opened:
         for name in opened.page.names:

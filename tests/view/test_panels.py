@@ -50,7 +50,7 @@ CALIBRATION = str(PUBLISHED_CALIBRATIONS["ur5_a"])
 
 
 def test_two_tabs_have_targets_of_their_own(serve):
-    server = serve("ur5")
+    server = serve("ur5-thesis")
     with Tab(server) as one, Tab(server) as other:
         targets = [tab.page.target for tab in (one, other)]
         before = [panel.T.copy() for panel in targets]
@@ -65,7 +65,7 @@ def test_two_tabs_have_targets_of_their_own(serve):
 
 def test_what_is_typed_is_not_rewritten(serve):
     """On the way to -0.2 there is -0, which is 0 already."""
-    with Tab(serve("ur5")) as tab:
+    with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.target
         wait_for(lambda: tab.element("x y z [m]")["value"][1] == pytest.approx(panel.T[1, 3], abs=1e-3))
         tab.set("x y z [m]", (0.4, 0.2, 0.3))
@@ -81,7 +81,7 @@ def test_what_is_typed_is_not_rewritten(serve):
 @pytest.mark.parametrize("what", ["position", "joint"])
 def test_what_is_typed_while_an_answer_is_drawn_is_kept(serve, what):
     """The answer to a number comes when the next one has been typed."""
-    with Tab(serve("ur5")) as tab:
+    with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.target
         label, first, second = {
             "position": ("x y z [m]", (0.4, 0.2, 0.3), (0.4, 0.2, 0.35)),
@@ -111,7 +111,7 @@ def test_what_is_typed_while_an_answer_is_drawn_is_kept(serve, what):
 
 def test_solvers_start_where_they_are_told_to(serve):
     """From the start posture they need steps to get to where the arm stands already; the closed form never does."""
-    with Tab(serve("ur5")) as tab:
+    with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.target
         panel.move(panel.T + np.array([[0, 0, 0, 0.05], [0, 0, 0, 0.1], [0, 0, 0, 0.1], [0, 0, 0, 0]]))
         assert np.abs(panel.q - panel.model.home).max() > 0.05
@@ -132,7 +132,7 @@ def test_solvers_start_where_they_are_told_to(serve):
 
 
 def test_a_target_that_is_dragged_is_answered(serve):
-    with Tab(serve("ur5")) as tab:
+    with Tab(serve("ur5-thesis")) as tab:
         panel, rng, answers = tab.page.target, np.random.default_rng(0), 0
         for _ in range(10):
             position = panel.T[:3, 3] + rng.uniform(-0.1, 0.1, 3)
@@ -186,7 +186,7 @@ def test_the_self_motion_of_a_seven_axis_arm(serve):
 
 
 def test_the_real_arm_beside_its_data_sheet(serve, root):
-    with Tab(serve("ur5", CALIBRATION)) as tab:
+    with Tab(serve("ur5-thesis", CALIBRATION)) as tab:
         panel = tab.page.show("Real arm")
         wait_for(lambda: tab.part == "Real arm" and tab.shows("error drawn ×") and not tab.shows("asks for"))
         first = panel.miss
@@ -214,9 +214,11 @@ def test_the_real_arm_beside_its_data_sheet(serve, root):
 
 def test_a_calibration_says_at_the_target_what_it_changes(serve):
     """The tip's error in the data sheet's posture, at each target; of an arm without a file nothing is said."""
-    with Tab(serve("ur5", CALIBRATION)) as tab:
+    with Tab(serve("ur5-thesis", CALIBRATION)) as tab:
         panel, said = tab.page.target, set()
-        sheet, real = (ArmKinematics.of(arm, base="world") for arm in (get_arm("ur5"), panel.model.kinematics.arm))
+        sheet, real = (
+            ArmKinematics.of(arm, base="world") for arm in (get_arm("ur5-thesis"), panel.model.kinematics.arm)
+        )
         for x in (0.0, 0.1, 0.2):
             T = sheet.fk(panel.model.home)
             T[0, 3] += x
@@ -232,13 +234,13 @@ def test_a_calibration_says_at_the_target_what_it_changes(serve):
         assert len(said) == 3
         tab.drag("/target/goal", (3.0, 0.0, 0.0))
         wait_for(lambda: "the data sheet&#x27;s has none here" in tab.text)
-    with Tab(serve("ur5")) as tab:
+    with Tab(serve("ur5-thesis")) as tab:
         assert "Calibrated" not in tab.text
 
 
 @pytest.mark.slow
 def test_without_a_file_the_real_arm_is_a_published_one(serve):
-    with Tab(serve("ur5")) as tab:
+    with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.show("Real arm")
         wait_for(lambda: "This is the published calibration ur5_a, of another ur5" in tab.text)
         assert panel.miss is not None
@@ -360,7 +362,7 @@ def test_parts_of_other_arms(serve, tmp_path):
 
 
 def test_an_episode_is_played_stepped_and_scrubbed(serve):
-    with Tab(serve("ur5")) as tab:
+    with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.show("Episodes")
         wait_for(lambda: panel.episode)
         first, last = panel.episode, len(panel.episode.frames) - 1
@@ -424,7 +426,7 @@ def test_an_episode_that_is_recorded_while_hidden_stands_still(serve, monkeypatc
         return play(recording, **options)
 
     monkeypatch.setattr(Recording, "play", later)
-    with Tab(serve("ur5")) as tab:
+    with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.show("Episodes")
         recorder = next(thread for thread in threading.enumerate() if thread.name.endswith("_record"))
         tab.page.show("Target")
@@ -439,7 +441,7 @@ def test_an_episode_that_is_recorded_while_hidden_stands_still(serve, monkeypatc
 
 
 def test_a_real_arm_beside_the_one_that_is_believed_in(serve):
-    with Tab(serve("ur5")) as tab:
+    with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.show("Episodes")
         wait_for(lambda: panel.episode)
         first = panel.episode
@@ -463,7 +465,7 @@ def test_a_real_arm_beside_the_one_that_is_believed_in(serve):
 def test_programs_of_all_parts_run(serve, comparison, capsys):
     """As they are copied: of a calibrated arm, in each part of the page."""
     said = {}
-    with Tab(serve("ur5", CALIBRATION)) as tab:
+    with Tab(serve("ur5-thesis", CALIBRATION)) as tab:
         for name in tab.page.names:
             panel = tab.page.show(name)
             if name == "Results":
@@ -494,7 +496,7 @@ def used(page):
 
 def test_a_closed_tab_leaves_nothing(serve):
     """No threads of ours, and nothing of the page in memory."""
-    server = serve("ur5")
+    server = serve("ur5-thesis")
     before = set(threading.enumerate())
     with Tab(server) as tab:
         seen = used(tab.page)
@@ -550,7 +552,7 @@ def ghosts(tab):
 
 
 def test_postures_are_clicked_pointed_at_and_copied(serve):
-    with Tab(serve("ur5")) as tab:
+    with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.target
         panel.move(placement((0.5, 0.1, -0.05), (np.pi, 0, 0)))
         postures = panel.answer.postures
@@ -564,7 +566,7 @@ def test_postures_are_clicked_pointed_at_and_copied(serve):
             wait_for(lambda posture=posture: ghosts(tab) == (len(usable) - (posture is other), {0.07, 0.8}))
         tab.set("point at", "nothing")
         wait_for(lambda: ghosts(tab) == (len(usable) - 1, {0.45}))
-        figure = setup_of("ur5", simple=True).figure
+        figure = setup_of("ur5-thesis", simple=True).figure
         for posture, shown, word in ((other, other, "kept"), (refused, refused, "kept"), (refused, nearest, "solid")):
             tab.press(posture.name)
             wait_for(lambda shown=shown, word=word: re.search(f"<b>{shown.name}</b>[^✗●]*>{word}<", tab.text))

@@ -8,12 +8,12 @@ import numpy as np
 from kinreach._registration import SINGLE
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import save_policy
-from kinreach.kinematics import AxisGoal, UR5Kinematics
+from kinreach.kinematics import AxisGoal, URKinematics
 from kinreach.view._policy_solver import PolicySolver
 
 
 def test_a_policy_is_asked_as_it_was_trained(tmp_path):
-    trained, kinematics = load_policy("thesis-ppo-single"), UR5Kinematics(tip="tcp", base="world")
+    trained, kinematics = load_policy("thesis-ppo-single"), URKinematics("ur5-thesis", tip="tcp", base="world")
     recipe = {**trained.card.recipe, "options": {"goal_in": "image"}}
     save_policy(tmp_path / "image.safetensors", replace(trained.card, recipe=recipe), trained.network)
     solver = PolicySolver(str(tmp_path / "image.safetensors"), kinematics)

@@ -22,7 +22,7 @@ def copied(comparison, tmp_path):
 def test_ends_are_those_that_the_comparison_counted(comparison):
     results = read_results(comparison / "results.json")
     summary = json.loads((comparison / "results.json").read_text())
-    assert results.arm == "ur5"
+    assert results.arm == "ur5-thesis"
     assert results.goals.shape == (4, 3)
     assert list(results.colours) == [method["name"] for method in summary["methods"]]
     for method in summary["methods"]:
@@ -45,7 +45,7 @@ def test_ends_are_those_that_the_comparison_counted(comparison):
 @pytest.mark.parametrize(
     ("settings", "arm"),
     [
-        ({"arm": "ur10"}, "ur10"),
+        ({"arm": "ur10-thesis"}, "ur10-thesis"),
         ({"arm": ""}, ""),
         ({"arm": "mine"}, ""),
         ({"arm": None}, ""),
@@ -55,16 +55,16 @@ def test_ends_are_those_that_the_comparison_counted(comparison):
 def test_the_arm_is_the_one_that_is_named(copied, settings, arm):
     path = copied / "results.json"
     content = json.loads(path.read_text())
-    assert content["settings"].pop("arm") == "ur5"
+    assert content["settings"].pop("arm") == "ur5-thesis"
     content["settings"] |= settings
     path.write_text(json.dumps(content))
     assert read_results(copied).arm == arm
 
 
 def test_postures_end_where_the_tips_are(comparison):
-    from kinreach.kinematics import UR5Kinematics
+    from kinreach.kinematics import URKinematics
 
-    kinematics, compared = UR5Kinematics(tip="tcp", base="world"), 0
+    kinematics, compared = URKinematics("ur5-thesis", tip="tcp", base="world"), 0
     for ends in read_results(comparison).ends:
         for end in ends.values():
             assert np.linalg.norm(kinematics.fk(end.q)[:3, 3] - end.tip) < 1e-5

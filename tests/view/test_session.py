@@ -113,7 +113,7 @@ class Session(contextlib.AbstractContextManager["Session"]):
 
 
 def test_targets_of_a_calibrated_arm():
-    setup = setup_of("ur5", calibration=CALIBRATION, simple=True)
+    setup = setup_of("ur5-thesis", calibration=CALIBRATION, simple=True)
     with Session("target", setup) as session:
         tab, target = session.tab, session.tab.page.target
         session.step("start")
@@ -165,7 +165,7 @@ def test_targets_of_a_calibrated_arm():
 @pytest.mark.slow
 def test_the_other_parts_of_an_arm(comparison, monkeypatch):
     monkeypatch.setattr(Episode, "measure_goal", seen)
-    with Session("parts", setup_of("ur5", simple=True), hidden=str(comparison)) as session:
+    with Session("parts", setup_of("ur5-thesis", simple=True), hidden=str(comparison)) as session:
         tab = session.tab
         tab.press("Real arm")
         session.step("a published calibration")

@@ -28,7 +28,7 @@ CALIBRATION = PUBLISHED_CALIBRATIONS["ur5_a"]
 
 @pytest.fixture(scope="module")
 def ur5():
-    return TargetModel("ur5")
+    return TargetModel("ur5-thesis")
 
 
 def poses(model, count, *, seed=0, stretch=1.6):
@@ -45,7 +45,7 @@ def test_every_branch_is_reached_or_has_a_reason(calibrated, root):
     kinematics = (
         URKinematics.from_calibration(CALIBRATION, tip="tcp", base="world")
         if calibrated
-        else URKinematics("ur5", tip="tcp", base="world")
+        else URKinematics("ur5-thesis", tip="tcp", base="world")
     )
     rng, missing, apart = np.random.default_rng(0), 0, 0
     for _ in range(40 if calibrated else 1000):
@@ -95,7 +95,7 @@ def test_states_are_what_the_solver_and_the_checker_say(ur5, kind):
 
 
 def test_a_joint_limit_is_named(ur5):
-    model = TargetModel("ur5")
+    model = TargetModel("ur5-thesis")
     model.limit_joints(np.radians(100))
     named, refused = 0, 0
     for T in poses(model, 20, stretch=1.0):
@@ -112,7 +112,7 @@ def test_a_joint_limit_is_named(ur5):
 
 
 def test_the_nearest_outside_the_limits_is_least_outside():
-    model = TargetModel("ur5")
+    model = TargetModel("ur5-thesis")
     model.limit_joints(np.radians(90))
     T = np.diag([1.0, -1.0, -1.0, 1.0])
     T[:3, 3] = 0.5, 0.1, 0.1
@@ -196,13 +196,13 @@ def test_the_table_of_solvers_is_in_the_words_of_the_page(ur5):
 
 def test_policies_are_solvers_too():
     """Where they end is what their episodes say; what they are not for, they are not offered for."""
-    setup = setup_of("ur5", calibration=str(CALIBRATION))
-    assert setup.policies == setup_of("ur5").policies == (
+    setup = setup_of("ur5-thesis", calibration=str(CALIBRATION))
+    assert setup.policies == setup_of("ur5-thesis").policies == (
         "ppo-single", "ranked-single", "thesis-ppo-single", "ppo-multi", "ranked-multi", "thesis-ppo-multi",
     )  # fmt: skip
-    assert setup_of("ur5", tip="tool0").policies == setup_of("arm3").policies == ()
+    assert setup_of("ur5-thesis", tip="tool0").policies == setup_of("arm3").policies == ()
     assert setup_of("panda").policies == ("panda-single",)
-    model, rng, near = setup_of("ur5").model(), np.random.default_rng(4), 0
+    model, rng, near = setup_of("ur5-thesis").model(), np.random.default_rng(4), 0
     for position in model.kinematics.arm.workcell.goals.sample(rng, 5):
         finishes = model.solve(AxisGoal(position), model.home, ["ranked-single", "ranked-multi", "closed-form"])
         for finish in finishes:
@@ -212,7 +212,7 @@ def test_policies_are_solvers_too():
             near += off < 0.002
     assert near == 15
     with pytest.raises(InputError, match=r"is for kinreach/ButtonPress-v0"):
-        TargetModel("ur5", policies=["button"]).solve(AxisGoal(position), model.home, ["button"])
+        TargetModel("ur5-thesis", policies=["button"]).solve(AxisGoal(position), model.home, ["button"])
 
 
 @pytest.mark.parametrize("arm", ["ur5e", "arm3"])
@@ -232,7 +232,7 @@ def test_other_arms(arm):
 
 
 def test_names_are_different():
-    for arm in ("ur5", "arm3"):
+    for arm in ("ur5-thesis", "arm3"):
         kinematics = ArmKinematics.of(arm)
         count = 8 if kinematics.n == 6 else 4
         assert len({branch_name(kinematics, branch) for branch in range(count)}) == count
@@ -320,7 +320,7 @@ def copied(code, capsys):
 
 @pytest.mark.parametrize("calibration", [None, str(CALIBRATION)])
 def test_a_copied_program_has_the_limits_of_the_page(calibration, capsys):
-    setup = setup_of("ur5", calibration=calibration)
+    setup = setup_of("ur5-thesis", calibration=calibration)
     model, counted = setup.model(), 0
     model.limit_joints(np.radians(160))
     for T in poses(model, 6, stretch=1.0):
@@ -419,7 +419,7 @@ def test_what_is_shown_is_escaped(ur5):
 
 
 def test_a_setup_has_the_tip_and_the_calibration_that_were_asked_for():
-    calibrated = setup_of("ur5", calibration=str(CALIBRATION), tip="tool0")
+    calibrated = setup_of("ur5-thesis", calibration=str(CALIBRATION), tip="tool0")
     assert calibrated.model().kinematics.tip == "tool0"
     assert type(calibrated.model().kinematics).__name__ == "CalibratedURKinematics"
     assert (calibrated.title, calibrated.sheet) == ("kinreach – ur5", "'ur5'")

@@ -120,7 +120,7 @@ def test_an_environment_of_ones_own_comes_first(tmp_path, monkeypatch):
         "gym.register('own/Reach-v0', entry_point=UR5SingleStepEnv)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    setup = setup_of("ur5", environment="own_arms:own/Reach-v0")
+    setup = setup_of("ur5-thesis", environment="own_arms:own/Reach-v0")
     assert (setup.first, setup.environments[0]) == ("Episodes", "own_arms:own/Reach-v0")
     asked = Recording(setup.environments[0], "closed-form", setup.arm, options={"backend": "kinematic"})
     assert asked.play(simple=True).trial["reached"]

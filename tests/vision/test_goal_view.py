@@ -23,14 +23,14 @@ NOISE = SensorNoise(rgb_sigma=6.0, depth_sigma=0.002)
 
 @pytest.fixture(scope="module")
 def view(needs_gl):
-    with CameraGoalView("ur5") as view:
+    with CameraGoalView("ur5-thesis") as view:
         yield view
 
 
 @pytest.fixture(scope="module")
 def looks(view, goals):
     """What both cameras see of every goal, at the default resolution and without noise."""
-    simulation = ArmSimulation("ur5")
+    simulation = ArmSimulation("ur5-thesis")
     looks = []
     for goal in goals:
         simulation.place_ball(goal)
@@ -40,7 +40,7 @@ def looks(view, goals):
 
 def errors_mm(values, goals):
     """Distance of what each camera says from the truth, shape (n, 2)."""
-    return np.linalg.norm((values - geometric_goal_view("ur5", goals)).reshape(-1, 2, 3), axis=-1) * 1e3
+    return np.linalg.norm((values - geometric_goal_view("ur5-thesis", goals)).reshape(-1, 2, 3), axis=-1) * 1e3
 
 
 def test_perfect_cameras_are_those_of_mujoco(ur5, goals):
@@ -49,81 +49,83 @@ def test_perfect_cameras_are_those_of_mujoco(ur5, goals):
     for name in ("front", "wrist"):
         R = ur5.data.camera(name).xmat.reshape(3, 3) * (1, -1, -1)  # x right, y up, z back -> optical
         expected.append((goals - ur5.data.camera(name).xpos) @ R)
-    values = geometric_goal_view("ur5", goals)
+    values = geometric_goal_view("ur5-thesis", goals)
     assert values.shape == (len(goals), 6)
     np.testing.assert_allclose(values, np.hstack(expected), atol=1e-9)
     assert (values[:, [2, 5]] > 0.25).all()
 
 
 def test_perfect_cameras_take_any_shape(goals):
-    values = geometric_goal_view(get_arm("ur5"), goals)
-    assert geometric_goal_view("ur5", goals[0]).shape == (6,)
-    np.testing.assert_allclose(geometric_goal_view("ur5", goals[:60].reshape(3, 20, 3))[2, 19], values[59], atol=1e-12)
-    assert geometric_goal_view("ur5", np.empty((0, 3))).shape == (0, 6)
+    values = geometric_goal_view(get_arm("ur5-thesis"), goals)
+    assert geometric_goal_view("ur5-thesis", goals[0]).shape == (6,)
+    np.testing.assert_allclose(
+        geometric_goal_view("ur5-thesis", goals[:60].reshape(3, 20, 3))[2, 19], values[59], atol=1e-12
+    )
+    assert geometric_goal_view("ur5-thesis", np.empty((0, 3))).shape == (0, 6)
 
 
 @pytest.mark.parametrize("found", [(True, True), (True, False), (False, True)])
 def test_the_goal_comes_back_from_what_was_found(goals, found):
-    for goal, values in zip(goals, geometric_goal_view("ur5", goals), strict=True):
+    for goal, values in zip(goals, geometric_goal_view("ur5-thesis", goals), strict=True):
         kept = np.where(np.repeat(found, 3), values, 0.0)
-        np.testing.assert_allclose(goal_in_world("ur5", kept, found), goal, atol=1e-12)
+        np.testing.assert_allclose(goal_in_world("ur5-thesis", kept, found), goal, atol=1e-12)
     assert len(goals) >= 60
 
 
 def test_two_cameras_that_disagree_are_averaged():
     one, other = np.array((0.4, 0.1, -0.175)), np.array((0.41, 0.12, -0.17))
-    values = np.concatenate([geometric_goal_view("ur5", one)[:3], geometric_goal_view("ur5", other)[3:]])
-    np.testing.assert_allclose(goal_in_world("ur5", values, (True, True)), (one + other) / 2, atol=1e-12)
+    values = np.concatenate([geometric_goal_view("ur5-thesis", one)[:3], geometric_goal_view("ur5-thesis", other)[3:]])
+    np.testing.assert_allclose(goal_in_world("ur5-thesis", values, (True, True)), (one + other) / 2, atol=1e-12)
 
 
 def test_what_no_camera_found_is_nowhere():
-    assert goal_in_world("ur5", np.zeros(6), (False, False)) is None
+    assert goal_in_world("ur5-thesis", np.zeros(6), (False, False)) is None
 
 
 def test_unusable_requests_are_refused(ur5):
     with pytest.raises(InputError, match=r"shape \(\.\.\., 3\), got \(2, 2\)"):
-        geometric_goal_view("ur5", np.zeros((2, 2)))
+        geometric_goal_view("ur5-thesis", np.zeros((2, 2)))
     with pytest.raises(InputError, match="finite"):
-        geometric_goal_view("ur5", (0.4, np.nan, 0.0))
+        geometric_goal_view("ur5-thesis", (0.4, np.nan, 0.0))
     with pytest.raises(InputError, match="values"):
-        goal_in_world("ur5", np.zeros(5), (True, True))
+        goal_in_world("ur5-thesis", np.zeros(5), (True, True))
     with pytest.raises(InputError, match="2 truth values"):
-        goal_in_world("ur5", np.zeros(6), (1.0, 0.0))
+        goal_in_world("ur5-thesis", np.zeros(6), (1.0, 0.0))
     with pytest.raises(InputError, match="no camera of arm 'arm3' measures the goal"):
         geometric_goal_view("arm3", np.zeros(3))
     with pytest.raises(UnknownNameError, match="available: hybrid, thesis"):
-        CameraGoalView("ur5", pipeline="best")
+        CameraGoalView("ur5-thesis", pipeline="best")
     with pytest.raises(UnknownNameError, match="available: hybrid, thesis"):
-        CameraGoalView("ur5", pipeline=None)
+        CameraGoalView("ur5-thesis", pipeline=None)
     for options, said in (
         ({"noise": "x"}, "noise must be a SensorNoise or None, got 'x'"),
         ({"width": -3}, "width must be at least 1"),
         ({"height": 1.5}, "height must be an integer"),
     ):
         with pytest.raises(InputError, match=said):
-            CameraGoalView("ur5", **options)
+            CameraGoalView("ur5-thesis", **options)
     with pytest.raises(InputError, match="noise must be a SensorNoise or None, got 'x'"):
-        RGBDCamera(ArmSimulation("ur5"), "front").capture(noise="x", rng=np.random.default_rng(0))
+        RGBDCamera(ArmSimulation("ur5-thesis"), "front").capture(noise="x", rng=np.random.default_rng(0))
     with pytest.raises(InputError, match="view is of ur5, got a simulation of arm3"):
-        CameraGoalView("ur5").measure(ArmSimulation("arm3"))
+        CameraGoalView("ur5-thesis").measure(ArmSimulation("arm3"))
 
 
 def test_poses_of_the_cameras_are_read_only():
     with pytest.raises(ValueError, match="read-only"):
-        goal_camera_poses(get_arm("ur5"))[0, 0, 0] = 1.0
+        goal_camera_poses(get_arm("ur5-thesis"))[0, 0, 0] = 1.0
 
 
 def test_every_goal_is_found_within_a_millimetre_and_a_half(looks, goals):
     assert all(look.found.all() for look in looks)
     assert errors_mm(np.array([look.values for look in looks]), goals).max() < 1.5
-    fused = np.array([goal_in_world("ur5", look.values, look.found) for look in looks])
+    fused = np.array([goal_in_world("ur5-thesis", look.values, look.found) for look in looks])
     assert np.linalg.norm(fused - goals, axis=1).max() < 0.0015
     assert len(looks) == len(goals) >= 60
 
 
 def test_every_goal_is_found_within_three_millimetres_under_noise(looks, goals):
-    radius, rng, found = get_arm("ur5").workcell.ball_radius, np.random.default_rng(0), []
-    cameras = get_arm("ur5").goal_cameras
+    radius, rng, found = get_arm("ur5-thesis").workcell.ball_radius, np.random.default_rng(0), []
+    cameras = get_arm("ur5-thesis").goal_cameras
     for look in looks[::2]:
         for mount, image in zip(cameras, look.images, strict=True):
             noisy = NOISE.apply(image, rng)
@@ -135,7 +137,7 @@ def test_every_goal_is_found_within_three_millimetres_under_noise(looks, goals):
 
 
 def test_the_thesis_pipeline_finds_every_goal_within_bounds(looks, goals):
-    camera, radius = Intrinsics.from_fovy(58.0, 640, 360), get_arm("ur5").workcell.ball_radius
+    camera, radius = Intrinsics.from_fovy(58.0, 640, 360), get_arm("ur5-thesis").workcell.ball_radius
     fixes = [find_ball(i.rgb, i.depth, camera, radius, pipeline="thesis") for look in looks for i in look.images]
     assert None not in fixes
     errors = errors_mm(np.reshape([fix.position for fix in fixes], (-1, 6)), goals)
@@ -144,7 +146,7 @@ def test_the_thesis_pipeline_finds_every_goal_within_bounds(looks, goals):
 
 
 def test_seeded_looks_repeat(ur5, needs_gl):
-    with CameraGoalView("ur5", width=320, height=180, noise=NOISE) as view:
+    with CameraGoalView("ur5-thesis", width=320, height=180, noise=NOISE) as view:
         one, same, other = (view.measure(ur5, np.random.default_rng(seed)) for seed in (1, 1, 2))
         with pytest.raises(InputError, match="Generator"):
             view.measure(ur5)
@@ -166,12 +168,12 @@ def test_what_is_not_found_is_zero(ur5, view):
     look = view.measure(ur5)
     np.testing.assert_array_equal(look.found, (True, False))
     np.testing.assert_array_equal(look.values[3:], np.zeros(3))
-    np.testing.assert_allclose(goal_in_world("ur5", look.values, look.found), only_front, atol=0.002)
+    np.testing.assert_allclose(goal_in_world("ur5-thesis", look.values, look.found), only_front, atol=0.002)
 
 
 def test_one_view_serves_many_scenes_and_closes_twice(goals, needs_gl):
-    view = CameraGoalView("ur5", width=640, height=360)
-    plain, drawn = ArmSimulation("ur5"), ArmSimulation("ur5", visual=True)
+    view = CameraGoalView("ur5-thesis", width=640, height=360)
+    plain, drawn = ArmSimulation("ur5-thesis"), ArmSimulation("ur5-thesis", visual=True)
     for simulation in (plain, drawn, plain):
         simulation.place_ball(goals[5])
         look = view.measure(simulation)

@@ -13,7 +13,7 @@ CAMERAS = ("front", "wrist")
 
 @pytest.fixture(scope="module")
 def renderer(needs_gl):
-    with FrameRenderer(ArmSimulation("ur5").model, width=WIDTH, height=HEIGHT, shadows=False) as renderer:
+    with FrameRenderer(ArmSimulation("ur5-thesis").model, width=WIDTH, height=HEIGHT, shadows=False) as renderer:
         yield renderer
 
 

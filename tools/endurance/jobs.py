@@ -11,7 +11,7 @@ import numpy as np
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.baselines._policies import load_policy
 from kinreach.envs._reach.task import TOOL_DOWN
-from kinreach.kinematics import Arm3Kinematics, AxisGoal, CollisionChecker, PositionGoal, UR5Kinematics
+from kinreach.kinematics import Arm3Kinematics, AxisGoal, CollisionChecker, PositionGoal, URKinematics
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
@@ -23,7 +23,7 @@ Job = tuple[Callable[[], Any], Callable[[Any], Sequence[Any]]]
 
 
 def _kinematics() -> Any:
-    return UR5Kinematics(tip="tcp", base="world")
+    return URKinematics("ur5-thesis", tip="tcp", base="world")
 
 
 def _postures() -> Any:
@@ -123,10 +123,10 @@ JOBS: dict[str, Job] = {
     "placo": (_solver(PlacoSolver, _kinematics), _solve),
     "qp": (_solver(QPSolver, _kinematics), _solve),
     "lm, 3-DOF arm": (_solver(LevenbergMarquardtSolver, lambda: Arm3Kinematics(base="world")), _solve3),
-    "CollisionChecker": (lambda: CollisionChecker("ur5"), _check),
+    "CollisionChecker": (lambda: CollisionChecker("ur5-thesis"), _check),
     "LearnedPolicy": (lambda: load_policy("ranked-single"), _act),
-    "ArmSimulation": (lambda: ArmSimulation("ur5"), _move),
-    "BatchSimulation": (lambda: BatchSimulation("ur5", 6), _move_batch),
+    "ArmSimulation": (lambda: ArmSimulation("ur5-thesis"), _move),
+    "BatchSimulation": (lambda: BatchSimulation("ur5-thesis", 6), _move_batch),
     "UR5SingleStep, kinematic": (_env("UR5SingleStep", backend="kinematic"), _play),
     "UR5MultiStep, dynamics": (_env("UR5MultiStep", backend="mujoco"), _play),
     "ButtonPress": (_env("ButtonPress"), _play),

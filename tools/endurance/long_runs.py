@@ -81,7 +81,7 @@ def graphics_contexts(times: int) -> Outcome:
     """Renderers that are opened, used and closed, one after the other."""
 
     def pictures() -> Iterator[Any]:
-        simulation = ArmSimulation("ur5")
+        simulation = ArmSimulation("ur5-thesis")
         while True:
             yield render(simulation, "front", width=64, height=36, shadows=False)
 

@@ -21,7 +21,7 @@ def make_eaik(*, least_squares: bool = False) -> IKPeer:
     Args:
         least_squares: Keep also the answers that EAIK itself marks as approximate.
     """
-    return eaik_of(ArmKinematics("ur5", tip="tool0"), least_squares=least_squares)
+    return eaik_of(ArmKinematics("ur5-thesis", tip="tool0"), least_squares=least_squares)
 
 
 def eaik_of(kin: ArmKinematics, *, least_squares: bool = False) -> IKPeer:
@@ -98,7 +98,7 @@ def make_ssik() -> IKPeer:
     """ssik: its prebuilt UR5, with a C++ back end."""
     from ssik.prebuilt import ur5_ik
 
-    kin = ArmKinematics("ur5", tip="tool0")
+    kin = ArmKinematics("ur5-thesis", tip="tool0")
     tool = np.linalg.inv(kin.fk(np.zeros(6))) @ ur5_ik.fk(np.zeros(6))
 
     def postures(solutions: Any) -> Floats:

@@ -32,7 +32,7 @@ def make_roboticstoolbox(seed: Floats, tolerance: Tolerance) -> IKPeer:
         seed: Posture to start from [rad], shape (6,).
         tolerance: How near is reached.
     """
-    robot = elementary_transforms(ArmKinematics("ur5", tip="tool0"))
+    robot = elementary_transforms(ArmKinematics("ur5-thesis", tip="tool0"))
     bound = tolerance.position**2 / 2
 
     def call(T: Floats) -> Any:
@@ -79,7 +79,7 @@ def make_trac_ik(seed: Floats, tolerance: Tolerance) -> IKPeer:
     """
     from trac_ik import TracIK
 
-    arm = ArmKinematics("ur5", tip="tool0").arm
+    arm = ArmKinematics("ur5-thesis", tip="tool0").arm
     epsilon = tolerance.position / 3**0.5
     with tempfile.TemporaryDirectory() as folder:
         urdf = Path(folder) / "arm.urdf"

@@ -18,7 +18,7 @@ from kinreach._checks import Floats
 from kinreach._registration import SINGLE
 from kinreach.envs._reach.task import TOOL_DOWN
 from kinreach.errors import KinreachError
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.sim import ArmSimulation, BatchSimulation
 
 #: Least number of episodes per second of the environment on two cores.
@@ -57,8 +57,8 @@ def section(options: Options, progress: Progress, again: str) -> Section:
     count = QUICK if options.quick else FULL
     goals, targets = goals_and_targets(count, options.seed)
     random = np.random.default_rng(options.seed).uniform(-1.0, 1.0, targets.shape)
-    loop = ArmSimulation("ur5")
-    batches = {threads: BatchSimulation("ur5", count, threads=threads) for threads in BATCHES}
+    loop = ArmSimulation("ur5-thesis")
+    batches = {threads: BatchSimulation("ur5-thesis", count, threads=threads) for threads in BATCHES}
     tips = serial(loop, targets)
     error = np.linalg.norm(tips - goals, axis=1)
     if any(not np.array_equal(batched(batch, targets), tips) for batch in batches.values()):
@@ -126,7 +126,7 @@ def _costs(simulation: BatchSimulation, kinds: dict[str, Floats]) -> str:
 
 def goals_and_targets(count: int, seed: int) -> tuple[Floats, Floats]:
     """Goals on the table [m], shape (count, 3), and postures that reach them from above [rad], shape (count, 6)."""
-    kinematics = UR5Kinematics(tip="tcp", base="world")
+    kinematics = URKinematics("ur5-thesis", tip="tcp", base="world")
     home = np.array(kinematics.arm.home)
     goals = kinematics.arm.workcell.goals.sample(np.random.default_rng(seed), count)
     return goals, np.array([kinematics.axis_goal(goal, TOOL_DOWN, home).q for goal in goals])

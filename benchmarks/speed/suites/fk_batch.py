@@ -51,7 +51,7 @@ def run(options: Options, progress: Progress) -> list[Section]:
     count, looped = (4096, 500) if options.quick else (100_000, 10_000)
     q = np.random.default_rng(options.seed).uniform(-np.pi, np.pi, (count, 6))
     some = q[:looped]
-    kin = ArmKinematics("ur5", tip="tool0", base="world")
+    kin = ArmKinematics("ur5-thesis", tip="tool0", base="world")
     peers, missing = installed({ROBOTICS: lambda: elementary_transforms(kin)})
     contenders = [
         Contender(OURS, partial(kin.fk, q), count, "fk(q)"),

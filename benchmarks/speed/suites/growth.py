@@ -18,7 +18,7 @@ from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.suites.episodes import batched, goals_and_targets
 from benchmarks.speed.tables import median_ratio, samples
 from kinreach._registration import SINGLE
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from kinreach.sim import BatchSimulation
 
 AGAIN = "python -m benchmarks.speed --suite growth"
@@ -38,8 +38,8 @@ THREADS = (1, 2)
 
 _POSES_CODE = """\
 import numpy as np
-from kinreach.kinematics import UR5Kinematics
-kinematics, q = UR5Kinematics(), np.random.default_rng(0).uniform(-np.pi, np.pi, ({n}, 6))
+from kinreach.kinematics import URKinematics
+kinematics, q = URKinematics("ur5-thesis"), np.random.default_rng(0).uniform(-np.pi, np.pi, ({n}, 6))
 """
 IK_CODE = _POSES_CODE + "T = kinematics.fk(q); kinematics.batch(T)"
 FK_CODE = _POSES_CODE + "kinematics.fk(q)"
@@ -54,11 +54,11 @@ DYNAMICS_CODE = """\
 import numpy as np
 from benchmarks.speed.suites.episodes import batched, goals_and_targets
 from kinreach.sim import BatchSimulation
-batched(BatchSimulation("ur5", {n}), goals_and_targets({n}, 0)[1])
+batched(BatchSimulation("ur5-thesis", {n}), goals_and_targets({n}, 0)[1])
 """
 
 POSES_TEXT = """\
-Batches of random poses, all eight branches (`UR5Kinematics.batch`). EAIK's `IK_batched` is on one thread beside it (the
+Batches of random poses, all eight branches (`URKinematics.batch`). EAIK's `IK_batched` is on one thread beside it (the
 suite `ik-batch` also calls EAIK in a loop), and forward kinematics of as many postures. Memory is the most that a fresh
 process held that did it once, its inputs included.{blank}
 
@@ -107,7 +107,7 @@ def run(options: Options, progress: Progress) -> list[Section]:
 
 
 def _poses(options: Options, progress: Progress) -> Section:
-    kinematics = UR5Kinematics()
+    kinematics = URKinematics("ur5-thesis")
     rng = np.random.default_rng(options.seed)
     peers, missing = installed({"EAIK": make_eaik})
     contenders = []
@@ -206,7 +206,7 @@ def _dynamics(options: Options, progress: Progress) -> Section:
     for n in sizes:
         targets = goals_and_targets(n, options.seed)[1]
         for threads in THREADS:
-            simulation = BatchSimulation("ur5", n, threads=threads)
+            simulation = BatchSimulation("ur5-thesis", n, threads=threads)
             episodes = partial(batched, simulation, targets)
             contenders.append(Contender(_threads(threads, n), episodes, n))
     timings = _timed("simulations", contenders, options, progress)

@@ -25,7 +25,7 @@ from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section, T
 from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.tables import calls, median_ratio, medians, samples, time_cells
 from kinreach._checks import Floats
-from kinreach.kinematics import PoseGoal, UR5Kinematics
+from kinreach.kinematics import PoseGoal, URKinematics
 from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._solvers import LevenbergMarquardtSolver, Solver, Tolerance
 from kinreach.kinematics._solvers.placo_solver import PlacoSolver
@@ -236,8 +236,8 @@ def _nearest_branch(seed: Floats) -> IKPeer:
 
 def _loop(kind: type[Any], seed: Floats) -> IKPeer:
     """A solver that is iterated and restarted."""
-    solver: Solver = kind(UR5Kinematics(), tolerance=TOLERANCE)
-    once: Solver = kind(UR5Kinematics(), tolerance=TOLERANCE, max_restarts=0)
+    solver: Solver = kind(URKinematics("ur5-thesis"), tolerance=TOLERANCE)
+    once: Solver = kind(URKinematics("ur5-thesis"), tolerance=TOLERANCE, max_restarts=0)
 
     def postures(result: Any) -> Floats:
         return result.q[None] if result.success else np.empty((0, 6))

@@ -15,7 +15,8 @@ from kinreach.baselines._expert import GRIPPER, tool_down_postures
 from kinreach.compare._methods.turn_rate import TurnRateFit
 from kinreach.envs import _moving as ball
 from kinreach.envs._moving import moved, ur5_checker
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
+from kinreach.robots import THESIS_ARM
 
 #: Time of a part of a frame [s].
 PART = 1.0 / (ball.FRAMES * ball.PARTS)
@@ -56,7 +57,7 @@ class _ClosedForm:
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         self._env: Any = env.unwrapped
-        self._kinematics = UR5Kinematics(tip="tcp", base="world")
+        self._kinematics = URKinematics(THESIS_ARM, tip="tcp", base="world")
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
         """Stay in the posture in which the episode starts."""

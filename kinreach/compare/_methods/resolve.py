@@ -23,7 +23,7 @@ from kinreach.envs._reach.task import CAMERA
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics._solvers import Solver
 from kinreach.plots._methods import method_colours
-from kinreach.robots import ArmDescription
+from kinreach.robots import THESIS_ARM, ArmDescription
 
 #: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
 SAFETENSORS, ZIP = ".safetensors", ".zip"
@@ -152,7 +152,7 @@ def _from_file(task: Task, path: str, variant: str) -> Method:
     environment = policy.card.environment or asked or next(iter(task.variants.values()))
     if environment not in task.variants.values() or (asked and asked != environment):
         raise InputError(f"the policy {path} is for {environment}, not for one of: {', '.join(task.variants.values())}")
-    trained, arm = trained_arm(policy).get("arm", "ur5"), task.options.get("arm", task.arm)
+    trained, arm = trained_arm(policy).get("arm", THESIS_ARM), task.options.get("arm", task.arm)
     name = arm.name if isinstance(arm, ArmDescription) else arm
     if task.arm and policy.card.environment and name != trained:
         raise InputError(f"the policy {path} was trained on the arm {trained!r}, not on {name!r}")

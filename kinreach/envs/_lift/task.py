@@ -36,7 +36,7 @@ from kinreach.envs._reach.task import (
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.kinematics._collision import MARGIN
-from kinreach.robots import ArmDescription, BoxRegion, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, get_arm
 from kinreach.robots._tools import FLANGE
 from kinreach.sim._controller import BEYOND_LIMIT
 from kinreach.sim._free_objects import BALL_SHAPE, CUBE, SHAPES, Objects
@@ -85,7 +85,7 @@ class LiftOptions:
     )
     render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
     arm: str | ArmDescription = field(
-        default="ur5", metadata=about("name of a UR, or an `ArmDescription`; one without a gripper gets it")
+        default=THESIS_ARM, metadata=about("name of a UR, or an `ArmDescription`; one without a gripper gets it")
     )
     shapes: tuple[str, ...] = field(
         default=(BALL_SHAPE,), metadata=about(f"one of them an episode: {', '.join(SHAPES)}")

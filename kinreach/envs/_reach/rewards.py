@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats, as_flags, as_floats, check_entries, check_number, shown
 from kinreach.errors import InputError
 from kinreach.kinematics._tensors import like, on_host, where
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 from kinreach.thesis import REACHED_POSTURE_ERROR, distance_reward, posture_error, reach_reward
 from kinreach.thesis._reward import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
 
@@ -195,7 +195,7 @@ def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
     What is a natural posture depends on how the arm is mounted; a UR from a file may stand anywhere.
     """
     cameras = {camera.name for camera in arm.goal_cameras}
-    if arm.joints == get_arm("ur5").joints and {"front", "wrist"} <= cameras:
+    if arm.joints == get_arm(THESIS_ARM).joints and {"front", "wrist"} <= cameras:
         return ThesisReward()
     return DistanceReward(arm.workcell.reached_distance)
 

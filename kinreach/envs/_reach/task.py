@@ -33,7 +33,7 @@ from kinreach.envs._reach.rewards import RewardFunction, Score, Scorer, check_re
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
 from kinreach.kinematics._collision import MARGIN
-from kinreach.robots import ArmDescription, BoxRegion, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, get_arm
 from kinreach.sim._controller import BEYOND_LIMIT
 from kinreach.sim._imperfections import IDEAL, Imperfections, as_imperfections
 from kinreach.thesis import REACHED_POSTURE_ERROR
@@ -66,7 +66,9 @@ class ReachOptions:
         metadata=about('`"mujoco"` (dynamics) or `"kinematic"`; in native batches also `"warp"` (tried on CPUs only)'),
     )
     render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
-    arm: str | ArmDescription = field(default="ur5", metadata=about("name of a registered arm, or an `ArmDescription`"))
+    arm: str | ArmDescription = field(
+        default=THESIS_ARM, metadata=about("name of a registered arm, or an `ArmDescription`")
+    )
     reward: RewardFunction | None = field(
         default=None, metadata=about("a function as `kinreach.envs._reach.rewards` describes; by default the arm's own")
     )
@@ -244,14 +246,20 @@ def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
 
 @lru_cache
 def joint_limits(arm: ArmDescription) -> tuple[Floats, Floats]:
-    """Lower and upper joint limits [rad], each of shape (n,); where a URDF has pi with eleven digits, pi."""
+    """Lower and upper joint limits [rad], each of shape (n,); where a URDF has pi with eleven digits, pi.
+
+    A joint with more than two turns each way, such as the endless wrist_3 of a UR3, is used within one: actions are
+    parts of the range.
+    """
     kinematics = ArmKinematics(arm)
     low, high = (
         # URDFs write pi with eleven digits
         np.where(np.abs(np.abs(limits) - math.pi) < 1e-9, np.copysign(math.pi, limits), limits)
         for limits in (kinematics.lower, kinematics.upper)
     )
-    return low, high
+    turn = 2.0 * math.pi
+    many = high - low > 4.0 * turn
+    return np.where(many, np.maximum(low, -turn), low), np.where(many, np.minimum(high, turn), high)
 
 
 def opening_of(arm: ArmDescription) -> float:
@@ -265,12 +273,12 @@ def action_range(arm: ArmDescription) -> tuple[Floats, Floats]:
     return (high - low) / 2, (high + low) / 2
 
 
-def action_space(arm: str | ArmDescription = "ur5") -> spaces.Box:
+def action_space(arm: str | ArmDescription = THESIS_ARM) -> spaces.Box:
     """Actions of an agent, one in [-1, 1] for each joint."""
     return spaces.Box(-1.0, 1.0, (len(get_arm(arm).joints),), np.float32)
 
 
-def observation_space(arm: str | ArmDescription = "ur5", *, directed: bool = False) -> spaces.Box:
+def observation_space(arm: str | ArmDescription = THESIS_ARM, *, directed: bool = False) -> spaces.Box:
     """Goal block, direction of the tool if goals have one, joint angles and gripper opening in metres and radians."""
     arm = get_arm(arm)
     layout, (lower, upper) = layout_of(arm, directed=directed), joint_limits(arm)

@@ -41,6 +41,8 @@ pin: Any = load("pinocchio")
 
 #: Sine of the angle between two axes below which the plane they span is not defined.
 PARALLEL = 1e-12
+#: A joint whose range has more turns is taken as endless.
+MANY_TURNS = 4
 
 
 class GoalTask:
@@ -103,10 +105,18 @@ class JointSpace:
     """
 
     def __init__(self, kin: ArmKinematics) -> None:
+        self._limits = kin.lower, kin.upper
         full_circle = kin.upper - kin.lower >= TURN
         self.search_lower: Floats = np.where(full_circle, -np.inf, kin.lower)
         self.search_upper: Floats = np.where(full_circle, np.inf, kin.upper)
         self._joints = list(zip(kin.lower.tolist(), kin.upper.tolist(), full_circle.tolist(), strict=True))
+
+    def around(self, q: Floats) -> tuple[Floats, Floats]:
+        """Return the range of random postures [rad]: the limits, and of a joint with many turns one about `q`."""
+        low, high = self._limits
+        near = np.clip(q, low + TURN / 2.0, high - TURN / 2.0)
+        many = high - low > MANY_TURNS * TURN
+        return np.where(many, near - TURN / 2.0, low), np.where(many, near + TURN / 2.0, high)
 
     def fold(self, q: Floats) -> Floats:
         """Turn full-circle joints by the fewest turns that bring them into the limits, and clamp the others."""
@@ -250,9 +260,9 @@ class IterativeSolver(ABC):
 
     def _starts(self, first: Floats) -> Iterator[Floats]:
         yield first
-        rng = np.random.default_rng(self.rng_seed)
+        rng, (lower, upper) = np.random.default_rng(self.rng_seed), self.joint_space.around(first)
         for _ in range(self.max_restarts):
-            yield rng.uniform(self.kin.lower, self.kin.upper)
+            yield rng.uniform(lower, upper)
 
     def _judge(self, goal: Goal, found: Floats) -> _Candidate:
         q = self.joint_space.fold(found)

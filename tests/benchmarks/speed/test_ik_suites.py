@@ -184,12 +184,12 @@ def test_a_peer_is_judged_by_its_quickest_way(suite, peer, ours):
 
 
 def test_joint_axes():
-    kin = ArmKinematics("ur5")
+    kin = ArmKinematics("ur5-thesis")
     assert [base.coordinate_axis(kin, joint) for joint in range(6)] == [2, 1, 1, 1, 2, 1]
 
 
 def test_forward_kinematics_of_the_loops_agree():
-    kin = ArmKinematics("ur5", tip="tool0", base="world")
+    kin = ArmKinematics("ur5-thesis", tip="tool0", base="world")
     q = np.random.default_rng(1).uniform(-np.pi, np.pi, (50, 6))
     np.testing.assert_allclose(fk_batch._all_frames(kin, q), kin.fk(q), atol=1e-10)
     np.testing.assert_allclose(fk_batch._one_frame(kin, q), kin.fk(q), atol=1e-10)

@@ -49,7 +49,7 @@ def test_single_step_actions_map_linearly_onto_the_joint_limits():
     assert 20 < taken < 60
 
 
-@pytest.mark.parametrize("arm", ["ur5", "arm3"])
+@pytest.mark.parametrize("arm", ["ur5-thesis", "arm3"])
 def test_action_for_leads_straight_to_a_posture_in_several_steps(arm):
     env = gym.make(MULTI, backend="kinematic", arm=arm).unwrapped
     env.reset(seed=0)

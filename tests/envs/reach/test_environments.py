@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 import kinreach
 from kinreach.envs._reach.env import UR5SingleStepEnv
 from kinreach.errors import InputError
-from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.thesis import posture_error, reach_reward
 from tests.cases import slow
 
@@ -20,7 +20,7 @@ SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 IDS = [SINGLE, MULTI]
 BACKENDS = ["kinematic", "mujoco"]
 HOME = np.array([-np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, -np.pi / 2, 0])
-KIN = UR5Kinematics(tip="tcp", base="world")
+KIN = URKinematics("ur5-thesis", tip="tcp", base="world")
 
 
 def make(name, **options):
@@ -117,7 +117,11 @@ def test_a_press_into_the_table_is_impossible_and_says_table(backend):
 
 
 def test_postures_are_accepted_that_are_free_and_natural():
-    env, checker, rng = make(SINGLE, backend="kinematic").unwrapped, CollisionChecker("ur5"), np.random.default_rng(0)
+    env, checker, rng = (
+        make(SINGLE, backend="kinematic").unwrapped,
+        CollisionChecker("ur5-thesis"),
+        np.random.default_rng(0),
+    )
     _, info = env.reset(seed=0)
     low = natural_postures(info["goal"] - [0, 0, 0.05])[0][0]
     seen = dict.fromkeys(itertools.product((False, True), repeat=2), 0)

@@ -19,7 +19,7 @@ from kinreach.robots import get_arm
 from kinreach.vision._goal_view import geometric_goal_view, in_image
 
 IMAGE = {"backend": "kinematic", "goal_in": "image"}
-GOALS = get_arm("ur5").workcell.draw_goals(np.random.default_rng(3), 200)
+GOALS = get_arm("ur5-thesis").workcell.draw_goals(np.random.default_rng(3), 200)
 
 
 def projected(simulation, goals):
@@ -50,7 +50,7 @@ def test_goals_are_where_opencv_projects_them(ur5, name):
         assert single.observation_space.contains(observation)
         again, _ = single.reset(seed=0, options={"goal": GOALS[row], "view": told["view"]})
         np.testing.assert_array_equal(again[:6], observation[:6])
-    np.testing.assert_allclose(info["view"], geometric_goal_view("ur5", GOALS), atol=1e-12)  # metres, as ever
+    np.testing.assert_allclose(info["view"], geometric_goal_view("ur5-thesis", GOALS), atol=1e-12)  # metres, as ever
 
 
 def test_nothing_else_changes():

@@ -12,7 +12,7 @@ from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker
 from kinreach.kinematics._solvers import QPSolver
 from kinreach.robots import ArmDescription, Workcell, get_arm
 
-REGION = get_arm("ur5").workcell.goals
+REGION = get_arm("ur5-thesis").workcell.goals
 
 
 @pytest.mark.parametrize("count", [1, 5, 300])
@@ -59,7 +59,7 @@ def test_a_cell_without_goals_says_so_when_one_is_drawn():
         streams.draw(np.arange(1))
 
 
-ROBOTS = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots"
+ROBOTS = Path(str(get_arm("ur5-thesis").package_root())) / "example-robot-data/robots"
 
 
 @pytest.mark.parametrize("file", ["xarm_description/urdf/xarm7.urdf", "ur_description/urdf/ur10_robot.urdf"])

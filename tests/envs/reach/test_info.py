@@ -118,7 +118,7 @@ def test_forfeiting_is_impossible_ends_the_episode_and_moves_nothing(name, backe
 @pytest.mark.parametrize("count", [None, 3])
 def test_a_view_that_somebody_has_measured_is_taken_as_it_is(count):
     goal, elsewhere = np.array([0.45, 0.1, -0.175]), np.array([0.5, -0.2, -0.175])
-    whole = geometric_goal_view("ur5", elsewhere)
+    whole = geometric_goal_view("ur5-thesis", elsewhere)
     views = {"both": whole, "front": np.array([*whole[:3], 0, 0, 0]), "none": np.zeros(6)}
     for case, view in views.items():
         options = {"goal": goal, "view": view}

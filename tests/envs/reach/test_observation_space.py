@@ -25,7 +25,7 @@ def limits_of(arm):
     return (env.posture_for(np.full(len(env.home), side)) for side in (-1.0, 1.0))
 
 
-@pytest.mark.parametrize("arm", ["ur5", "arm3"])
+@pytest.mark.parametrize("arm", ["ur5-thesis", "arm3"])
 def test_under_dynamics(arm):
     env = gym.make(MULTI, arm=arm, disable_env_checker=True)
     rng = np.random.default_rng(0)
@@ -44,7 +44,7 @@ def test_under_dynamics(arm):
 
 
 def test_a_native_batch_under_dynamics():
-    q = np.array(starts("ur5", 0))[:12]
+    q = np.array(starts("ur5-thesis", 0))[:12]
     env = gym.make_vec(MULTI, num_envs=len(q), vectorization_mode="vector_entry_point", threads=2)
     observation, _ = env.reset(seed=0, options={"q": q})
     rng = np.random.default_rng(1)

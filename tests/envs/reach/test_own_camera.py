@@ -12,7 +12,7 @@ from kinreach.robots import CameraMount, get_arm
 from kinreach.vision._goal_view import geometric_goal_view, goal_camera_poses, goal_in_world
 
 SINGLE = "kinreach/UR5SingleStep-v0"
-UR5 = get_arm("ur5")
+UR5 = get_arm("ur5-thesis")
 SIDE = CameraMount("side", "world", (0.5, -0.9, 0.2), (0.47, 0.0, -0.18), observed=True)
 ABOVE = CameraMount("above", "world", (0.47, 0.0, 0.9), (0.47, 0.0, -0.18), up=(1, 0, 0), observed=True)
 

@@ -14,8 +14,8 @@ GOAL = np.array([0.4, 0.1, -0.175])
 
 def free_postures(count):
     rng = np.random.default_rng(0)
-    q = np.array(get_arm("ur5").home) + rng.uniform(-0.3, 0.3, (4 * count, 6))
-    return q[~CollisionChecker("ur5").impossible(q)][:count]
+    q = np.array(get_arm("ur5-thesis").home) + rng.uniform(-0.3, 0.3, (4 * count, 6))
+    return q[~CollisionChecker("ur5-thesis").impossible(q)][:count]
 
 
 @pytest.mark.parametrize("backend", ["kinematic", "mujoco"])

@@ -21,14 +21,14 @@ from kinreach.compare import compare
 from kinreach.envs._reach.rewards import DirectedReward, ThesisReward
 from kinreach.envs._reach.space import SpaceOptions, SpaceTask
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver
 from kinreach.robots import get_arm
 
 #: One arm takes the URDF's angles as they are written, many take right angles where almost right ones are written.
 ROUNDED = 1e-10
 WIDE = {"tilt": 30.0, "start_spread": 0.3}
-ARMS = {"ur3": 13 + 3, "ur5": 13 + 3, "ur10": 13 + 3, "panda": 3 + 3 + 7 + 1}
+ARMS = {"ur3-thesis": 13 + 3, "ur5-thesis": 13 + 3, "ur10-thesis": 13 + 3, "panda": 3 + 3 + 7 + 1}
 
 
 def make(**options):
@@ -57,7 +57,7 @@ def test_every_arm(arm):
 
 
 def test_what_episodes_start_with():
-    arm = get_arm("ur5")
+    arm = get_arm("ur5-thesis")
     checker = CollisionChecker(arm)
     rows = SpaceTask(SpaceOptions(**WIDE)).sample(np.random.default_rng(0), 2000)
     goals, directions, q = rows[:, :3], rows[:, 3:6], rows[:, 6:]
@@ -82,7 +82,7 @@ def test_where_every_drawn_start_is_impossible_the_arm_begins_in_its_start_pose(
     task = SpaceTask(SpaceOptions(**WIDE))
     task.checker = SimpleNamespace(impossible=lambda q: np.ones(len(q), dtype=bool))
     rows = task.sample(np.random.default_rng(0), 5)
-    np.testing.assert_array_equal(rows[:, 6:], np.tile(get_arm("ur5").home, (5, 1)))
+    np.testing.assert_array_equal(rows[:, 6:], np.tile(get_arm("ur5-thesis").home, (5, 1)))
 
 
 @pytest.mark.parametrize(("backend", "count", "steps"), [("kinematic", 12, 3), ("mujoco", 4, 2)])
@@ -97,7 +97,7 @@ def test_a_batch_equals_single_environments(variant, backend, count, steps):
         np.testing.assert_array_equal(info["direction"][i], said["direction"])
     rng, compared = np.random.default_rng(1), 0
     for _ in range(steps):
-        home = np.array(get_arm("ur5").home) / np.pi if variant == "single" else 0.0
+        home = np.array(get_arm("ur5-thesis").home) / np.pi if variant == "single" else 0.0
         actions = np.clip(home + rng.normal(0.0, 0.1, (count, 6)), -1, 1)
         observations, rewards, terminated, truncated, info = batch.step(actions)
         for i, env in enumerate(singles):
@@ -124,10 +124,10 @@ def test_the_closed_form_reaches_everything(backend):
 
 
 def test_refused_postures_are_turned_about_the_tool():
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     rng, turned = np.random.default_rng(0), 0
     for _ in range(60):
-        goal = get_arm("ur5").workcell.draw_goals(rng, 1)[0]
+        goal = get_arm("ur5-thesis").workcell.draw_goals(rng, 1)[0]
         wanted = kin.axis_goal(goal, (0, 0, -1), kin.arm.home).q
         far = lambda q, start=wanted: abs(q[5] - start[5]) > 0.5  # noqa: E731
         result = kin.axis_goal(goal, (0, 0, -1), kin.arm.home, accept=far)
@@ -237,7 +237,7 @@ def test_training_draws_around_the_volume():
     recipe = replace(get_recipe("space-ranked"), num_envs=64, steps=64, segments=1, window=64)
     env = build(recipe, 0, steps=64).env
     starts = env._draw(np.random.default_rng(0), 3000)
-    box = get_arm("ur5").workcell.goals.wider(0.02, above=0.25)
+    box = get_arm("ur5-thesis").workcell.goals.wider(0.02, above=0.25)
     np.testing.assert_allclose([starts["goal"].min(axis=0), starts["goal"].max(axis=0)],
                                np.transpose([box.x, box.y, box.z]), atol=2e-3)  # fmt: skip
     groups = env.reset().reshape(8, 8, 16)

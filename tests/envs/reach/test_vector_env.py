@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode
 
 import kinreach
 from kinreach.errors import InputError
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 from tests.cases import slow
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
@@ -106,7 +106,7 @@ def test_joints_end_anywhere_within_the_tolerance(name):
 def test_what_a_step_returned_is_not_touched_by_later_ones(name, backend):
     batch = make_vec(name, 4, backend=backend)
     q = np.tile([-1.8, -1.0, 1.9, -2.47, -np.pi / 2, 0.0], (4, 1))
-    goals = UR5Kinematics(tip="tcp", base="world").positions(q) + np.arange(4)[:, None] * [0.0, 0.02, 0.0]
+    goals = URKinematics("ur5-thesis", tip="tcp", base="world").positions(q) + np.arange(4)[:, None] * [0.0, 0.02, 0.0]
     returned = [batch.reset(seed=1, options={"q": q, "goal": goals})]
     scale = 1.0 if name == SINGLE else 0.0
     returned += [batch.step(scale * actions) for actions in actions_for(name, 4, 4)]
@@ -215,7 +215,7 @@ def test_after_a_partial_restart_each_camera_has_its_own_noise(needs_gl):
     """Only environments 0 and 2 end; what they see then is what they would see alone."""
     options = {"backend": "kinematic", "observation": "camera", "depth_noise": 0.003, "width": 160, "height": 90}
     q = np.tile([-1.8, -1.0, 1.9, -2.47, -np.pi / 2, 0.0], (3, 1))
-    goals = UR5Kinematics(tip="tcp", base="world").positions(q) + np.diag([0.0, 0.1, 0.0])
+    goals = URKinematics("ur5-thesis", tip="tcp", base="world").positions(q) + np.diag([0.0, 0.1, 0.0])
     batch = make_vec(MULTI, 3, **options)
     batch.reset(seed=7)
     batch.reset(options={"q": q, "goal": goals})
