@@ -9,7 +9,7 @@ import pytest
 
 from kinreach.compare._cli import main as compare
 from kinreach.compare._task import get_task
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import URKinematics
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -156,7 +156,7 @@ def test_every_number_rests_on_a_file():
 
 
 def test_how_exact_the_closed_form_is():
-    kin = UR5Kinematics(tip="tcp", base="world")
+    kin = URKinematics("ur5-thesis", tip="tcp", base="world")
     balls = kin.arm.workcell.draw_goals(np.random.default_rng(0), 200)
     tips = [kin.fk(kin.axis_goal(ball, (0, 0, -1), seed=kin.arm.home).q)[:3, 3] for ball in balls]
     assert np.median(1e3 * np.linalg.norm(tips - balls, axis=1)) == pytest.approx(5e-9, abs=5e-10)

@@ -9,6 +9,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.errors import KinreachError
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription
+from kinreach.robots._ur import ur_model
 from kinreach.view import _html as html
 from kinreach.view._draw import BLUE, RED, SolidArm
 from kinreach.view._figure import Figure
@@ -33,7 +34,8 @@ class RealArmPanel(Panel):
         self.map: ErrorMap | None = None
         self.miss: Miss | None = None
         self._arms: list[SolidArm] = []
-        self._published = [name for name in PUBLISHED_CALIBRATIONS if name.startswith(f"{self._sheet.name}_")]
+        self._robot = ur_model(self._sheet.name) or self._sheet.name
+        self._published = [name for name in PUBLISHED_CALIBRATIONS if name.startswith(f"{self._robot}_")]
         with self._folder:
             self._build_gui()
         scene = self._client.scene
@@ -50,7 +52,7 @@ class RealArmPanel(Panel):
             self._publish(self._published[0])
         else:
             self._verdict.content = html.message(
-                f"Name the calibration file of your {self._sheet.name} to see it beside its data sheet. "
+                f"Name the calibration file of your {self._robot} to see it beside its data sheet. "
                 "The package has none of this model."
             )
 
@@ -97,7 +99,7 @@ class RealArmPanel(Panel):
         opened.on_click(lambda _: self.open(self._file.value))
 
     def _publish(self, name: str) -> None:
-        remark = f"This is the published calibration {name}, of another {self._sheet.name}; open your own below. "
+        remark = f"This is the published calibration {name}, of another {self._robot}; open your own below. "
         self.open(str(PUBLISHED_CALIBRATIONS[name]), remark=remark)
 
     def _take(self, arm: ArmDescription, expression: str, *, remark: str = "") -> None:

@@ -238,11 +238,12 @@ def test_a_policy_of_another_arm_is_refused(tmp_path):
     from kinreach.baselines._policy_file import read_policy, save_policy
 
     card, network = read_policy(files("kinreach.baselines") / "pretrained" / "ranked-single.safetensors")
-    recipe = {**card.recipe, "options": {"backend": "kinematic", "arm": "ur3"}}
+    recipe = {**card.recipe, "options": {"backend": "kinematic", "arm": "ur3-thesis"}}
     save_policy(tmp_path / "mine.safetensors", replace(card, recipe=recipe), network)
-    with pytest.raises(InputError, match="was trained on the arm 'ur3', not on 'ur5'"):
+    with pytest.raises(InputError, match="was trained on the arm 'ur3-thesis', not on 'ur5-thesis'"):
         compare("ur5", [str(tmp_path / "mine.safetensors")], goals=1)
-    assert compare("ur5", [str(tmp_path / "mine.safetensors")], arm="ur3", goals=1)["methods"][0]["goals"] == 1
+    (found,) = compare("ur5", [str(tmp_path / "mine.safetensors")], arm="ur3-thesis", goals=1)["methods"]
+    assert found["goals"] == 1
 
 
 def test_two_columns_of_one_key_are_refused(toy):

@@ -163,8 +163,9 @@ def test_another_arm_of_the_same_name_does_not_go_on(tmp_path):
 
 def test_policies_are_for_the_arm_that_they_were_trained_on(monkeypatch):
     monkeypatch.setattr(runner._Environments, "policy", lambda environments, method: None)
-    ur5 = get_arm("ur5-thesis")
-    for arm, all_of_them in (("ur5", True), (ur5, True), (replace(ur5, name="mine"), False), ("ur3", False)):
+    own = get_arm("ur5-thesis")
+    others = (replace(own, name="mine"), "ur5", "ur3-thesis")
+    for arm, all_of_them in (("ur5-thesis", True), (own, True), *((other, False) for other in others)):
         task = prepare(
             "ur5", (), goals=1, seed=0, arm=arm, observation=None, options={"backend": "kinematic"}, command=""
         ).task  # fmt: skip
@@ -194,7 +195,7 @@ def test_an_arm_has_another_version_whatever_of_it_changes():
     others = [replace(arm, **{name: value}) for name, value in changes.items() if getattr(arm, name) != value]
     others += [replace(arm, workcell=each) for each in (cell, goals)]
     assert len(others) >= 6
-    versions = [arm_version(each)["arm ur5"] for each in (arm, *others)]
+    versions = [arm_version(each)["arm ur5-thesis"] for each in (arm, *others)]
     assert len(set(versions)) == len(versions)
 
     class Mine:
@@ -237,13 +238,13 @@ def test_results_name_the_arm(toy):
     """As the environment has it; the toy has none."""
     cases = (
         (toy, "right", {}, ""),
-        ("ur5", "closed-form", {}, "ur5"),
+        ("ur5", "closed-form", {}, "ur5-thesis"),
         ("ur5", "closed-form", {"arm": "ur10"}, "ur10"),
         ("arm3", "closed-form", {}, "arm3"),
         ("button", "random", {"max_steps": 2}, "arm3"),
-        ("moving", "first-sight", {}, "ur5"),
-        ("real-arm", "data-sheet", {"budgets": (0,)}, "ur5"),
-        ("obstacles", "closed-form", {}, "ur5"),
+        ("moving", "first-sight", {}, "ur5-thesis"),
+        ("real-arm", "data-sheet", {"budgets": (0,)}, "ur5-thesis"),
+        ("obstacles", "closed-form", {}, "ur5-thesis"),
     )
     for task, method, options, arm in cases:
         assert compare(task, [method], goals=1, options=options)["settings"]["arm"] == arm

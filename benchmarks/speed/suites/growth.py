@@ -58,7 +58,7 @@ batched(BatchSimulation("ur5-thesis", {n}), goals_and_targets({n}, 0)[1])
 """
 
 POSES_TEXT = """\
-Batches of random poses, all eight branches (`URKinematics.batch`). EAIK's `IK_batched` is on one thread beside it (the
+Batches of random poses, all eight branches (`UR5Kinematics.batch`). EAIK's `IK_batched` is on one thread beside it (the
 suite `ik-batch` also calls EAIK in a loop), and forward kinematics of as many postures. Memory is the most that a fresh
 process held that did it once, its inputs included.{blank}
 
