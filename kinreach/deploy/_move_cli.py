@@ -211,7 +211,8 @@ def _listed(six: Floats) -> str:
 def _start(text: str | None, arm: ArmDescription, *, degrees: bool) -> Floats:
     if text in (None, HOME):
         return np.array(arm.home)
-    return posture_of("--from", str(text), 6, degrees=degrees)
+    kin = ArmKinematics(arm)
+    return posture_of("--from", str(text), 6, degrees=degrees, limits=(kin.lower, kin.upper))
 
 
 def _degrees(q: Floats) -> str:

@@ -32,10 +32,12 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     arguments = _parser(prog).parse_args(argv)
     print_notes(arm := arm_of(arguments.arm, arguments))
     check_is_ur(arm)
-    arm = surrounded(ArmKinematics(arm, base="base"), arguments, cell=not arguments.no_cell)
+    kin = ArmKinematics(arm, base="base")
+    arm = surrounded(kin, arguments, cell=not arguments.no_cell)
     start = None
     if arguments.start is not None:
-        start = posture_of("--from", arguments.start, 6, degrees=arguments.degrees).tolist()
+        limits = kin.lower, kin.upper
+        start = posture_of("--from", arguments.start, 6, degrees=arguments.degrees, limits=limits).tolist()
     speed = check_number("--speed", arguments.speed, above=0.0, most=1e6)
     log = _Log()
     robot = SimulatedUR(

@@ -101,7 +101,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     kin = ArmKinematics.of(arm, base=base)
     seed = np.array(arm.home)
     if arguments.seed is not None:
-        seed = posture_of("--seed", arguments.seed, kin.n, degrees=arguments.degrees)
+        limits = kin.lower, kin.upper
+        seed = posture_of("--seed", arguments.seed, kin.n, degrees=arguments.degrees, limits=limits)
     if arguments.cell and arguments.table is not None:
         raise InputError("give --cell or --table, not both")
     answers = Answers(ArmKinematics.of(surrounded(kin, arguments, cell=arguments.cell), base=base), seed)

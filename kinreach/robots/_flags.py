@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import check_known, shown
 from kinreach.cli import complain, in_flags
@@ -159,12 +159,17 @@ def numbers_of(flag: str, text: str, count: int) -> list[float]:
     return values
 
 
-def posture_of(flag: str, text: str, count: int, *, degrees: bool) -> NDArray[np.float64]:
-    """Return the joint angles of a flag [rad]."""
+def posture_of(
+    flag: str, text: str, count: int, *, degrees: bool, limits: Sequence[ArrayLike] = ()
+) -> NDArray[np.float64]:
+    """Return the joint angles of a flag [rad], within a turn, or within the limits of joints that turn farther."""
     angles = np.array(numbers_of(flag, text, count))
     q = np.radians(angles) if degrees else angles
-    if not np.abs(q).max() <= 2 * np.pi + 1e-6:
-        unit = "±360 degrees" if degrees else "±6.283 rad"
+    most = np.abs([np.full(count, 2.0 * np.pi), *limits]).max(axis=0)
+    beyond = ~(np.abs(q) <= most + 1e-6)
+    if beyond.any():
+        joint = int(np.where(beyond, np.abs(q), 0.0).argmax())
+        unit = f"±{np.degrees(most[joint]):g} degrees" if degrees else f"±{most[joint]:.4g} rad"
         hint = "" if degrees else "; for degrees add --degrees"
-        raise InputError(f"{flag} must be within {unit}, got {angles[np.abs(q).argmax()]:g}{hint}")
+        raise InputError(f"{flag} must be within {unit}, got {angles[joint]:g}{hint}")
     return q

@@ -5,8 +5,18 @@ import math
 import numpy as np
 import pytest
 
-from kinreach.deploy._controller import CB3, rate_of
-from kinreach.kinematics import ArmKinematics, CollisionChecker, MotionLimits, URKinematics
+from kinreach.cli import main
+from kinreach.deploy._controller import CB3, Controller, rate_of
+from kinreach.deploy._planning import _joint
+from kinreach.kinematics import (
+    ArmKinematics,
+    ClosedFormSolver,
+    CollisionChecker,
+    LevenbergMarquardtSolver,
+    MotionLimits,
+    PoseGoal,
+    URKinematics,
+)
 from kinreach.robots import PUBLISHED_CALIBRATIONS, THESIS_ARM, arm_names, get_arm
 from kinreach.robots._ur import ENDLESS, JOINTS, UR_MODELS, ur_model
 from kinreach.sim import ArmSimulation
@@ -75,6 +85,57 @@ def test_a_posture_of_a_real_ur10_is_found_again():
     result = kin.nearest(kin.fk(q), q)
     assert result.success
     np.testing.assert_allclose(result.q, q, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "way", "speed", "stopped"),
+    [
+        ("ur10", 0, 3.0, 2.09, False), ("ur10", 0, 3.0, 2.15, True), ("ur10", 5, 4.0, 3.1, False),
+        ("ur3", 5, 20.0, 6.2, False), ("ur3", 5, 20.0, 6.4, True), ("ur3", 0, 3.0, 3.3, True),
+    ],
+)  # fmt: skip
+def test_the_simulated_controller_stops_at_the_makers_speed_of_each_joint(name, joint, way, speed, stopped):
+    arm = get_arm(name)
+    target = np.array(arm.home)
+    target[joint] += way
+    done = Controller(arm).run(f"def fast():\n  movej({target.tolist()}, a=12, v={speed})\nend\n")
+    assert done.reason.startswith(f"joint speed: {JOINTS[joint]}" if stopped else "")
+    assert bool(done.reason) == stopped
+
+
+def test_planned_moves_are_as_fast_as_each_joint_allows():
+    """The joint that turns most has the speed with which none exceeds its own limit, and one reaches it."""
+    rng, slower = np.random.default_rng(3), 0
+    for name in ("ur3", "ur10", "ur5e", "ur18", "ur20"):
+        limit = URKinematics(name).velocity_limit
+        for _ in range(200):
+            way = rng.uniform(-2, 2, 6) * (rng.random(6) < 0.7)
+            path = np.vstack([np.zeros(6), way])
+            (move,) = _joint(path, 0.5 * limit, [0.0])
+            shares = move.speed * np.abs(way) / max(np.abs(way).max(), 1e-12) / (0.5 * limit)
+            assert shares.max() == pytest.approx(1.0, abs=1e-5) or not way.any()
+            slower += move.speed < 0.5 * limit[np.abs(way).argmax()] - 1e-9
+    assert slower > 100
+
+
+def test_an_endless_wrist_may_be_turned_far(capsys):
+    goal = "0.1,-0.25,0.3,3.14,0,0"
+    far = "-1.57,-1.57,1.57,-1.57,-1.57,"
+    assert main(["ik", "--arm", "ur3", "--pose", goal, "--seed", f"{far}40"]) == 0
+    shown = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("*")).split()
+    assert abs(float(shown[7]) - 40.0) <= math.pi
+    for arm, angle, bound in (("ur3", "70", "62.83"), ("ur5", "7", "6.283")):
+        assert main(["ik", "--arm", arm, "--pose", goal, "--seed", far + angle]) == 2
+        assert f"--seed must be within ±{bound} rad, got {angle}" in capsys.readouterr().err
+    for solver in (LevenbergMarquardtSolver, ClosedFormSolver):  # and searches stay within a turn of it
+        kin, found = URKinematics("ur3"), 0
+        rng = np.random.default_rng(1)
+        for q in rng.uniform(-3, 3, (30, 6)):
+            seed = np.append(rng.uniform(-3, 3, 5), 40.0)
+            result = solver(kin).solve(PoseGoal(kin.fk(q)), seed)
+            found += result.success
+            assert not result.success or abs(result.q[5] - 40.0) <= TURN
+        assert found >= 25
 
 
 def test_the_thesis_has_arms_of_its_own():
