@@ -162,7 +162,7 @@ class ArmKinematics:
             InputError: A tool or a base that is not a rigid motion, or a tip beside a tool.
 
         Note:
-            The tip of `ArmKinematics.of("ur5")` is `"tcp"`; that of `URKinematics("ur5")` is `"tool0"`.
+            The tip of `ArmKinematics.of("ur5-thesis")` is `"tcp"`; that of `URKinematics("ur5-thesis")` is `"tool0"`.
         """
         plain = cls(arm, tip=tip, base=base, tool=tool)
         for module, name in cls._closed_forms.get(plain.n, ()):

@@ -165,7 +165,7 @@ def posture_of(
     """Return the joint angles of a flag [rad], within a turn, or within the limits of joints that turn farther."""
     angles = np.array(numbers_of(flag, text, count))
     q = np.radians(angles) if degrees else angles
-    most = np.abs([np.full(count, 2.0 * np.pi), *limits]).max(axis=0)
+    most = np.abs(np.array([np.full(count, 2.0 * np.pi), *limits])).max(axis=0)
     beyond = ~(np.abs(q) <= most + 1e-6)
     if beyond.any():
         joint = int(np.where(beyond, np.abs(q), 0.0).argmax())

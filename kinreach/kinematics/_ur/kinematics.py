@@ -73,8 +73,7 @@ class URKinematics(ClosedFormKinematics):
     Link lengths are read from the URDF.
 
     Args:
-        arm: Name of a UR, one of `kinreach.robots.UR_LENGTHS` from "ur3" to "ur30", or the description of a UR-type
-            arm.
+        arm: Name of a UR, "ur3" to "ur30" or "ur5-thesis", or the description of a UR-type arm.
         tip: `"tool0"`, the flange, or another tip of the arm; None for the arm's own.
         base: `"base_link"`, `"base"` (the controller's), `"world"`, or a frame of your own (`ArmKinematics`).
         tool: A tool on the flange; its centre point is the tip. `[x, y, z, rx, ry, rz]` as on the pendant (metres,
@@ -89,7 +88,7 @@ class URKinematics(ClosedFormKinematics):
 
     Note:
         The tip is the flange unless another one is named, as for the controller of a UR without a tool; that of
-        `ArmKinematics.of` is the arm's own, `"tcp"` of the `ur5`.
+        `ArmKinematics.of` is the arm's own, `"tcp"` of `ur5-thesis`.
     """
 
     joints = 6
