@@ -106,7 +106,7 @@ def test_unusable_requests_are_refused(ur5):
             CameraGoalView("ur5-thesis", **options)
     with pytest.raises(InputError, match="noise must be a SensorNoise or None, got 'x'"):
         RGBDCamera(ArmSimulation("ur5-thesis"), "front").capture(noise="x", rng=np.random.default_rng(0))
-    with pytest.raises(InputError, match="view is of ur5, got a simulation of arm3"):
+    with pytest.raises(InputError, match="view is of ur5-thesis, got a simulation of arm3"):
         CameraGoalView("ur5-thesis").measure(ArmSimulation("arm3"))
 
 
