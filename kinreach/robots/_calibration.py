@@ -438,12 +438,12 @@ def _what_is_wrong(placements: Floats, model: str) -> str:
         if not tilt <= MAX_TILT:
             return (
                 f"the axis of {what} is tilted by {math.degrees(tilt):.3g} degrees against that of a {model}, more "
-                f"than the {math.degrees(MAX_TILT):g} that any calibration may have"
+                f"than the {math.degrees(MAX_TILT):g} of any calibration"
             )
         if not offset <= MAX_OFFSET:
             return (
                 f"{what} is {1000 * offset:.4g} mm from where a {model} has it, more than the {1000 * MAX_OFFSET:g} "
-                "mm that any calibration may have"
+                "mm of any calibration"
             )
     return ""
 
