@@ -171,7 +171,9 @@ class TargetModel:
             self.checker = None
         n = self.kinematics.n
         self.kinds = (POINT,) if n < 6 else (POSE, AXIS) if n == 6 else (POSE, AXIS, POINT)
-        self.lower, self.upper = self.kinematics.lower.copy(), self.kinematics.upper.copy()
+        lower, upper = self.kinematics.lower, self.kinematics.upper
+        endless = upper - lower > 8.0 * pi  # on the page within one turn each way, as its slider says
+        self.lower, self.upper = np.where(endless, -2.0 * pi, lower), np.where(endless, 2.0 * pi, upper)
         self._search = LevenbergMarquardtSolver(self.kinematics, max_restarts=0)
         closed = isinstance(self.kinematics, ClosedFormKinematics)
         self.solvers = (*(name for name in SOLVERS if closed or name != "closed-form"), *policies)

@@ -130,7 +130,7 @@ class TargetPanel(Panel):
         with gui.add_folder("Arm", expand_by_default=False):
             self._ghosted = gui.add_dropdown("ghosts", [THOSE_THAT_CAN, ALL, NONE], initial_value=THOSE_THAT_CAN)
             self._bound = gui.add_slider("all within ± [°]", 30, 360, 5, 360, hint="Narrows the limits of all joints")
-            limits = np.degrees([model.kinematics.lower, model.kinematics.upper]).round(1).T.tolist()
+            limits = np.degrees([model.lower, model.upper]).round(1).T.tolist()
             self._sliders = [
                 gui.add_slider(f"{plain(name)} [°]", low, high, 0.1, float(np.clip(0.0, low, high)))
                 for name, (low, high) in zip(model.kinematics.arm.joints, limits, strict=True)

@@ -294,7 +294,7 @@ def test_a_copied_program_says_the_same(ur5, capsys):
     for kind in (POSE, AXIS):
         goal = ur5.goal(kind, T)
         answer = ur5.answer(goal, ur5.home)
-        code = program(ur5, goal, ur5.home, arm="'ur5'")
+        code = program(ur5, goal, ur5.home, arm="'ur5-thesis'")
         exec(compile(code, "copied", "exec"), {})
         said = capsys.readouterr().out.splitlines()
         assert said[0].strip() == "ok"
@@ -422,5 +422,16 @@ def test_a_setup_has_the_tip_and_the_calibration_that_were_asked_for():
     calibrated = setup_of("ur5-thesis", calibration=str(CALIBRATION), tip="tool0")
     assert calibrated.model().kinematics.tip == "tool0"
     assert type(calibrated.model().kinematics).__name__ == "CalibratedURKinematics"
-    assert (calibrated.title, calibrated.sheet) == ("kinreach – ur5", "'ur5'")
+    assert (calibrated.title, calibrated.sheet) == ("kinreach – ur5-thesis", "'ur5-thesis'")
     assert setup_of("UR5e").sheet == "'ur5e'"
+
+
+def test_an_endless_joint_is_within_one_turn_each_way():
+    """A slider of twenty turns is of no use; the copied program has the same limits."""
+    model = TargetModel("ur3")
+    assert model.kinematics.upper[5] == pytest.approx(20 * np.pi)
+    np.testing.assert_allclose(model.upper, [2 * np.pi, 2 * np.pi, np.pi, 2 * np.pi, 2 * np.pi, 2 * np.pi])
+    np.testing.assert_array_equal(model.lower, -model.upper)
+    goal = model.goal(POSE, model.kinematics.fk(model.home))
+    assert "wrist_3_joint" in program(model, goal, model.home, arm="'ur3'")
+    assert "with_limits" not in program(TargetModel("ur5"), goal, model.home, arm="'ur5'")

@@ -260,7 +260,8 @@ class IterativeSolver(ABC):
 
     def _starts(self, first: Floats) -> Iterator[Floats]:
         yield first
-        rng, (lower, upper) = np.random.default_rng(self.rng_seed), self.joint_space.around(first)
+        rng = np.random.default_rng(self.rng_seed)
+        lower, upper = self.joint_space.around(first)
         for _ in range(self.max_restarts):
             yield rng.uniform(lower, upper)
 

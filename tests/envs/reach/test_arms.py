@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from kinreach.envs._reach.task import layout_of
+from kinreach.envs._reach.task import action_range, layout_of
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, PositionGoal
 from kinreach.robots import _registry, get_arm
@@ -128,3 +128,14 @@ def test_six_joints_are_asked_to_point_the_tool_down():
     goal = env.ik_goal([0.4, 0.1, -0.1])
     assert isinstance(goal, AxisGoal)
     np.testing.assert_array_equal(goal.axis, [0, 0, -1])
+
+
+def test_an_endless_joint_is_used_within_one_turn_each_way():
+    """Actions are parts of the range: one of twenty turns could not be learned."""
+    half, middle = action_range(get_arm("ur3"))
+    np.testing.assert_allclose(half, np.pi * np.array([2, 2, 1, 2, 2, 2]))
+    np.testing.assert_array_equal(middle, np.zeros(6))
+    env = gym.make("kinreach/UR5SingleStep-v0", arm="ur3", backend="kinematic")
+    env.reset(seed=0)
+    *_, info = env.step(np.array([-0.25, -0.25, 0.5, -0.25, -0.25, 1.0]))
+    assert info["q"][5] == pytest.approx(2 * np.pi)
