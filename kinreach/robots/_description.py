@@ -348,7 +348,7 @@ class ArmDescription:
             UnknownNameError: Unknown model.
             InputError: The file is none of these, is folded, or does not fit the model.
         """
-        from kinreach.robots._calibrate import calibration_from  # which describes the arms that it finds
+        from kinreach.robots._calibration_fit import calibration_from  # scipy takes as long to import as the rest
 
         name = (ur_model(self.name) or self.name) if model is None else model
         calibration = file if isinstance(file, Calibration) else calibration_from(file, name, repair=repair)

@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.robots._description import ArmDescription
 from kinreach.robots._rotations import rpy
 from kinreach.robots._urdf import link_at, origin_of, parse_urdf, set_origin
 
@@ -38,19 +37,19 @@ class UrdfChain:
         return len(self.names)
 
     @classmethod
-    def of(cls, arm: ArmDescription) -> UrdfChain:
-        """Read the chain of an arm, from its base to its default tip."""
+    def of(cls, urdf: str, names: tuple[str, ...], *, base: str, tip: str) -> UrdfChain:
+        """Read the chain of an arm's URDF from one link to another; joints that are not named are fixed."""
         from scipy.spatial.transform import Rotation
 
-        robot = parse_urdf(arm.urdf)
+        robot = parse_urdf(urdf)
         carried_by = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
-        link, path = arm.tips[arm.default_tip], []
-        while link != arm.base:
+        link, path = tip, []
+        while link != base:
             path.append(carried_by[link])
             link = link_at(path[-1], "parent")
         placements, turned, before, T = [], [], [], np.eye(4)
         for joint in reversed(path):
-            if joint.get("name") not in arm.joints:
+            if joint.get("name") not in names:
                 T = T @ origin_of(joint)
                 continue
             axis = joint.find("axis")
@@ -63,7 +62,7 @@ class UrdfChain:
             placements.append(T @ origin_of(joint) @ align)
             turned.append(align)
             T = align.T
-        return cls(arm.urdf, arm.joints, np.array([*placements, T]), np.array(turned), np.array(before))
+        return cls(urdf, names, np.array([*placements, T]), np.array(turned), np.array(before))
 
     def urdf_with(self, placements: Floats) -> Callable[[], str]:
         """Return what builds the URDF with joints 2 to n placed as in `placements`; the first stays, and the tip."""
