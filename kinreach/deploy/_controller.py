@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinreach._checks import Floats, printable, shown
-from kinreach.deploy._motion import JointLine, LineError, Segment, Servo, StraightLine
+from kinreach.deploy._motion import BlendedMotion, LineError, Servo, segment_to
 from kinreach.deploy._rtde import RobotMode, RuntimeState, SafetyMode
 from kinreach.deploy._urscript import (
     Assignment,
@@ -151,10 +151,9 @@ class Controller:
     def place(self, q: Floats) -> None:
         """Put the arm at rest into a posture [rad], shape (6,), without moving."""
         self.simulation.reset(q)
-        self._segments: list[Segment] = []
+        self._motion = BlendedMotion(self._tool, q)
         self._servo: tuple[Servo, Floats, float, float] | None = None
         self._braking = BRAKING
-        self._waypoint, self._blend = q, 0.0
         self._began = q
         self.target_q: Floats = q.copy()
         self.target_qd, self.target_qdd = np.zeros(len(q)), np.zeros(len(q))
@@ -295,8 +294,7 @@ class Controller:
         return self.target_q, self.target_qd, self.actual_q, self.actual_qd
 
     def _end_program(self) -> None:
-        self._segments, self._servo, self._braking = [], None, BRAKING
-        self._waypoint, self._blend = self.target_q, 0.0
+        self._motion, self._servo, self._braking = BlendedMotion(self._tool, self.target_q), None, BRAKING
         if self._program is not None:
             self._program.close()
         self._program, self.runtime_state = None, RuntimeState.STOPPED
@@ -321,9 +319,9 @@ class Controller:
 
     def _advance_target(self) -> None:
         dt, before = self.cycle * self._scaling, self.target_qd
-        if self._segments:
+        if self._motion.segments:
             try:
-                q, qd = self._summed(dt)
+                q, qd = self._motion.advance(dt)
             except (LineError, np.linalg.LinAlgError) as error:
                 self._stop(str(error))
                 return
@@ -335,21 +333,7 @@ class Controller:
         elif (fastest := float(np.abs(before).max())) > 0.0:
             self.target_qd = before * max(0.0, 1.0 - self._braking * self.cycle / fastest)
             self.target_q = self.target_q + self.cycle * self.target_qd
-            self._waypoint = self.target_q
         self.target_qdd = (self.target_qd - before) / self.cycle
-
-    def _summed(self, dt: float) -> tuple[Floats, Floats]:
-        """Sum the segments that are blended, and drop those that have ended."""
-        for segment in self._segments:
-            segment.advance(dt)
-        while self._segments[0].done and len(self._segments) > 1:
-            self._segments.pop(0)
-        first, *others = self._segments
-        q = first.q + sum(other.q - other.start for other in others)
-        qd = first.qd + sum(other.qd for other in others)
-        if first.done:
-            self._segments = []
-        return q, qd
 
     def _supervise(self) -> None:
         """Stop at a limit of a joint or its speed, on contact, and when the arm does not follow."""
@@ -389,7 +373,7 @@ class Controller:
                 yield from self._statements(statement.then if condition else statement.otherwise, known)
             else:
                 yield from self._call(statement, known)
-        while self._segments:
+        while self._motion.segments:
             yield
 
     def _value(self, expression: Expression, known: Mapping[str, Any], line: int) -> Any:
@@ -436,7 +420,8 @@ class Controller:
             case "servoj":
                 yield from self._servoj(call, values)
             case "stopj":
-                self._segments, self._servo, self._braking = [], None, values["a"]
+                self._motion, self._servo = BlendedMotion(self._tool, self.target_q), None
+                self._braking = values["a"]
                 yield from self._at_rest()
                 self._braking = BRAKING
             case "sleep":
@@ -471,7 +456,7 @@ class Controller:
         return np.array(value)
 
     def _at_rest(self) -> Generator[None, None, None]:
-        while self._segments or np.abs(self.target_qd).max() > REST:
+        while self._motion.segments or np.abs(self.target_qd).max() > REST:
             yield
 
     def _move(self, call: Call, values: Mapping[str, Any]) -> Generator[None, None, None]:
@@ -479,26 +464,20 @@ class Controller:
         if values["t"] != 0.0:
             raise ScriptError(call.line, f"runtime error: {call.function} is not run with a time t; give a and v")
         self._servo = None
-        if not self._segments:
+        if not self._motion.segments:
             yield from self._at_rest()
-            self._waypoint, self._blend = self.target_q, 0.0
-        start, radius = self._waypoint, values["r"]
-        segment: Segment
-        if call.function == "movej":
-            segment = JointLine(start, self._six(call, values["q"], is_pose=False), values["v"], values["a"])
-        else:
-            target = pose(self._six(call, values["pose"], is_pose=True))
-            segment = StraightLine(self.kinematics, self.tcp, start, target, values["v"], values["a"])
-        way = np.linalg.norm(self._tool(segment.end) - self._tool(start))
-        if self._blend + radius > max(way, 0.0) and self._blend + radius > 0.0:
-            self.say(f"line {call.line}: overlapping blends, the move is skipped: radii of {self._blend:g} and "
-                     f"{radius:g} m on a way of {way:.3f} m")  # fmt: skip
+            self._motion = BlendedMotion(self._tool, self.target_q)
+        is_pose = call.function == "movel"
+        target = self._six(call, values["pose" if is_pose else "q"], is_pose=is_pose)
+        segment = segment_to(
+            self.kinematics, self.tcp, self._motion.end, call.function, target, values["v"], values["a"]
+        )
+        if overlap := self._motion.overlap(segment, values["r"]):
+            self.say(f"line {call.line}: overlapping blends, the move is skipped: {overlap}")
             return
-        self._segments.append(segment)
-        self._waypoint, self._blend = segment.end, radius
-        goal = self._tool(segment.end)
+        self._motion.add(segment, values["r"])
         yield
-        while not segment.done and not (radius > 0.0 and np.linalg.norm(self._tool(segment.q) - goal) <= radius):
+        while not self._motion.may_go_on():
             yield
 
     def _tool(self, q: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Motions of the simulated controller: segments in joint space and on straight lines, and the `servoj` filter.
+"""Motions of the simulated controller: segments in joint space and on straight lines, blended, and the `servoj` filter.
 
 A segment runs on a trapezoid from rest to rest. Two segments are blended by starting the second while the first still
 has the blend radius to go: their motions add up. With equal speeds and accelerations the tool leaves the first line and
@@ -7,10 +7,12 @@ joins the second one at the same distance from the waypoint, the blend radius.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics import ArmKinematics, pose
 from kinreach.robots._rotations import PoseLine
 from kinreach.sim._setpoints import TrapezoidalProfile
 
@@ -20,6 +22,10 @@ STEP = 0.005
 ITERATIONS, RESIDUAL, MAX_STEP = 12, 1e-9, 0.3
 #: Metres that a turn by one radian counts as, in the length of a straight line.
 METRES_PER_RADIAN = 1.0
+
+
+#: A Jacobian's determinant that is nearer to 0 has no sign [m^3].
+NO_SIGN = 1e-7
 
 
 class LineError(Exception):
@@ -78,7 +84,7 @@ class StraightLine(Segment):
         acceleration: Of the tool [m/s^2].
 
     Raises:
-        LineError: The line leaves the reach or passes a singularity.
+        LineError: The line leaves the reach, or passes a singularity: beyond it the arm is in another branch.
     """
 
     def __init__(
@@ -90,12 +96,17 @@ class StraightLine(Segment):
         length = max(line.length, METRES_PER_RADIAN * line.angle)
         super().__init__(start, start, length, speed, acceleration)
         self.end = self._followed()
+        self._covered, self._slope = 0.0, np.zeros_like(start)  # where it is, and how the joints go on there
 
     def _followed(self) -> Floats:
         """Compute the posture at the end of the line, by small steps along it."""
-        q, steps = self.start, max(1, int(np.ceil(self.length / STEP)))
-        for step in range(1, steps + 1):
-            q = self._solved(step / steps, q)
+        q, steps, side = self.start, max(1, int(np.ceil(self.length / STEP))), 0.0
+        for step in range(steps + 1):
+            q = self._solved(step / steps, q) if step else q
+            determinant = float(np.linalg.det(self._kin.jacobian(q)))
+            if determinant * side < 0.0 and abs(determinant) > NO_SIGN:
+                raise LineError(f"the straight line passes a singularity before {100 * step / steps:.0f} % of the way")
+            side = side or (determinant if abs(determinant) > NO_SIGN else 0.0)
         return q
 
     def _solved(self, share: float, q: Floats) -> Floats:
@@ -119,16 +130,87 @@ class StraightLine(Segment):
         raise LineError(f"the straight line leaves the reach or passes a singularity at {100 * share:.0f} % of the way")
 
     def _place(self, covered: float, rate: float) -> None:
-        self.q = self._solved(covered / self.length, self.q)
-        self.qd = np.asarray(np.linalg.solve(self._kin.jacobian(self.q), self._twist(rate)), dtype=np.float64)
+        self.q = self._solved(covered / self.length, self.q + (covered - self._covered) * self._slope)
+        self._slope = np.asarray(np.linalg.solve(self._kin.jacobian(self.q), self._twist()), dtype=np.float64)
+        self._covered, self.qd = covered, rate * self._slope
 
-    def _twist(self, rate: float) -> Floats:
-        """Compute the speeds of the flange along the base's axes [m/s, rad/s], shape (6,)."""
+    def _twist(self) -> Floats:
+        """Compute how the flange moves and turns for each metre of the line [m/m, rad/m], shape (6,)."""
         line = self._line
-        spin = self._T[:3, :3] @ line.axis * (line.angle / self.length * rate)
+        spin = self._T[:3, :3] @ line.axis * (line.angle / self.length)
         flange = self._kin.fk(self.q)
         arm = flange[:3, 3] - (flange @ self._tcp)[:3, 3]
-        return np.concatenate([line.way / self.length * rate + np.cross(spin, arm), spin])
+        return np.concatenate([line.way / self.length + np.cross(spin, arm), spin])
+
+
+def segment_to(
+    kinematics: ArmKinematics,
+    tcp: Floats,
+    start: Floats,
+    command: str,
+    target: Floats,
+    speed: float,
+    acceleration: float,
+) -> Segment:
+    """Return the segment of `movej` to joint angles, or of `movel` to a pose; arguments are those of `StraightLine`."""
+    if command == "movej":
+        return JointLine(start, target, speed, acceleration)
+    return StraightLine(kinematics, tcp, start, pose(target), speed, acceleration)
+
+
+class BlendedMotion:
+    """Segments one after the other; the next may begin where the one before is within its blend radius of its end.
+
+    Args:
+        tool: Position of the tool centre point in a posture [m], shape (3,).
+        q: Posture in which the arm rests [rad], shape (n,).
+
+    Attributes:
+        segments: Those that run.
+        end: Where the last one ends [rad], shape (n,).
+        radius: Blend radius there [m].
+    """
+
+    def __init__(self, tool: Callable[[Floats], Floats], q: Floats) -> None:
+        self._tool = tool
+        self.segments: list[Segment] = []
+        self.end, self.radius = q, 0.0
+
+    def overlap(self, segment: Segment, radius: float) -> str:
+        """Describe how the blends at both ends of a segment overlap; empty if they do not."""
+        way = float(np.linalg.norm(self._tool(segment.end) - self._tool(self.end)))
+        if 0.0 < self.radius + radius >= way:
+            return f"radii of {self.radius:g} and {radius:g} m on a way of {way:.3f} m"
+        return ""
+
+    def add(self, segment: Segment, radius: float) -> None:
+        """Begin a segment that starts where the last one ends."""
+        self.segments.append(segment)
+        self.end, self.radius = segment.end, radius
+
+    def may_go_on(self) -> bool:
+        """Return whether the next segment may begin."""
+        if not self.segments or self.segments[-1].done:
+            return True
+        to_go = self._tool(self.segments[-1].q) - self._tool(self.end)
+        return self.radius > 0.0 and bool(np.linalg.norm(to_go) <= self.radius)
+
+    def advance(self, dt: float) -> tuple[Floats, Floats]:
+        """Go on by a time [s]; return angles [rad] and speeds [rad/s], shapes (n,).
+
+        Raises:
+            LineError: A straight line cannot be followed.
+        """
+        for segment in self.segments:
+            segment.advance(dt)
+        while self.segments[0].done and len(self.segments) > 1:
+            self.segments.pop(0)
+        first, *others = self.segments
+        q = first.q + sum(other.q - other.start for other in others)
+        qd = first.qd + sum(other.qd for other in others)
+        if first.done:
+            self.segments = []
+        return q, qd
 
 
 class Servo:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import kinreach
-from kinreach._checks import Floats, as_vector, check_known, check_number, shown
+from kinreach._checks import as_vector, check_known, check_number, shown
+from kinreach.deploy._commanded import Commanded, check_moves, check_trajectory, commanded
 from kinreach.deploy._controller import (
     BEGUN,
     FINISHED,
@@ -44,6 +45,8 @@ from kinreach.deploy._urscript import (
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
 from kinreach.kinematics._trajectory import Trajectory
+from kinreach.robots import ArmDescription
+from kinreach.robots._tools import FLANGE
 from kinreach.robots._ur import JOINTS
 
 #: How far a joint may be from the start posture for the program to move [rad]: by default, at least, and at most.
@@ -170,8 +173,10 @@ class Program:
             program = cls(posture, tcp, trajectory=motion.resampled(rate_of(arm)), arm=arm.title, **settings)
         else:
             program = cls(posture, tcp, tuple(motion), arm=arm.title, **settings)
-        _check_speeds(program, kinematics)
-        _check_blends(program, kinematics)
+        if program.trajectory is not None:
+            check_trajectory(kinematics, program.trajectory)
+        else:
+            check_moves(kinematics, program.moves, motion_of(program, arm))
         return program
 
     @property
@@ -264,6 +269,12 @@ class Program:
         return cls(start, **settings)
 
 
+def motion_of(program: Program, arm: ArmDescription) -> Commanded:
+    """Return what the moves of a program command the joints of an arm, cycle by cycle."""
+    flange = ArmKinematics(arm, tip=FLANGE, base="base")
+    return commanded(flange, pose(program.tcp), np.array(program.start), program.moves, 1.0 / rate_of(arm))
+
+
 def _tolerance(choice: Choice) -> float:
     """Read how far a joint may be off, in a condition with a comparison for each."""
     comparisons, condition = list[float](), choice.condition
@@ -331,38 +342,3 @@ def _check_even(trajectory: Trajectory) -> None:
     steps = np.diff(trajectory.t)
     if not len(steps) or np.ptp(steps) > 1e-6 * steps[0]:
         raise InputError("the trajectory must have two samples or more at an even rate; `resampled` makes them")
-
-
-def _check_speeds(program: Program, kinematics: ArmKinematics) -> None:
-    """Refuse moves and trajectories that are faster than the joints."""
-    limit, posture = kinematics.velocity_limit, np.array(program.start)
-    if program.trajectory is not None:
-        period = program.trajectory.t[1]
-        fastest = np.abs(np.diff(program.trajectory.q, axis=0)).max(axis=0) / period
-        _refuse_fast(fastest, limit, "the trajectory")
-    for number, move in enumerate(program.moves, start=1):
-        if move.command == "movej":
-            way = np.abs(np.array(move.target) - posture)
-            _refuse_fast(move.speed * way / max(way.max(), 1e-12), limit, f"move {number}")
-            posture = np.array(move.target)
-
-
-def _refuse_fast(fastest: Floats, limit: Floats, what: str) -> None:
-    for joint, speed, most in zip(JOINTS, fastest, limit, strict=True):
-        if speed > 1.001 * most:
-            raise InputError(f"{what} moves {joint} at {speed:.3g} rad/s, above its limit of {most:.3g} rad/s")
-
-
-def _check_blends(program: Program, kinematics: ArmKinematics) -> None:
-    tcp = pose(program.tcp)
-    flange = ArmKinematics(kinematics.arm, tip="tool0", base="base")
-    place, before = (flange.fk(program.start) @ tcp)[:3, 3], 0.0
-    for number, move in enumerate(program.moves, start=1):
-        T = flange.fk(move.target) @ tcp if move.command == "movej" else pose(move.target)
-        way = float(np.linalg.norm(T[:3, 3] - place))
-        if 0.0 < before + move.blend >= way:
-            raise InputError(
-                f"the blends of move {number} overlap: radii of {before:g} and {move.blend:g} m on a way of {way:.3f} "
-                "m; give a smaller blend"
-            )
-        place, before = T[:3, 3], move.blend

@@ -21,6 +21,8 @@ TURN_STEP = 0.02
 #: A joint that moves farther between two postures [rad] asks for one between them; where halving the way so often does
 #: not help, the branch ends in a singularity.
 MAX_JUMP, HALVINGS = 0.1, 8
+#: A determinant of the Jacobian that is nearer to 0 has no sign [m^3].
+NO_SIGN = 1e-8
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,9 @@ def tool_line(
         Waypoints [rad], shape (m, 6), close together.
 
     Raises:
-        PathError: The line leaves the reach or the joint limits, passes a singularity, or collides: the message and
-            `index`, `fraction` and `q` give the place, `branches` and `starts` the other postures at the start that
-            get through.
+        PathError: The line leaves the reach or the joint limits, passes a singularity, even one where the joints could
+            go on smoothly into another branch, or collides: the message and `index`, `fraction` and `q` give the place,
+            `branches` and `starts` the other postures at the start that get through.
         InputError: Malformed input, or an arm without a closed form.
     """
     kin = kinematics
@@ -106,17 +108,33 @@ def _as_poses(poses: ArrayLike) -> Floats:
 def _follow(
     kin: ArmKinematics, start: Floats, corners: Floats, step: float, motion: MotionCheck | None
 ) -> Floats | _Stop:
-    path = [start]
+    path, side = [start], _side(kin, start)
     for index in range(len(corners) - 1):
         line = PoseLine(corners[index], corners[index + 1])
         count = max(1, ceil(line.length / step), ceil(line.angle / TURN_STEP))
         for number in range(1, count + 1):
+            known = len(path)
             stop = _extend(kin, path, line, (number - 1) / count, number / count, HALVINGS)
+            for q in path[known:]:
+                now = _side(kin, q)
+                if now * side < 0.0 and stop is None:
+                    stop = (
+                        (number - 1) / count,
+                        path[known - 1],
+                        "a singularity, past which it would be in another branch",
+                    )
+                side = side or now
             if stop is None:
                 stop = _blocked(kin, motion, path[-2:], number / count)
             if stop is not None:
                 return _Stop(index, *stop)
     return np.array(path)
+
+
+def _side(kin: ArmKinematics, q: Floats) -> float:
+    """Return the sign of the Jacobian's determinant, which changes where a posture passes a singularity; 0 at one."""
+    determinant = float(np.linalg.det(kin.jacobian(q)))
+    return float(np.sign(determinant)) if abs(determinant) > NO_SIGN else 0.0
 
 
 def _extend(

@@ -86,12 +86,51 @@ def stopped(kin, start, poses):
     return None
 
 
-def test_a_wrist_passes_its_singularity_where_its_branch_goes_on(kin):
-    """Along a motion of wrist_2 alone through 0 the other joints need not move."""
+def test_a_wrist_that_would_pass_its_singularity_stops_there(kin):
+    """Along a motion of wrist_2 alone through 0 the other joints need not move, but the branch is another one."""
     start = np.array([0.0, -1.2, 1.5, -0.3, 0.3, 0.0])
     end = start * [1.0, 1.0, 1.0, 1.0, -1.0, 1.0]
-    path = tool_line(kin, start, kin.fk(end))
-    np.testing.assert_allclose(kin.fk(path[-1]), kin.fk(end), atol=1e-6)
+    with pytest.raises(PathError, match="a singularity, past which it would be in another branch") as caught:
+        tool_line(kin, start, kin.fk(end))
+    assert 0.45 < caught.value.fraction <= 0.5
+    assert 0.0 <= caught.value.q[4] < 0.04
+    half = start * [1.0, 1.0, 1.0, 1.0, 0.1, 1.0]
+    np.testing.assert_allclose(tool_line(kin, start, kin.fk(half))[-1], half, atol=1e-6)
+
+
+def branch_of(kin, q):
+    solutions = kin.all_solutions(kin.fk(q), seed=q, limits=False)
+    return solutions.branch[0] if np.abs(solutions.q[0] - q).max() < 1e-4 else None
+
+
+#: Joints whose zero is a singularity of a UR's wrist and elbow.
+WRIST_2, ELBOW = 4, 2
+
+
+@pytest.mark.parametrize("model", ["ur3e", "ur5e", "ur10e", "ur20", "calibrated"])
+def test_lines_through_exact_singularities_keep_their_branch_or_stop(model):
+    arm = get_arm("ur5e").calibrated(PUBLISHED_CALIBRATIONS["ur5e_a"]) if model == "calibrated" else get_arm(model)
+    kin = ArmKinematics.of(arm, tip="tool0")
+    rng, stopped_there, through = np.random.default_rng(7), 0, 0
+    for case in range(8 if model == "calibrated" else 24):
+        middle = rng.uniform(-2.0, 2.0, 6)
+        middle[WRIST_2 if case % 3 else ELBOW] = 0.0
+        way = np.array([*rng.uniform(-0.1, 0.1, 3), *rng.uniform(-0.3, 0.3, 3)])
+        here, there = (kin.fk(middle) @ pose(part) for part in (-way, way))
+        for start in kin.all_solutions(here, seed=middle, limits=False).q[:2]:
+            before = branch_of(kin, start)
+            if before is None:
+                continue
+            try:
+                path = tool_line(kin, start, there)
+            except PathError as error:
+                stopped_there += "singularity" in str(error)
+                continue
+            through += 1
+            assert branch_of(kin, path[-1]) == before
+            np.testing.assert_allclose(kin.fk(path[-1]), there, atol=1e-6)
+    assert stopped_there > (3 if model == "calibrated" else 10)
+    assert through >= (1 if model == "calibrated" else 3)
 
 
 def test_limits_and_collisions_stop_it_and_other_branches_are_named():
