@@ -58,8 +58,8 @@ class URModel(NamedTuple):
 #: are the UR5e and the UR10e under new names. Speeds: `config/MODEL/joint_limits.yaml` of the maker's
 #: Universal_Robots_ROS2_Description, which has them from the user manuals: version 2.4.5 (of October 2024) for the
 #: older models, commit 272bddd for UR18. Neither file nor data sheet of UR8 Long and UR15 was at hand: they have the
-#: speeds of a UR20, the slowest of all. Torques: the maker's article "Max. joint torques"; UR18 from the same file, and
-#: UR8 Long and UR15, which have the same wrist, as UR18.
+#: speeds of a UR20, the slowest of all. Torques: the maker's article "Max. joint torques" for CB3 and e-Series, those
+#: files for the others; UR8 Long and UR15 have the wrist of a UR18, and so its torques.
 UR_MODELS: Mapping[str, URModel] = {
     "ur3": URModel(
         Lengths(0.1519, -0.24365, -0.21325, 0.11235, 0.08535, 0.0819), (180, 180, 360), (56, 28, 12), endless=True

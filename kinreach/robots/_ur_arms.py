@@ -1,10 +1,9 @@
 """Universal Robots arms: all models of the maker, and the thesis's arm of three sizes.
 
 `ur3` to `ur30` are the maker's robots: lengths, limits and speeds are those of `_ur.UR_MODELS`, shapes the cylinders of
-`_ur_shapes`. UR3, UR5 and UR10 are drawn by the meshes of example-robot-data. These do not collide: of random postures
-the hulls of a UR5's collision meshes touch in 35 % where the meshes do not, and without the pairs that the thesis's arm
-leaves out they miss 12 %; its cylinders 3 % either way. Each stands on a table, with a yaw of +90 degrees, so that its
-front is world +x (base_link -y). The frame `tcp` is 0.20 m along z from the flange `tool0`.
+`_ur_shapes`. UR3, UR5 and UR10 are drawn by the meshes of example-robot-data, whose hulls are too coarse for collisions
+(`docs/reference/accuracy.md`). Each stands on a table, with a yaw of +90 degrees, so that its front is world +x
+(base_link -y). The frame `tcp` is 0.20 m along z from the flange `tool0`.
 
 `ur3-thesis`, `ur5-thesis` and `ur10-thesis` stand in the thesis's work cell: the joint-limited robots of
 example-robot-data (all joints within ±pi) with its parallel gripper, whose fingers end at `tcp`, and its cameras.

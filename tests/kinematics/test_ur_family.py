@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -185,6 +186,26 @@ def test_shapes_are_those_of_the_meshes(name, largest):
         assert np.percentile(out, 90) < 0.012
         counted += len(points)
     assert counted > 1000
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "hulls", "blocked", "missed"),
+    [
+        ("ur5", 2000, 0.3465, 0.026, 0.031),
+        pytest.param("ur3", 2000, 0.2295, 0.012, 0.008, marks=pytest.mark.slow),
+        pytest.param("ur10", 2000, 0.2875, 0.0125, 0.0005, marks=pytest.mark.slow),
+    ],
+)
+def test_the_verdict_of_cylinders_is_that_of_the_meshes(name, count, hulls, blocked, missed):
+    """docs/reference/accuracy.md: hulls of the bent links block far more."""
+    meshes = get_arm(f"{name}-thesis").with_tool(np.eye(4))
+    meshes = replace(meshes, disabled_collisions=None, default_tip="tool0")
+    arms = (get_arm(name), replace(meshes, meshes="triangles"), meshes)
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (count, 6))
+    cylinders, triangles, convex = (CollisionChecker(arm, obstacles=()).impossible(q) for arm in arms)
+    shares = [(convex & ~triangles).mean(), (cylinders & ~triangles).mean(), (triangles & ~cylinders).mean()]
+    assert shares == pytest.approx([hulls, blocked, missed], abs=0.004)
+    assert not (triangles & ~convex).any()
 
 
 def outside(points, T, cylinder):
