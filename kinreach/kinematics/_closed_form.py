@@ -114,7 +114,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         if is_tensor(T):
             return self._tensor_batch(T, check_tolerance(tol), limits=limits)
         T, tol = as_floats("T", T), check_tolerance(tol)
-        if 0 < len(np.atleast_1d(T)) <= FEW_POSES:
+        if T.ndim > 1 and 0 < len(T) <= FEW_POSES:
             with suppress(InputError):  # the batch names the pose that is refused
                 return self._few(T, tol, limits=limits)
         q, valid = self._batch(T, None, tol, limits=limits)
@@ -139,7 +139,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         check_entries("seeds", start, MAX_ANGLE)
         start = np.broadcast_to(start, (count, self.n))
         tol = check_tolerance(tol)
-        if 0 < count <= FEW_POSES:
+        if T.ndim > 1 and 0 < count <= FEW_POSES:
             with suppress(InputError):
                 pairs = zip(T, start, strict=True)
                 found = [self.all_solutions(pose, seed=seed, tol=tol).found for pose, seed in pairs]
