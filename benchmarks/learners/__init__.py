@@ -8,19 +8,18 @@ Importing this package registers them under the names that the studies and the l
 from benchmarks.learners.button import (
     button_dqn,
     button_dqn_report_actuation,
-    button_guided_controls,
     button_report_actuation,
     button_report_both,
     button_report_controls,
     button_report_frames,
+    button_report_press,
 )
 from benchmarks.learners.button_exploration import (
-    button_report_careful,
     button_report_demonstrated,
     button_report_demonstrated_19,
     button_report_demonstrated_frames,
+    button_report_demonstrated_press,
     button_report_imitated,
-    button_report_starts,
 )
 from benchmarks.learners.off_policy import (
     ddpg_multi,
@@ -61,17 +60,16 @@ from benchmarks.learners.variants import (
 __all__ = [
     "button_dqn",
     "button_dqn_report_actuation",
-    "button_guided_controls",
     "button_report_actuation",
     "button_report_both",
-    "button_report_careful",
     "button_report_controls",
     "button_report_demonstrated",
     "button_report_demonstrated_19",
     "button_report_demonstrated_frames",
+    "button_report_demonstrated_press",
     "button_report_frames",
     "button_report_imitated",
-    "button_report_starts",
+    "button_report_press",
     "ddpg_multi",
     "ddpg_single",
     "gradient_moving_clear",

@@ -1,9 +1,8 @@
-"""Is it exploration that fails on the course report's gears? Two ways around it, with the report's own reward.
+"""PPO that begins with an imitation of the analytic controller, in the world of the course report.
 
-`button-report-starts`: episodes start on the way from the target's posture to home, farther away the longer the
-training lasts. `button-report-demonstrated`: PPO goes on from a policy that imitates the analytic controller. In both
-the controls are observed, so that nothing is hidden. `button-report-demonstrated-19` is the second without them,
-`button-report-demonstrated-frames` with the last four observations.
+`button-report-demonstrated-frames` observes the last four steps and goes on by the report's rewards,
+`button-report-demonstrated-press` by rewards of which a press is worth more than waiting. In
+`button-report-demonstrated` the controls are observed, in `button-report-demonstrated-19` the 19 numbers alone.
 """
 
 from __future__ import annotations
@@ -15,14 +14,17 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmarks.learners.button import button_report_both, button_report_controls, button_report_frames
-from kinreach._checks import Floats
+from benchmarks.learners.button import (
+    button_report_both,
+    button_report_controls,
+    button_report_frames,
+    button_report_press,
+)
 from kinreach.baselines import Algorithm, Recipe, SB3VecEnv, register_algorithm, register_recipe
 from kinreach.baselines._adaptive_ppo import AdaptivePPO
 from kinreach.baselines._algorithms import adaptive_arguments
 from kinreach.baselines._button_controller import ButtonController
-from kinreach.baselines._rewards import goal_postures
-from kinreach.envs._button.episodes import SPREAD, ButtonEpisodes
+from kinreach.envs._button.episodes import ButtonEpisodes
 from kinreach.envs._button.task import OBSERVATIONS
 
 #: Adam's, of the imitation.
@@ -31,57 +33,6 @@ IMITATION_RATE = 2e-3
 Array = np.ndarray[Any, Any]
 #: From observations and the numbers of their rows to a loss of each.
 Loss = Callable[..., torch.Tensor]
-
-
-class StartsOnTheWay:
-    """Starts at rest between the target's posture and the one that was drawn.
-
-    Args:
-        streams: Draw starts, as `ButtonStarts.sample` does.
-
-    Attributes:
-        share: Of the way from the target, at most.
-        least: Of the way from the target, at least.
-    """
-
-    def __init__(self, streams: Any) -> None:
-        self._streams = streams
-        self.least, self.share = 0.0, 0.0
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._streams, name)
-
-    def draw(self, ids: np.ndarray[Any, Any]) -> Floats:
-        """Return the next start of each environment; the first joint's drawn speed says how far on the way."""
-        rows: Floats = self._streams.draw(ids)
-        targets, postures, speeds = np.split(rows, 3, axis=1)
-        far = self.least + (self.share - self.least) * (0.5 + 0.5 * speeds[:, :1] / SPREAD)
-        near = goal_postures(targets)
-        return np.concatenate([targets, near + far * (postures - near), (far >= 1.0) * speeds], axis=1)
-
-
-class StartsPPO(AdaptivePPO):
-    """Train with starts that move away from the target.
-
-    Args:
-        world: The episodes of the batch.
-        until: Share of the training after which all start as the environment has it.
-        **kwargs: Of `AdaptivePPO`.
-    """
-
-    def __init__(self, *args: Any, world: ButtonEpisodes, until: float, **kwargs: Any) -> None:
-        self.starts: Any = StartsOnTheWay(world._streams)
-        world._streams, self.until = self.starts, until
-        super().__init__(*args, **kwargs)
-
-    def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "starts"]
-
-    def collect_rollouts(self, *args: Any, **kwargs: Any) -> bool:
-        """Say how far away episodes start, then act."""
-        self.starts.share = min(self.progress / self.until, 1.0)
-        self.starts.least = float(self.progress >= self.until)
-        return super().collect_rollouts(*args, **kwargs)
 
 
 class DemonstratedPPO(AdaptivePPO):
@@ -166,15 +117,12 @@ class DemonstratedPPO(AdaptivePPO):
                 optimizer.step()
 
 
-def starts_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Return the arguments of adaptive PPO, and the episodes that it acts in."""
-    return adaptive_arguments(recipe, env, planned) | {"world": env.get_attr("unwrapped")[0]._episodes}
-
-
 def demonstrated_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Return the same, and the controller that is imitated."""
-    controller = ButtonController(recipe.options["actuation"], count=recipe.num_envs)
-    return starts_arguments(recipe, env, planned) | {"controller": controller}
+    """Return the arguments of adaptive PPO, the episodes that it acts in, and the controller that is imitated."""
+    return adaptive_arguments(recipe, env, planned) | {
+        "world": env.get_attr("unwrapped")[0]._episodes,
+        "controller": ButtonController(recipe.options["actuation"], count=recipe.num_envs),
+    }
 
 
 def _recipe(
@@ -186,7 +134,6 @@ def _recipe(
     )
 
 
-register_algorithm(Algorithm("StartsPPO", StartsPPO, arguments=starts_arguments))
 register_algorithm(Algorithm("DemonstratedPPO", DemonstratedPPO, arguments=demonstrated_arguments))
 #: Of PPO after an imitation: small steps, and no bonus for randomness.
 _CAREFUL = {
@@ -197,13 +144,6 @@ _CAREFUL = {
 }
 _IMITATION = {"rounds": 8, "length": 400}
 
-button_report_starts = _recipe(
-    "button-report-starts",
-    "As `button-report-controls`; episodes start near the target, and farther away the longer it lasts.",
-    "StartsPPO",
-    600_000,
-    until=0.7,
-)
 button_report_imitated = _recipe(
     "button-report-imitated",
     "A policy that imitates the analytic controller, and one update that hardly changes it.",
@@ -215,14 +155,14 @@ button_report_demonstrated = _recipe(
     "button-report-demonstrated",
     "As `button-report-controls`, from a policy that imitates the analytic controller.",
     "DemonstratedPPO",
-    600_000,
+    200_000,
     **_CAREFUL | _IMITATION,
 )
 button_report_demonstrated_19 = _recipe(
     "button-report-demonstrated-19",
     "As `button-report-demonstrated`, with the report's own 19 observations: the controls are not among them.",
     "DemonstratedPPO",
-    600_000,
+    200_000,
     base=button_report_both,
     **_CAREFUL | _IMITATION,
 )
@@ -230,14 +170,15 @@ button_report_demonstrated_frames = _recipe(
     "button-report-demonstrated-frames",
     "As `button-report-demonstrated-19`, with the last four observations side by side.",
     "DemonstratedPPO",
-    600_000,
+    200_000,
     base=button_report_frames,
     **_CAREFUL | _IMITATION,
 )
-button_report_careful = _recipe(
-    "button-report-careful",
-    "As `button-report-demonstrated`, from nothing.",
-    "AdaptivePPO",
-    600_000,
-    **_CAREFUL,
+button_report_demonstrated_press = _recipe(
+    "button-report-demonstrated-press",
+    "The same, with rewards of which waiting near the target is worth less than a press.",
+    "DemonstratedPPO",
+    200_000,
+    base=button_report_press,
+    **_CAREFUL | _IMITATION,
 )

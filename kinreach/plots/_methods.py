@@ -33,7 +33,7 @@ METHOD_COLOURS = {
     **dict.fromkeys(("ranked-multi", "ranked-lift-range", "space-multi", "policy-tuned"), "#2FBF94"),
     "policy-again": "#E69F00",
     # what the documents and other packages do
-    **dict.fromkeys(("thesis-ppo-single", "thesis-ppo-multi", "button-guided-controls"), "#000000"),
+    **dict.fromkeys(("thesis-ppo-single", "thesis-ppo-multi"), "#000000"),
     **dict.fromkeys(("sb3-single", "sb3-multi", "sb3-multi-long", "button-report-controls"), "#E69F00"),
     **dict.fromkeys(("sac-single", "sac-multi", "button-report", "button-report-actuation"), "#0072B2"),
     **dict.fromkeys(("td3-single", "td3-multi", "button-report-both"), "#CC79A7"),

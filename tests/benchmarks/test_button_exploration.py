@@ -1,4 +1,4 @@
-"""Ways around exploration on the report's gears: starts on the way from the target, and imitation."""
+"""Imitation of the controller before PPO, in the report's world."""
 
 from dataclasses import replace
 
@@ -7,46 +7,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip("torch")
-from benchmarks.learners import button_report_demonstrated, button_report_demonstrated_19, button_report_starts
-from benchmarks.learners.button_exploration import StartsOnTheWay
+from benchmarks.learners import button_report_demonstrated, button_report_demonstrated_19
 from kinreach._registration import BUTTON
 from kinreach.baselines._models import build
-from kinreach.envs._button.episodes import ButtonStarts
-from kinreach.kinematics import Arm3Kinematics
-
-
-class Drawn:
-    """Rows as the environment draws them."""
-
-    def draw(self, ids):
-        return ButtonStarts().sample(np.random.default_rng(0), len(ids))
-
-
-def test_starts_move_from_the_target_to_where_episodes_start():
-    ids, kinematics = np.arange(300), Arm3Kinematics(base="world")
-    starts, drawn = StartsOnTheWay(Drawn()), Drawn().draw(ids)
-    at_target = starts.draw(ids)
-    np.testing.assert_array_equal(at_target[:, :3], drawn[:, :3])
-    tips = np.array([kinematics.fk(q)[:3, 3] for q in at_target[:, 3:6]])
-    np.testing.assert_allclose(tips, drawn[:, :3], atol=1e-9)
-    assert not at_target[:, 6:].any()
-    starts.share = 0.5
-    way = np.linalg.norm(starts.draw(ids)[:, 3:6] - at_target[:, 3:6], axis=1)
-    whole = np.linalg.norm(drawn[:, 3:6] - at_target[:, 3:6], axis=1)
-    assert 0.2 < np.mean(way / whole) < 0.3
-    assert (way <= 0.5 * whole + 1e-12).all()
-    starts.share = starts.least = 1.0
-    np.testing.assert_allclose(starts.draw(ids), drawn, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_starts_are_those_of_the_environment_at_last():
-    settings = {**button_report_starts.settings, "n_steps": 10, "n_epochs": 1}
-    recipe = replace(button_report_starts, num_envs=8, steps=320, settings=settings)
-    trainee = build(recipe, 0, steps=320)
-    trainee.model.learn(320)
-    assert (trainee.model.starts.share, trainee.model.starts.least) == (1.0, 1.0)
-    trainee.env.close()
 
 
 @pytest.mark.slow

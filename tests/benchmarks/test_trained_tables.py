@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from benchmarks.studies import button_actuation, button_failures, button_policies, loitering, trained
+from benchmarks.studies import button_actuation, button_failures, button_policies, button_waiting, loitering, trained
 from benchmarks.studies.trainings import ONE_SEED, Trainings, finished, trainings_interval, with_interval
 from kinreach.baselines._evaluation import Evaluation
 from kinreach.envs._button import ACTUATIONS
@@ -65,7 +65,7 @@ def test_only_finished_trainings_count_in_the_order_of_their_seeds(runs):
         seeds()
 
 
-@pytest.mark.parametrize("study", ["trained", "button_policies", "loitering"])
+@pytest.mark.parametrize("study", ["trained", "button_policies", "button_waiting", "loitering"])
 def test_where_nothing_is_trained_the_command_says_so(study, run_python):
     done = run_python("-m", f"benchmarks.studies.{study}", "results/train")
     assert (done.returncode, done.stdout) == (2, "")
@@ -90,6 +90,17 @@ def test_the_table_of_button_policies_and_its_note(runs, capsys):
     assert text.endswith(f"\n\n{ONE_SEED}\n")
     _, rows = table(text.removesuffix(f"\n\n{ONE_SEED}\n"))
     assert [row[:2] for row in rows] == [["`button-report`", "1"]]
+
+
+def test_in_the_reports_world_waiting_at_the_target_earns_more_than_pressing(runs, capsys):
+    assert button_waiting.main([str(runs), "--recipes", "button-report", "--goals", "8"]) == 0
+    _, (presses, waits, chance, trained_row) = table(capsys.readouterr().out)
+    assert presses[2].startswith("100.0 [")
+    assert waits[2].startswith("0.0 [")
+    assert (presses[4], waits[4]) == ("100.0", "100.0")
+    assert float(waits[-1]) > 1000.0 > float(presses[-1])
+    assert float(chance[5]) > 100.0  # wrong presses in 1000 steps
+    assert trained_row[:2] == ["`button-report`", "2"]
 
 
 def test_a_row_has_the_interval_over_the_seeds():
