@@ -178,7 +178,7 @@ button_report_demonstrated_press = _recipe(
     "button-report-demonstrated-press",
     "The same, with rewards of which waiting near the target is worth less than a press.",
     "DemonstratedPPO",
-    200_000,
+    400_000,
     base=button_report_press,
     **_CAREFUL | _IMITATION,
 )
