@@ -146,9 +146,10 @@ _IMITATION = {"rounds": 8, "length": 400}
 
 button_report_imitated = _recipe(
     "button-report-imitated",
-    "A policy that imitates the analytic controller, and one update that hardly changes it.",
+    "A policy of the last four steps that imitates the analytic controller, and one update that hardly changes it.",
     "DemonstratedPPO",
     6_400,
+    base=button_report_frames,
     **_CAREFUL | _IMITATION | {"adaptive": {"first": 1e-6, "target_kl": 0.02, "factor": 1.0}},
 )
 button_report_demonstrated = _recipe(
@@ -178,7 +179,7 @@ button_report_demonstrated_press = _recipe(
     "button-report-demonstrated-press",
     "The same, with rewards of which waiting near the target is worth less than a press.",
     "DemonstratedPPO",
-    400_000,
+    200_000,
     base=button_report_press,
     **_CAREFUL | _IMITATION,
 )

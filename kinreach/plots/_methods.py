@@ -34,11 +34,11 @@ METHOD_COLOURS = {
     "policy-again": "#E69F00",
     # what the documents and other packages do
     **dict.fromkeys(("thesis-ppo-single", "thesis-ppo-multi"), "#000000"),
-    **dict.fromkeys(("sb3-single", "sb3-multi", "sb3-multi-long", "button-report-controls"), "#E69F00"),
+    **dict.fromkeys(("sb3-single", "sb3-multi", "sb3-multi-long", "button-report-demonstrated-frames"), "#E69F00"),
     **dict.fromkeys(("sac-single", "sac-multi", "button-report", "button-report-actuation"), "#0072B2"),
     **dict.fromkeys(("td3-single", "td3-multi", "button-report-both"), "#CC79A7"),
     **dict.fromkeys(("ddpg-single", "ddpg-multi", "button-dqn", "button-dqn-report-actuation"), "#009E73"),
-    "button-report-frames": "#56B4E9",
+    "button-report-demonstrated-press": "#56B4E9",
 }
 #: Of methods that are not in the table: no method of the table has one of these.
 OTHERS = ("#8C6D31", "#B0123C", "#9A86E8", "#A59A00", "#00838F")
