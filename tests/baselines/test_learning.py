@@ -26,7 +26,7 @@ EARN_MORE = {"sac-single": {}, "thesis-ppo-multi": {"num_envs": 64, "n_steps": 6
 TURN = ("td3-multi",)
 #: Recipe -> steps after which what the reward counts is better than chance.
 PRESS_BETTER = {"button": 64_000, "button-dqn": 32_000}
-#: Recipe -> settings with which rewards of a step rise before two episodes of 500 steps are over.
+#: Recipe -> settings with which rewards of a step rise before two episodes of 1000 steps are over.
 PRESS_LESS = {"button-report-both": {"n_steps": 20}}
 #: Recipe -> settings with which the trivial task takes seconds.
 PRESS_NOTHING = {"button-dqn-report-actuation": {"learning_starts": 1000, "target_update_interval": 640}}
