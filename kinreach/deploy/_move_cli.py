@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from kinreach._files import replacing, write_text
 from kinreach.cli import Parser, say
 from kinreach.deploy._client import RobotState, URClient
 from kinreach.deploy._controller import FINISHED, Controller, Recording, check_is_ur, tcp_of
-from kinreach.deploy._planning import SPEED, Leg, plan
+from kinreach.deploy._planning import SPEED, Leg, planned_program
 from kinreach.deploy._program import Program
 from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.deploy._server import PRIMARY_PORT
@@ -31,6 +31,9 @@ from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, posture_of
 #: Largest distance of the robot's own tool centre point from kinreach's [m, degrees]: with its calibration (0.08 mm on
 #: the one controller whose poses are known), and by the data sheet.
 MAX_OFF_CALIBRATED, MAX_OFF = (5e-4, 0.1), (2e-2, 2.0)
+#: Distance from everything that what is sent keeps [m], and how much more its samples keep, so that it does between
+#: them, too.
+KEEPS, SAMPLING = PATH_MARGIN, 2.5e-4
 HOME = "home"
 
 
@@ -83,7 +86,7 @@ class _Job:
             raise InputError(f"{arm.title} has not the geometry of a UR")
         self.arm, self.kinematics, self.goals = arm, kin, goals
         self.linear, self.speed, self.blend = linear, speed, blend
-        self.checker = CollisionChecker(kin, margin=PATH_MARGIN)
+        self.checker = CollisionChecker(kin, margin=KEEPS + SAMPLING)
 
     def tried(self, start: Floats, script: Path | None, picture: Path | None) -> Program:
         """Plan from a posture, run the program in MuJoCo, print the outcome, and write program and picture.
@@ -114,23 +117,22 @@ class _Job:
         return program
 
     def _planned(self, start: Floats) -> tuple[list[Leg], Program, Recording]:
-        """Plan from a posture and run the program in MuJoCo; turns around obstacles are rounded if they stay free."""
+        """Plan from a posture, and run the program in MuJoCo.
 
-        def planned(*, rounded: bool) -> tuple[list[Leg], Program, Recording]:
-            legs = plan(
-                self.kinematics, self.checker, start, self.goals,
-                linear=self.linear, speed=self.speed, blend=self.blend, rounded=rounded,
-            )  # fmt: skip
-            program = Program.of(self.kinematics, start, [move for leg in legs for move in leg.moves])
-            return legs, program, Controller(self.arm, q=start.tolist()).run(program.text)
-
-        if self.blend and not self.linear:
-            with suppress(InputError, PathError):
-                legs, program, done = planned(rounded=True)
-                if done.status == FINISHED:
-                    joint_line(self.checker, done.commanded.q)
-                    return legs, program, done
-        return planned(rounded=False)
+        Raises:
+            InputError: The way that was run comes nearer to something than it may.
+        """
+        legs, program = planned_program(
+            self.kinematics, self.checker, start, self.goals,
+            keeps=KEEPS, linear=self.linear, speed=self.speed, blend=self.blend,
+        )  # fmt: skip
+        done = Controller(self.arm, q=start.tolist()).run(program.text)
+        if done.status == FINISHED and not done.reason:
+            try:
+                joint_line(self.checker, done.commanded.q, keeps=KEEPS)
+            except PathError as error:
+                raise InputError(f"the dry run comes too near to something, nothing is sent: {error}") from None
+        return legs, program, done
 
     def _measured(self, done: Recording) -> Iterator[str]:
         kin = self.kinematics
@@ -145,6 +147,7 @@ class _Job:
         )
         around = ", ".join(box.name for box in self.arm.workcell.obstacles)
         yield f"         no collision with itself{f', {around}' if around else '; nothing around it is known'}"
+        yield f"         every way keeps {1e3 * KEEPS:g} mm from everything"
         if note := tool_note(self.checker):
             yield f"         {note}"
         yield f"         ends {self._miss(self.kinematics.fk(done.measured.q[-1]))} from the goal"
@@ -224,6 +227,8 @@ def _described(leg: Leg) -> str:
     branch = f"branch {leg.branch}" if leg.branch >= 0 else "no branch of the closed form"
     count = f"{len(leg.moves)} x " if len(leg.moves) > 1 else ""
     blend = f", blend {1000 * widest:.0f} mm" if widest else ""
+    if leg.reduced:
+        blend += f" (reduced from {1000 * leg.reduced:.0f} mm, to keep {1e3 * KEEPS:g} mm from everything)"
     speed = f"{last.speed:.2f} {'rad/s' if last.command == 'movej' else 'm/s'}"
     return (
         f"to       {_degrees(leg.end)}\n"

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.deploy._program import MAX_TOOL_SPEED, Move
+from kinreach.deploy._commanded import Commanded
+from kinreach.deploy._program import AT_START, MAX_TOOL_SPEED, MIN_AT_START, Move, Program, motion_of
 from kinreach.errors import InputError, PathError
-from kinreach.kinematics import CollisionChecker, plan_path, pose_vector, tool_line
+from kinreach.kinematics import CollisionChecker, joint_line, plan_path, pose_vector, tool_line
 from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._remarks import why_none
@@ -25,6 +27,8 @@ TIMEOUT = 5.0
 LESS_THAN_HALF = 0.45
 #: Decimals of the joint angles in a program [rad], and of poses [m, rad].
 ROUNDED, ROUNDED_POSE = 7, 9
+#: Smallest blend radius: a smaller one is a stop [m]. Part of a radius that is left where it is reduced.
+MIN_BLEND, REDUCED = 1e-3, 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,7 @@ class Leg:
         end: Posture at the goal [rad], shape (6,).
         branch: Of that posture; -1 if it is none of the closed form's.
         free, postures: Postures of the goal that keep the margin, and all.
+        reduced: The largest blend radius that was reduced, as it was planned [m]; 0 if none was.
     """
 
     moves: tuple[Move, ...]
@@ -42,6 +47,102 @@ class Leg:
     branch: int
     free: int
     postures: int
+    reduced: float = 0.0
+
+
+def planned_program(
+    kinematics: ClosedFormKinematics,
+    checker: CollisionChecker,
+    start: Floats,
+    goals: Sequence[Floats],
+    *,
+    keeps: float,
+    linear: bool = False,
+    speed: float = SPEED,
+    blend: float = 0.0,
+) -> tuple[list[Leg], Program]:
+    """Plan a way through goals that keeps a distance from everything, and its program.
+
+    Where a rounded corner, as it is commanded, comes nearer, its blend radius is reduced until it does not. The program
+    begins only so near the start posture that any posture in which it begins keeps the distance, too.
+
+    Args:
+        kinematics: As for `plan`.
+        checker: As for `plan`.
+        start: As for `plan`.
+        goals: As for `plan`.
+        keeps: Distance [m], 0.2 mm or more below the checker's margin.
+        linear: As for `plan`.
+        speed: As for `plan`.
+        blend: As for `plan`; turns around obstacles are rounded, too.
+
+    Raises:
+        InputError: A goal has no posture, a joint would be too fast, or blends overlap.
+        PathError: No such way was found, or the start is too near to something.
+    """
+
+    def planned(*, rounded: bool) -> tuple[list[Leg], Program]:
+        legs = plan(
+            kinematics, checker, start, goals, keeps=keeps, linear=linear, speed=speed, blend=blend, rounded=rounded
+        )
+        program = Program.of(
+            kinematics, start, [move for leg in legs for move in leg.moves], tolerance=_tolerance(checker, start, keeps)
+        )
+        program = _kept(program, kinematics, checker, keeps)
+        moves = iter(program.moves)
+        kept = [tuple(next(moves) for _ in leg.moves) for leg in legs]
+        return [_with_moves(leg, moves) for leg, moves in zip(legs, kept, strict=True)], program
+
+    if blend and not linear:
+        with suppress(InputError, PathError):
+            return planned(rounded=True)
+    return planned(rounded=False)
+
+
+def _tolerance(checker: CollisionChecker, start: Floats, keeps: float) -> float:
+    """Return how far each joint may be from the start posture with a distance from everything left [rad]."""
+    nearest, reach = checker.distance(start), float(checker.reach.sum())
+    room = (nearest.distance - keeps) / reach
+    if room < MIN_AT_START:
+        raise PathError(
+            f"the start is too near: {' - '.join(nearest.pair)} are {1e3 * nearest.distance:.2f} mm apart; with "
+            f"{1e3 * (keeps + MIN_AT_START * reach):.2f} mm a program can check that the arm is there",
+            q=start,
+        )
+    return min(AT_START, float(np.floor(1e6 * room) / 1e6))
+
+
+def _kept(program: Program, kinematics: ClosedFormKinematics, checker: CollisionChecker, keeps: float) -> Program:
+    """Reduce the blend radii where the commanded motion comes nearer than a distance to something."""
+    while True:
+        motion = motion_of(program, kinematics.arm)
+        try:
+            joint_line(checker, motion.q, keeps=keeps)
+        except PathError as error:
+            corner = _corner(program.moves, motion, error.index)
+            if corner is None:
+                return program  # the dry run says what is the matter
+            moves = list(program.moves)
+            radius = round(REDUCED * moves[corner].blend, ROUNDED)
+            moves[corner] = replace(moves[corner], blend=radius if radius >= MIN_BLEND else 0.0)
+            program = replace(program, moves=tuple(moves))
+        else:
+            return program
+
+
+def _corner(moves: Sequence[Move], motion: Commanded, index: int) -> int | None:
+    """Return the last move that is blended with the next one at a sample; None if there is none."""
+    blended = [
+        number
+        for number, move in enumerate(moves[:-1])
+        if move.blend and motion.began[number + 1] - 1 <= index <= motion.ended[number]
+    ]
+    return blended[-1] if blended else None
+
+
+def _with_moves(leg: Leg, moves: tuple[Move, ...]) -> Leg:
+    reduced = [before.blend for before, after in zip(leg.moves, moves, strict=True) if after.blend < before.blend]
+    return replace(leg, moves=moves, reduced=max(reduced, default=0.0))
 
 
 def plan(
@@ -54,6 +155,7 @@ def plan(
     speed: float = SPEED,
     blend: float = 0.0,
     rounded: bool = False,
+    keeps: float = 0.0,
 ) -> list[Leg]:
     """Plan the way from a posture through goals.
 
@@ -65,8 +167,9 @@ def plan(
         linear: Straight lines of the tool; else straight lines in joint space, around obstacles where that is needed.
         speed: Part of the largest speeds, above 0 and at most 1.
         blend: Radius at all goals but the last [m].
-        rounded: Blend also where a way around obstacles turns, with that radius or a smaller one. That way is not
+        rounded: Blend also where a way around obstacles turns, with that radius or a smaller one. Blended ways are not
             checked.
+        keeps: Distance from everything that the way keeps between its samples, too [m], as for `joint_line`.
 
     Raises:
         InputError: A goal has no posture.
@@ -83,10 +186,10 @@ def plan(
         try:
             if linear:
                 target, fastest = tuple(pose_vector(T).round(ROUNDED_POSE)), speed * MAX_TOOL_SPEED
-                end = tool_line(kinematics, q, T, checker=checker)[-1]
+                end = tool_line(kinematics, q, T, checker=checker, keeps=keeps)[-1]
                 moves: tuple[Move, ...] = (Move("movel", target, fastest, TOOL_ACCELERATION, radius),)
             else:
-                path = plan_path(checker, q, solutions, timeout=TIMEOUT)
+                path = plan_path(checker, q, solutions, timeout=TIMEOUT, keeps=keeps)
                 between = _radii(kinematics, path, blend) if rounded else [0.0] * (len(path) - 2)
                 moves = _joint(path, speed * kinematics.velocity_limit, [*between, radius])
                 end = path[-1]

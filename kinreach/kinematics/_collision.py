@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from itertools import combinations
 from pathlib import Path
 from sys import float_info
@@ -121,6 +121,8 @@ class CollisionChecker:
         kinematics: Of the arm.
         margin: As given.
         pairs: The pairs that are checked.
+        reach: Upper bound of how far anything that a joint carries is from its axis, in any posture [m], shape (n,):
+            while the joints turn by dq, no point of the arm moves farther than the sum of |dq_i| reach_i.
         shapes: The shapes in `geometry.geometryObjects`, links first.
         model, geometry: Pinocchio's models of the arm and of its shapes.
 
@@ -162,6 +164,10 @@ class CollisionChecker:
             if not (self.shapes[pair.first].obstacle or self.shapes[pair.second].obstacle):
                 self._links.addCollisionPair(pair)
         self._search = _Search(self.model, self.geometry, self._links, margin)
+
+    @cached_property
+    def reach(self) -> Floats:
+        return _reach(self.model, self.geometry)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (
@@ -290,6 +296,18 @@ class CollisionChecker:
         search = self._search
         nearest = pin.computeDistances(self.model, search.data, self.geometry, search.results, q)
         return Clearance(float(search.results.distanceResults[nearest].min_distance), self._names[nearest])
+
+
+def _reach(model: Any, geometry: Any) -> Floats:
+    far = np.zeros(model.nq + 1)
+    for shape in geometry.geometryObjects:
+        if not shape.parentJoint:
+            continue  # fixed to the world
+        centre = shape.placement.act(shape.geometry.aabb_center)
+        far[shape.parentJoint] = max(far[shape.parentJoint], np.linalg.norm(centre) + shape.geometry.aabb_radius)
+    for joint in range(model.nq - 1, 0, -1):
+        far[joint] = max(far[joint], np.linalg.norm(model.jointPlacements[joint + 1].translation) + far[joint + 1])
+    return far[1:]
 
 
 @lru_cache(maxsize=16)

@@ -8,13 +8,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach._checks import Floats
+from kinreach._checks import Floats, check_number
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics._collision import PATH_MARGIN, CollisionChecker
 from kinreach.kinematics._solutions import SLACK
 
-#: Margins below this make paths slow to check [m].
-MIN_MARGIN = 5e-4
+#: Margins below this make paths slow to check, and so do distances to keep that are nearer to the margin [m].
+MIN_MARGIN, MIN_REST = 5e-4, 2e-4
 
 
 class MotionCheck:
@@ -22,24 +22,31 @@ class MotionCheck:
 
     While joint i turns by dq_i, no point of the arm moves farther than the sum of |dq_i| r_i, where r_i is the largest
     distance of anything that the joint carries from its axis; nor does it relative to another link. A motion is
-    sampled so that this sum is at most twice the margin of the checker from one sample to the next. Every posture is
-    within one margin of a sample, and a sample is farther than the margin from everything: nothing is missed.
+    sampled so that this sum is at most twice the rest of the checker's margin above the distance to keep from one
+    sample to the next. Every posture is within that rest of a sample, and a sample is farther than the margin from
+    everything: the distance is kept everywhere, and nothing is missed.
+
+    Args:
+        checker: With a margin.
+        keeps: Distance from everything that the whole motion keeps, not only its samples [m].
 
     Attributes:
         reach: The distances r_i [m], shape (n,).
 
     Raises:
-        InputError: The checker has a margin below 0.5 mm.
+        InputError: The checker has a margin below 0.5 mm, or less than 0.2 mm above the distance to keep.
     """
 
-    def __init__(self, checker: CollisionChecker) -> None:
-        if checker.margin < MIN_MARGIN:
+    def __init__(self, checker: CollisionChecker, keeps: float = 0.0) -> None:
+        check_number("keeps", keeps, least=0.0)
+        least = max(MIN_MARGIN, keeps + MIN_REST)
+        if checker.margin < least * (1.0 - 1e-9):
             raise InputError(
-                f"paths need a CollisionChecker with a margin of at least {MIN_MARGIN:g} m, got {checker.margin:g}; "
-                f"with CollisionChecker(..., margin={PATH_MARGIN:g}) nothing between two samples is missed"
+                f"paths need a CollisionChecker with a margin of at least {least:g} m, got {checker.margin:g}; with "
+                f"CollisionChecker(..., margin={keeps + PATH_MARGIN:g}) nothing between two samples is missed"
             )
-        self.checker = checker
-        self.reach = _reach(checker)
+        self.checker, self.reach = checker, checker.reach
+        self._step = 2.0 * (checker.margin - keeps)
 
     def free(self, q: Floats) -> bool:
         """Return whether a posture is farther than the margin from everything, regardless of joint limits."""
@@ -48,16 +55,16 @@ class MotionCheck:
     def motion_free(self, start: Floats, end: Floats, *, step: float | None = None) -> bool:
         """Return whether a motion is free, without its two ends.
 
-        A point moves at most `step` [m] between two samples; by default twice the margin: then nothing is missed.
+        A point moves at most `step` [m] between two samples; by default so little that nothing is missed.
         """
         way = end - start
-        count = self._samples(way, 2.0 * self.checker.margin if step is None else step)
+        count = self._samples(way, self._step if step is None else step)
         return not self.checker._any_collides(start + _coarse_to_fine(count)[:, None] / count * way)
 
     def first_collision(self, start: Floats, end: Floats) -> float | None:
         """Return at which part of a motion, from 0 to 1, the first sample collides; None if it is free."""
         way = end - start
-        count = self._samples(way, 2.0 * self.checker.margin)
+        count = self._samples(way, self._step)
         return next((index / count for index in range(count + 1) if not self.free(start + index / count * way)), None)
 
     def _samples(self, way: Floats, step: float) -> int:
@@ -93,16 +100,3 @@ def _coarse_to_fine(count: int) -> NDArray[np.int64]:
         order += range(stride // 2, count, stride)
         stride //= 2
     return np.array(order, dtype=np.int64)
-
-
-def _reach(checker: CollisionChecker) -> Floats:
-    """Upper bound of the distance from each joint's axis of anything that it carries, in any posture [m]."""
-    model, far = checker.model, np.zeros(checker.model.nq + 1)
-    for shape in checker.geometry.geometryObjects:
-        if not shape.parentJoint:
-            continue  # fixed to the world
-        centre = shape.placement.act(shape.geometry.aabb_center)
-        far[shape.parentJoint] = max(far[shape.parentJoint], np.linalg.norm(centre) + shape.geometry.aabb_radius)
-    for joint in range(model.nq - 1, 0, -1):
-        far[joint] = max(far[joint], np.linalg.norm(model.jointPlacements[joint + 1].translation) + far[joint + 1])
-    return far[1:]

@@ -28,13 +28,15 @@ RANGE = 0.3
 MAX_SEED = 2**32 - 2
 
 
-def joint_line(checker: CollisionChecker, waypoints: ArrayLike) -> Floats:
+def joint_line(checker: CollisionChecker, waypoints: ArrayLike, *, keeps: float = 0.0) -> Floats:
     """Return a path that is straight in joint space from waypoint to waypoint, checked.
 
     Args:
-        checker: Of the arm and what stands around it, with a margin that the whole path keeps; nothing between two
-            samples is missed.
+        checker: Of the arm and what stands around it, with a margin that each sample of the path keeps; nothing between
+            two samples is missed.
         waypoints: Postures [rad], shape (m, n).
+        keeps: Distance from everything that the path keeps between its samples, too [m]; 0.2 mm or more below the
+            margin. The nearer they are, the more samples are taken.
 
     Returns:
         The waypoints, shape (m, n).
@@ -43,7 +45,7 @@ def joint_line(checker: CollisionChecker, waypoints: ArrayLike) -> Floats:
         PathError: A waypoint is out of the joint limits, or something is nearer than the margin; has the place.
         InputError: Malformed waypoints, or a checker without a margin.
     """
-    motion = MotionCheck(checker)
+    motion = MotionCheck(checker, keeps)
     path = as_waypoints(waypoints, checker.kinematics.n)
     check_waypoints(motion, path)
     return path
@@ -56,6 +58,7 @@ def plan_path(
     *,
     seed: int = 0,
     timeout: float = 1.0,
+    keeps: float = 0.0,
 ) -> Floats:
     """Plan a path around obstacles to whichever goal posture is found first.
 
@@ -71,12 +74,13 @@ def plan_path(
     [2] Kuffner and LaValle, An efficient approach to path planning using balanced bidirectional RRT search, CMU 2005.
 
     Args:
-        checker: Of the arm and what stands around it, with a margin that the whole path keeps; nothing between two
-            samples is missed. `CollisionChecker("ur5e", obstacles=[*workcell.obstacles, ...], margin=0.005)`.
+        checker: Of the arm and what stands around it, with a margin that each sample of the path keeps; nothing between
+            two samples is missed. `CollisionChecker("ur5e", obstacles=[*workcell.obstacles, ...], margin=0.005)`.
         start: Posture [rad], shape (n,).
         goals: The solutions of a pose; or postures [rad], shape (n,) or (k, n).
         seed: Of the random numbers.
         timeout: Time after which no path is found [s].
+        keeps: As for `joint_line`.
 
     Returns:
         Waypoints [rad], shape (m, n), from the start to one of the goals, straight in joint space between them.
@@ -85,7 +89,7 @@ def plan_path(
         PathError: The start collides, no goal is free, or no path was found in time; names links and obstacles.
         InputError: Malformed input, a checker without a margin, or a pose without solutions.
     """
-    motion = MotionCheck(checker)
+    motion = MotionCheck(checker, keeps)
     kin = checker.kinematics
     start = kin.as_posture("start", start)
     if isinstance(goals, IKSolutions):

@@ -42,6 +42,7 @@ def tool_line(
     *,
     checker: CollisionChecker | None = None,
     step: float = 0.005,
+    keeps: float = 0.0,
 ) -> Floats:
     """Return a path on which the tip moves straight from pose to pose, in the branch of the start posture.
 
@@ -54,6 +55,7 @@ def tool_line(
             (6,) or (k, 6).
         checker: With a margin; the path is then free, as in `joint_line`. Without it nothing is checked for collisions.
         step: Distance of two postures along the line [m]; between them the joints move straight.
+        keeps: As for `joint_line`.
 
     Returns:
         Waypoints [rad], shape (m, 6), close together.
@@ -69,7 +71,7 @@ def tool_line(
         raise InputError(f"lines of the tool need an arm with six axes and a closed form; {kin!r} is another")
     start = kin.as_posture("start", start)
     step = check_number("step", step, above=1e-5, most=1.0)
-    motion = None if checker is None else MotionCheck(checker)
+    motion = None if checker is None else MotionCheck(checker, keeps)
     corners = np.concatenate([kin.fk(start)[None], _as_poses(poses)])
     found = _follow(kin, start, corners, step, motion)
     if not isinstance(found, _Stop):

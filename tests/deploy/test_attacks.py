@@ -352,6 +352,8 @@ def test_a_log_that_nobody_reads_stops_nobody(simulated, reader):
     address, process = simulated("--arm", "ur5e", "--no-cell")
     attempts = fcntl.fcntl(process.stdout.fileno(), 1031, 4096) // 20  # F_SETPIPE_SZ
     if reader == "is gone":
+        for _ in range(3):  # what it says before it serves
+            process.stdout.readline()
         process.stdout.close()
     for _ in range(attempts):
         with socket.create_connection((address, 30002), PATIENCE) as client:

@@ -9,6 +9,7 @@ import threading
 import time
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -18,9 +19,10 @@ from kinreach.deploy import Program, SimulatedUR, URClient
 from kinreach.deploy._controller import FINISHED, Controller
 from kinreach.deploy._move_cli import _Job, _stopped_by_signals
 from kinreach.deploy._planning import plan
+from kinreach.deploy._program import motion_of
 from kinreach.errors import InputError, PathError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, pose, pose_vector
-from kinreach.robots import Box, Workcell, get_arm
+from kinreach.robots import Box, Tool, Workcell, get_arm
 from tests.cases import slow
 from tests.deploy.conftest import CALIBRATION, ROOT
 
@@ -116,19 +118,110 @@ def test_turns_around_a_wall_are_rounded_where_they_stay_free():
 
 
 def test_turns_that_would_touch_are_not_rounded(monkeypatch):
-    """Where the check of the rounded way fails, the program stops at each waypoint."""
+    """Where no blend of a way keeps the distance, the program stops at each waypoint, and says so."""
     arm = with_wall()
     kin = ArmKinematics.of(arm, base="base")
     start, goal = (np.add(HOME, [side, 0, 0, 0, 0, 0]) for side in (-0.8, 0.8))
+    motions, corners = [], []
 
-    def touches(checker, q):
-        raise PathError("collision")
+    def commanded(program, arm):
+        motions.append(motion_of(program, arm))
+        return motions[-1]
 
-    monkeypatch.setattr("kinreach.deploy._move_cli.joint_line", touches)
-    _, program, done = _Job(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=0.05)._planned(start)
+    def touches(checker, q, *, keeps):
+        assert keeps == 0.005 < checker.margin
+        motion = motions[-1]
+        both = [ended for began, ended in zip(motion.began[1:], motion.ended[:-1], strict=True) if began <= ended]
+        if both:
+            corners.append(both[0])
+            raise PathError("collision", index=both[0])
+
+    monkeypatch.setattr("kinreach.deploy._planning.motion_of", commanded)
+    monkeypatch.setattr("kinreach.deploy._planning.joint_line", touches)
+    (leg,), program, done = _Job(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=0.05)._planned(start)
     assert len(program.moves) > 1
     assert not any(move.blend for move in program.moves)
+    assert leg.moves == program.moves
+    assert 0.0 < leg.reduced <= 0.05
+    assert len(corners) > 5
     assert done.status == FINISHED
+
+
+#: Goals of a corner whose lines pass a pillar inside it, in base: the tool points down.
+CORNER = [[-0.30, 0.40, 0.30, np.pi, 0, 0], [-0.30, 0.60, 0.30, np.pi, 0, 0], [-0.10, 0.60, 0.30, np.pi, 0, 0]]
+
+
+def with_pillar(gap):
+    """A tool of 10 mm radius, and a pillar that both lines of the corner pass with a gap [m]."""
+    arm = get_arm("ur5e").with_tool(Tool.tube([0, 0, 0.15, 0, 0, 0], 0.01))
+    place = [CORNER[0][0] + 0.01 + gap + 0.025, CORNER[1][1] - 0.01 - gap - 0.025, 0.22]
+    T = ArmKinematics(arm, base="base").T_world_base
+    box = Box("pillar", (0.05, 0.05, 0.3), tuple((T @ [*place, 1.0])[:3]))
+    return replace(arm, workcell=Workcell((box,)))
+
+
+@pytest.mark.parametrize(("linear", "gap"), [(True, 0.0055), (False, 0.008), *slow((True, 0.012), (False, 0.0055))])
+def test_rounded_corners_keep_the_distance(linear, gap, capsys):
+    """The radius is reduced until the corner, as it is commanded, keeps what every way keeps; and that is said."""
+    arm = with_pillar(gap)
+    kin = ArmKinematics.of(arm, base="base")
+    exact, start = CollisionChecker(kin), kin.nearest(pose(CORNER[0]), arm.home).q
+    given = {}
+    for blend in (0.0, 0.015, 0.05):
+        job = _Job(arm, [pose(goal) for goal in CORNER[1:]], linear=linear, speed=0.25, blend=blend)
+        legs, program, done = job._planned(start)
+        assert (done.status, done.reason) == (FINISHED, "")
+        assert min(exact.distance(q).distance for q in done.commanded.q[::2]) >= 0.005
+        given[blend] = program.moves[len(legs[0].moves) - 1].blend
+        assert given[blend] <= blend
+        assert legs[0].reduced == (blend if given[blend] < blend else 0.0)
+        assert program.moves[-1].blend == legs[1].reduced == 0.0
+    assert given[0.015] == 0.015
+    assert 0.01 < given[0.05] < 0.05  # by more it would touch
+    goals = [part for goal in CORNER[1:] for part in ("--to", ",".join(map(str, goal)))]
+    centre = np.linalg.inv(kin.T_world_base) @ [*arm.workcell.obstacles[0].position, 1.0]
+    box = ["--no-cell", "--box", ",".join(map(str, [*centre[:3].round(9), 0.05, 0.05, 0.3]))]
+    posture = ["--from", ",".join(f"{angle:.9f}" for angle in start)]
+    assert main(["move", "--arm", "ur5e", "--tool", "0,0,0.15,0,0,0", "--tool-radius", "0.01", *goals, *box, *posture,
+                 "--blend", "0.05", *(["--linear"] if linear else [])]) == 0  # fmt: skip
+    out = capsys.readouterr().out
+    said = re.search(r"blend (\d+) mm \(reduced from 50 mm, to keep 5 mm from everything\)", out)
+    assert int(said[1]) == pytest.approx(1000 * given[0.05], abs=0.51)
+    assert "every way keeps 5 mm from everything" in out
+
+
+def test_whoever_the_start_check_lets_pass_keeps_the_distance():
+    """A box under the tool at the start: the nearer it is, the nearer the arm has to be to where it was tried from."""
+    arm = get_arm("ur5e").with_tool(Tool.tube([0, 0, 0.15, 0, 0, 0], 0.01))
+    kin = ArmKinematics.of(arm, base="base")
+    start, tolerances = kin.nearest(pose(CORNER[0]), arm.home).q, {}
+    for gap in (0.0052, 0.0056, 0.0062, 0.0066, 0.012):
+        tip = kin.T_world_base @ kin.fk(start)
+        below = Box("box", (0.1, 0.1, 0.1), (*tip[:2, 3], tip[2, 3] - 0.05 - gap))
+        there = replace(arm, workcell=Workcell((below,)))
+        job = _Job(there, [pose(CORNER[2])], linear=False, speed=0.25, blend=0.0)
+        if gap < 0.0058:
+            near = (
+                r"start is not free: .* 5\.2 mm apart, the margin is 5\.25 mm"
+                if gap < 0.0053
+                else r"start is too near: .* 5\.60 mm"
+            )
+            with pytest.raises(PathError, match=near):
+                job._planned(start)
+            continue
+        program = job._planned(start)[1]
+        tolerances[gap] = program.tolerance
+        exact = CollisionChecker(there)
+        corners = start + 0.999 * program.tolerance * np.array(list(product((-1, 1), repeat=6)))
+        distances = [exact.distance(q).distance for q in corners]
+        assert min(distances) >= 0.005
+        if gap < 0.01:
+            assert min(distances) < gap - 0.0002
+        ur = Controller(there, q=corners[int(np.argmin(distances))].tolist())
+        done = ur.run(program.text)
+        assert (done.status, done.reason) == (FINISHED, "")
+        assert min(exact.distance(q).distance for q in done.commanded.q[::3]) >= 0.005
+    assert 2.5e-4 <= tolerances[0.0062] < tolerances[0.0066] < tolerances[0.012] == 5e-4
 
 
 @pytest.fixture
@@ -152,7 +245,7 @@ def test_without_a_robot_it_is_tried_and_written(run, tmp_path):
     assert lines[0] == "UR5E, calibrated by ur5e_a.yaml with tool: tip tool in base, degrees"
     assert [float(word) for word in lines[1].removeprefix("from").split()] == pytest.approx(np.degrees(HOME), abs=0.05)
     assert [line.split()[0] for line in lines] == [
-        "UR5E,", "from", "to", "branch", "dry", "no", "the", "ends", "wrote", "picture"
+        "UR5E,", "from", "to", "branch", "dry", "no", "every", "the", "ends", "wrote", "picture"
     ]  # fmt: skip
     assert "branch 6, " in out
     assert "postures free; movej, 0.79 rad/s" in out

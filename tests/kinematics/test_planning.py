@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError, PathError
-from kinreach.kinematics import CollisionChecker, URKinematics, _planning, joint_line, plan_path
+from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics, _planning, joint_line, plan_path
 from kinreach.kinematics._motion_check import MotionCheck
-from kinreach.robots import Box, Obstacle, get_arm
+from kinreach.robots import Box, Obstacle, Tool, get_arm
 
 MARGIN = 0.005
 WALL = Box("wall", (0.5, 0.02, 0.5), (0.45, 0.0, 0.25))
@@ -93,6 +93,43 @@ def test_nothing_between_two_samples_is_missed(checker):
             assert not exact.impossible(dense(np.array([start, end]))).any()
         assert (motion.first_collision(start, end) is None) == free
     assert min(counts.values()) > 50
+
+
+def test_a_distance_is_kept_between_samples_too():
+    """A thin tool passes a small ball by 10.5 mm half way between two samples, which are 12 mm and more from it."""
+    arm = get_arm("ur5e").with_tool(Tool.tube([0, 0, 0.4, 0, 0, 0], 0.002))
+    kin = ArmKinematics(arm, base="world")
+    alone = MotionCheck(CollisionChecker(kin, obstacles=[], margin=0.012))
+    rng, passed = np.random.default_rng(2), 0
+    while passed < 3:
+        start = rng.uniform(-3.0, 3.0, 6)
+        end = start + 0.3 * rng.choice([-1, 1]) * np.eye(6)[0]
+        if not (alone.free(start) and alone.free(end) and alone.motion_free(start, end)):
+            continue
+        samples = alone._samples(end - start, 0.024)
+        between = start + (samples // 2 + 0.5) / samples * (end - start)
+        tip = kin.fk(between)
+        place = tip[:3, 3] + 0.0125 * tip[:3, 2]
+        ball = Obstacle("ball", (0.002,), pose=(*place, 0, 0, 0))
+        checker = CollisionChecker(kin, obstacles=[ball], margin=0.012)
+        if not MotionCheck(checker).motion_free(start, end):  # it is near a sample
+            continue
+        passed += 1
+        assert checker.distance(between).distance < 0.011
+        assert joint_line(checker, [start, end]).shape == (2, 6)
+        for keeps in (0.0, 0.0104):
+            assert MotionCheck(checker, keeps).motion_free(start, end) is (keeps == 0.0)
+        with pytest.raises(PathError, match=r"collision .*ball"):
+            joint_line(checker, [start, end], keeps=0.0104)
+        nearer = CollisionChecker(kin, obstacles=[ball], margin=0.0095)
+        assert joint_line(nearer, [start, end], keeps=0.009).shape == (2, 6)
+    for keeps, reason in (
+        (0.0119, r"of at least 0\.0121 m, got 0\.012; .*margin=0\.0169"),
+        (-0.001, "keeps"),
+        (np.nan, "keeps"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            joint_line(checker, [start], keeps=keeps)
 
 
 def test_no_point_moves_farther_than_the_reach_of_the_joints_says(checker):
