@@ -9,6 +9,7 @@ Unfinished files that no process has locked are removed.
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
 import secrets
@@ -81,6 +82,19 @@ def read_text(path: Path, what: str, *, most: int) -> str:
         return read_bytes(path, what, most=most).decode()
     except UnicodeDecodeError as error:
         raise InputError(f"cannot read {what} {path}: it is not UTF-8 text ({error})") from None
+
+
+def decoded(content: bytes, *, otherwise: str) -> str:
+    """Return the text of a file without its byte order mark: UTF-16 by that, else UTF-8, else in another encoding.
+
+    Bytes that the encoding does not have are replaced.
+    """
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode(otherwise, errors="replace")
 
 
 def _check_regular(status: os.stat_result) -> None:

@@ -56,7 +56,9 @@ COMMANDS = {
 
 
 #: Python's keyword arguments in messages, which are flags of the command line.
-_KEYWORD = re.compile(r"\b(repair|tip|joints|package_dirs|tool|base|mesh_scale|arm|robot)=(True\b)?( ?)")
+_KEYWORD = re.compile(r"\b(repair|tip|joints|package_dirs|tool|base|mesh_scale|arm|robot|held)=(True\b)?( ?)")
+#: Python's mapping of a joint to its place, which is a flag of the command line.
+_HELD = re.compile(r"\bheld=\{(['\"])(.+?)\1: ([^}]+)\}")
 #: A list of numbers of which the first is negative.
 _NEGATIVE = re.compile(r"-[\d.][\d.eE+-]*,")
 
@@ -147,11 +149,12 @@ def finish(job: Callable[[], int], *, prog: str) -> int:
 
 def in_flags(text: str) -> str:
     """Return a message with the flags of the command line for Python's keywords."""
-    return _KEYWORD.sub(_as_flag, text)
+    return _KEYWORD.sub(_as_flag, _HELD.sub(lambda held: f"--hold {quoted(f'{held[2]}={held[3]}')}", text))
 
 
 def _as_flag(keyword: re.Match[str]) -> str:
     flag = keyword[1].replace("package_dirs", "package_dir").replace("mesh_scale", "tool_mesh_scale")
+    flag = flag.replace("held", "hold")
     return f"--{flag.replace('_', '-')}{keyword[3] if keyword[2] else ' '}"
 
 

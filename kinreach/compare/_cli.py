@@ -173,7 +173,8 @@ def _command(
         value = getattr(arguments, name)
         words += [] if value is None else [f"--{name}", quoted(value)]
     for name in ARM_FLAGS:
-        for value in package_dirs_of(arguments) if name == "package_dir" else [getattr(arguments, name)]:
+        given = package_dirs_of(arguments) if name == "package_dir" else getattr(arguments, name)
+        for value in given if isinstance(given, list) else [given]:
             if value:
                 words += [f"--{name.replace('_', '-')}", *([] if value is True else [quoted(value)])]
     words += ["--goals", str(arguments.goals), "--seed", str(arguments.seed)]

@@ -40,6 +40,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
             raise InputError(f"{flag} must be a file in a folder that exists, got {path}")
     tool = None if arguments.tool is None else numbers_of("--tool", arguments.tool, 6)
     sources = [check_path("SOURCE", source) for source in arguments.source]
+    for flag, path in (("--out", out), ("--picture", picture)):
+        if path is not None and path.exists() and any(each.exists() and each.samefile(path) for each in sources):
+            raise InputError(f"{flag} must be another file than the source, which it would replace, got {path}")
     addresses = [str(source) for source in sources if not source.exists() and source.suffix.lower() not in _FILES]
     if addresses and len(sources) > 1:
         raise InputError(f"give the robot at {addresses[0]} alone, or only files")

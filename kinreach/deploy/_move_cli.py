@@ -26,7 +26,14 @@ from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._remarks import tool_note
 from kinreach.kinematics._surroundings import add_surroundings, surrounded
 from kinreach.robots import ArmDescription
-from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, posture_of, print_notes
+from kinreach.robots._flags import (
+    add_arm_flags,
+    arm_of,
+    numbers_of,
+    pose_numbers_of,
+    posture_of,
+    print_notes,
+)
 
 #: Largest distance of the robot's own tool centre point from kinreach's [m, degrees]: with its calibration (0.08 mm on
 #: the one controller whose poses are known), and by the data sheet.
@@ -45,7 +52,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         raise InputError("with --robot the motion begins where the robot stands; leave out --from")
     ports = [int(number) for number in numbers_of("--ports", arguments.ports, 2)]
     check_number("--speed", arguments.speed, above=0.0, most=1.0)
-    goals = [pose(numbers_of("--to", text, 6)) for text in arguments.to]
+    goals = [pose(pose_numbers_of("--to", text, strict=True)) for text in arguments.to]
     print_notes(arm := arm_of(arguments.arm, arguments))
     check_is_ur(arm)
     arm = surrounded(ArmKinematics(arm, base="base"), arguments, cell=not arguments.no_cell)

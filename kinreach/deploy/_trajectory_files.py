@@ -13,6 +13,7 @@ import numpy as np
 
 from kinreach._checks import check_path, shown
 from kinreach._files import read_text, write_text
+from kinreach._tables import Table, read_table
 from kinreach.deploy._program import Program
 from kinreach.deploy._urscript import MAX_CHARACTERS
 from kinreach.errors import InputError
@@ -71,13 +72,13 @@ def read_trajectory(file: str | Path) -> Trajectory:
     path = check_path("file", file)
     if path.suffix not in (JSON, CSV, *SCRIPTS):
         raise InputError(f"a trajectory is read from {JSON}, {CSV} or {SCRIPTS[0]}, got {path.name}")
+    if path.suffix == CSV:
+        return _from_table(read_table(path, "the trajectory", most=MAX_BYTES))
     limit = MAX_CHARACTERS if path.suffix in SCRIPTS else MAX_BYTES
     text = read_text(path, "the trajectory", most=limit).removeprefix("\ufeff")
     try:
         if path.suffix == JSON:
             return _from_message(text)
-        if path.suffix == CSV:
-            return _from_table(text)
         program = Program.parse(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
@@ -131,30 +132,19 @@ def _from_message(text: str) -> Trajectory:
     return _trajectory(names, t, q, qd)
 
 
-def _from_table(text: str) -> Trajectory:
-    reader = csv.reader(io.StringIO(text), strict=True)
+def _from_table(table: Table) -> Trajectory:
+    header = table.header
+    joints = [name for name in header[1:] if not name.endswith(VELOCITY)]
+    columns = ["time", *joints, *(f"{joint}{VELOCITY}" for joint in joints)]
+    if not joints or header not in (columns, columns[: 1 + len(joints)]):
+        raise InputError(
+            f"{table.name}: the columns must be time, the joints, and each JOINT{VELOCITY}, got {shown(header)}"
+        )
+    t, q, qd = np.split(table.numbers(range(len(header)), needed="numbers are needed"), (1, 1 + len(joints)), axis=1)
     try:
-        header = [name.strip() for name in next(reader, [])]
-        joints = [name for name in header[1:] if not name.endswith(VELOCITY)]
-        columns = ["time", *joints, *(f"{joint}{VELOCITY}" for joint in joints)]
-        if not joints or header not in (columns, columns[: 1 + len(joints)]):
-            raise InputError(f"the columns must be time, the joints, and each JOINT{VELOCITY}, got {shown(header)}")
-        rows = []
-        for row in reader:
-            if not row:
-                continue
-            try:
-                rows.append([float(cell) for cell in row])
-            except ValueError:
-                raise InputError(f"line {reader.line_num}: numbers are needed, got {shown(','.join(row))}") from None
-            if len(row) != len(header):
-                raise InputError(f"line {reader.line_num} has {len(row)} numbers, the first line {len(header)}")
-    except csv.Error as error:
-        raise InputError(f"not CSV: {error}") from None
-    count = len(joints)
-    return _trajectory(
-        joints, [row[0] for row in rows], [row[1 : 1 + count] for row in rows], [row[1 + count :] for row in rows]
-    )
+        return _trajectory(joints, t[:, 0].tolist(), q.tolist(), qd.tolist())
+    except InputError as error:
+        raise InputError(f"{table.name}: {error}") from None
 
 
 def _trajectory(names: list[Any], t: list[float], q: list[list[float]], qd: list[list[float]]) -> Trajectory:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import threading
 from collections.abc import Mapping, Sequence
@@ -71,6 +70,7 @@ class ArmKinematics:
         lower, upper: Joint limits [rad], shape (n,).
         velocity_limit: Joint speed limits of the URDF [rad/s], shape (n,).
         T_world_base: Pose of the base frame in the world (4, 4).
+        no_closed_form: Why `of` found no class that lists every posture; empty where it did, or was not asked.
 
     Raises:
         UnknownNameError: The arm, the tip or the base does not exist.
@@ -90,6 +90,7 @@ class ArmKinematics:
     }
     #: Whether `solve` considers every posture of a goal.
     knows_all_postures: ClassVar[bool] = False
+    no_closed_form: str = ""
 
     def __init__(
         self,
@@ -167,8 +168,10 @@ class ArmKinematics:
         plain = cls(arm, tip=tip, base=base, tool=tool)
         for module, name in cls._closed_forms.get(plain.n, ()):
             kind: Any = getattr(importlib.import_module(f"kinreach.kinematics.{module}"), name)
-            with contextlib.suppress(InputError):  # another geometry
+            try:
                 return kind(plain.arm, tip=plain.tip, base=base)
+            except InputError as error:  # another geometry; the last class takes the most
+                plain.no_closed_form = str(error)
         return plain
 
     @classmethod
@@ -186,17 +189,17 @@ class ArmKinematics:
 
         Args:
             file: Path of the URDF.
-            tip: Link that is the tip; default is the one farthest from the root, counted in joints.
+            tip: Link that is the tip; default is the one farthest from the root, counted in joints, and not a sensor's.
             joints: Names of the joints of `q`; default are those that move between root and tip.
             base: As in the class; `"base_link"` is the URDF's root.
             tool: As in the class; on the link `tool0`, and on the tip of arms without one.
-            facts: Further arguments of `ArmDescription.from_urdf`, such as `home=` and `workcell=`.
+            facts: Further arguments of `ArmDescription.from_urdf`, such as `home=`, `held=` and `title=`.
 
         Raises:
             InputError: The file is not a URDF of an arm of this kind.
         """
         arm = ArmDescription.from_urdf(file, tip=tip, joints=joints, **facts)
-        return cls.of(arm, tip=tip if tool is None else None, base=base, tool=tool)
+        return cls.of(arm, base=base, tool=tool)
 
     if not TYPE_CHECKING:
 
@@ -205,7 +208,10 @@ class ArmKinematics:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
             what = f"arm {self.arm.name!r} with {self.n} joints has no {name}"
             if not self.knows_all_postures:
-                raise AttributeError(f"{what}: LevenbergMarquardtSolver(kin) or PlacoSolver(kin) finds one posture")
+                because = f"; {self.no_closed_form}" if self.no_closed_form else ""
+                raise AttributeError(
+                    f"{what}: LevenbergMarquardtSolver(kin) or PlacoSolver(kin) finds one posture{because}"
+                )
             other = "self_motions has its curves" if name in LISTS else "all_solutions lists its postures"
             raise AttributeError(f"{what}: {other}, nearest chooses one")
 

@@ -12,7 +12,8 @@ import numpy as np
 from rich.progress import Progress
 
 from kinreach._checks import Floats, check_path, printable
-from kinreach._files import read_text, write_text
+from kinreach._files import write_text
+from kinreach._tables import read_table
 from kinreach.cli import Parser, complain
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
@@ -23,7 +24,7 @@ from kinreach.kinematics._remarks import tool_note, why_none
 from kinreach.kinematics._surroundings import add_surroundings, surrounded
 from kinreach.kinematics._ur.geometry import ur_branch
 from kinreach.kinematics._ur.kinematics import URKinematics
-from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, posture_of, print_notes
+from kinreach.robots._flags import add_arm_flags, arm_of, may_be_degrees, pose_numbers_of, posture_of, print_notes
 from kinreach.robots._rotations import pose
 from kinreach.robots._ur import JOINTS
 
@@ -68,7 +69,10 @@ class Answers:
 
         accept = None if self.checker is None else self.checker.free
         result = LevenbergMarquardtSolver(kin).solve(PoseGoal(T), self.seed, accept=accept)
-        return ([(result.q, 0)], "") if result.success else ([], why_none(kin, T, result.reason))
+        if result.success:
+            return [(result.q, 0)], ""
+        reason = why_none(kin, T, result.reason)
+        return [], "; ".join(filter(None, (reason, kin.no_closed_form)))
 
     def all(self, T: Floats) -> tuple[list[tuple[Floats, int, str]], str]:
         """Return every posture of a pose with its branch and what collides; and why there is none.
@@ -107,8 +111,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         raise InputError("give --cell or --table, not both")
     answers = Answers(ArmKinematics.of(surrounded(kin, arguments, cell=arguments.cell), base=base), seed)
     if arguments.pose is not None:
-        numbers = numbers_of("--pose", arguments.pose, 6)
-        _note_turns(numbers[3:])
+        numbers = pose_numbers_of("--pose", arguments.pose)
         return _one(answers, numbers, degrees=arguments.degrees)
     files = check_path("--poses", arguments.poses), check_path("--out", arguments.out)
     return _many(answers, *files, every=arguments.all, degrees=arguments.degrees)
@@ -147,6 +150,8 @@ def _many(answers: Answers, source: Path, out: Path, *, every: bool, degrees: bo
     poses = read_poses(source)
     if out.is_dir() or not out.parent.is_dir():
         raise InputError(f"--out must be a file in a folder that exists, got {out}")
+    if out.exists() and out.samefile(source):
+        raise InputError(f"--out must be another file than --poses, which it would replace, got {out}")
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     n, solved = answers.kinematics.n, 0
@@ -180,41 +185,21 @@ def _rows(answers: Answers, T: Floats, every: bool, scale: float) -> Iterator[li
 
 
 def read_poses(path: Path) -> Floats:
-    """Return the poses of a CSV file with the columns x, y, z, rx, ry, rz, shape (count, 4, 4)."""
-    reader = csv.reader(io.StringIO(read_text(path, "the poses", most=MAX_BYTES).removeprefix("\ufeff")))
-    try:
-        header = [name.strip().lower() for name in next(reader, [])]
-        if missing := [name for name in COLUMNS if name not in header]:
-            raise InputError(f"{path} has no column {', '.join(missing)}; its first line must name x,y,z,rx,ry,rz")
-        places = [header.index(name) for name in COLUMNS]
-        numbers = [_cells(row, places, reader.line_num, path) for row in reader if any(cell.strip() for cell in row)]
-    except csv.Error as error:
-        raise InputError(f"{path} is not a CSV file: {error}") from None
-    if not 1 <= len(numbers) <= MAX_POSES:
-        raise InputError(f"{path} must have 1 to {MAX_POSES} poses, got {len(numbers)}")
-    _note_turns(max((row[3:] for row in numbers), key=np.linalg.norm))
+    """Return the poses of a table with the columns x, y, z, rx, ry, rz, shape (count, 4, 4)."""
+    table = read_table(path, "the poses", most=MAX_BYTES)
+    places = [table.place(name) for name in COLUMNS]
+    if missing := [name for name, place in zip(COLUMNS, places, strict=True) if place < 0]:
+        raise InputError(f"{path} has no column {', '.join(missing)}; its first line must name x,y,z,rx,ry,rz")
+    if not 1 <= len(table.cells) <= MAX_POSES:
+        raise InputError(f"{path} must have 1 to {MAX_POSES} poses, got {len(table.cells)}")
+    numbers = table.numbers(places, needed="six numbers are needed")
+    if said := may_be_degrees(f"of a pose in {path}", max((row[3:] for row in numbers), key=np.linalg.norm)):
+        complain(f"note: {said}")
     return pose(numbers)
 
 
-def _note_turns(rotation: Sequence[float]) -> None:
-    """Print a note on stderr if a rotation vector is longer than a turn: it may be in degrees."""
-    turns = np.linalg.norm(rotation) / (2 * np.pi)
-    if turns > 1.0:
-        complain(f"note: the rotation vector is {turns:.3g} turns long; rx, ry, rz are in radians, not degrees")
-
-
-def _cells(row: list[str], places: Sequence[int], line: int, path: Path) -> list[float]:
-    try:
-        values = [float(row[place]) for place in places]
-    except (ValueError, IndexError):
-        raise InputError(f"{path}, line {line}: six numbers are needed, got {','.join(row)[:60]}") from None
-    if not np.isfinite(values).all():
-        raise InputError(f"{path}, line {line}: the numbers must be finite, got {','.join(row)[:60]}")
-    return values
-
-
 def _base(text: str) -> str | list[float]:
-    return numbers_of("--base", text, 6) if any(sign.isdigit() for sign in text) and "," in text else text
+    return pose_numbers_of("--base", text) if any(sign.isdigit() for sign in text) and "," in text else text
 
 
 def _parser(prog: str) -> Parser:

@@ -118,6 +118,8 @@ def _class_of(kin: ArmKinematics) -> str:
         return f"seven joints: every posture of a pose as curves, {kin.solved}; {numeric}"
     if isinstance(kin, Arm3Kinematics):
         return "turning base with two links: every posture of a position in closed form"
+    if kin.no_closed_form:
+        return f"no closed form, but placo, lm and qp, one posture at a time: {kin.no_closed_form}"
     spare = kin.n - POSE_JOINTS
     because = (
         f"{spare} joint{'s' * (spare > 1)} more than a pose needs, so that each pose has a family of postures"

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from types import UnionType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_ANGLE, as_floats, as_vector, check_known, check_number, shown
-from kinreach.errors import InputError
+from kinreach.errors import InputError, UnknownOptionError
 from kinreach.robots._calibration import Calibration, calibrated_urdf
 from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots._tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
@@ -24,6 +25,7 @@ from kinreach.robots._urdf import (
     check_home,
     check_limits_complete,
     check_urdf,
+    link_at,
     link_before,
     links_below,
     named,
@@ -31,11 +33,12 @@ from kinreach.robots._urdf import (
     prune,
     set_limits,
 )
-from kinreach.robots._urdf_file import read_urdf
 from kinreach.robots._workcell import CameraMount, Workcell
 
 #: Attributes with one number for each joint.
 PER_JOINT = ("home", "position_gains", "joint_damping")
+#: Attributes that only a URDF file gives.
+FROM_FILE = ("build_urdf", "package_root")
 #: Kinds of collision meshes.
 MESHES_AS = (HULLS, TRIANGLES) = ("hulls", "triangles")
 
@@ -57,7 +60,8 @@ class ArmDescription:
         joints: Names of the actuated joints in the order of `q`; default are the joints that move between the root and
             the tip. All other joints must be fixed, or be the gripper's.
         home: Start posture [rad], shape `(n,)`, within the limits; default is the middle of each joint's range.
-        base: Link that carries the arm's own coordinate system; default is the URDF's first link but `world`.
+        base: Link that carries the arm's own coordinate system; default is the URDF's first link, or the only one that
+            a first link `world` carries fixed.
         tips: Frames that may be asked for as the tip, by short name: `{"tcp": "tcp", ...}`; default are the links that
             the last joint carries rigidly.
         default_tip: Key of `tips` that tasks use; default is the first, and without `tips` the link
@@ -128,7 +132,9 @@ class ArmDescription:
         self._check_kinds()
         for name in PER_JOINT:
             object.__setattr__(self, name, tuple(as_floats(name, getattr(self, name)).ravel().tolist()))
-        if self.tips and not self.default_tip:
+        if self.tips and self.default_tip:
+            check_known(f"tip of arm {self.name!r}", self.default_tip, self.tips)
+        elif self.tips:
             object.__setattr__(self, "default_tip", next(iter(self.tips)))
         missing = [name for name in defaults if not getattr(self, name)]
         if missing:
@@ -193,57 +199,74 @@ class ArmDescription:
         package_dirs: Sequence[str | Path] = (),
         gripper_on: str | None = None,
         meshes: str = TRIANGLES,
-        **facts: object,
+        **facts: Any,
     ) -> ArmDescription:
         """Describe an arm by its URDF file.
 
-        Joints that are not part of the arm, such as a gripper's, are held still: they become fixed joints. The
-        attribute `notes` lists them. A visual mesh that is not found is left out; without a collision
+        Joints that are not part of the arm, such as a gripper's or a rail's, are held still: they become fixed joints.
+        What kinematics does not use, such as a shape without size or an effort below zero, is repaired or left out.
+        The attribute `notes` lists all of this. A visual mesh that is not found is left out; without a collision
         mesh there is kinematics, but no collision checks and no simulation.
 
         Args:
             file: Path of the URDF. Meshes may be named relative to it, or as `package://PACKAGE/...` or `file://...`.
             name: Key in the registry; default is the name in the URDF.
-            tip: Link that is the tip; default is the one farthest from the root, counted in joints, and not a finger.
-            base: Link that carries the arm's own coordinate system; default is the root.
+            tip: Link that is the tip; default is the one farthest from the root, counted in joints, that is neither a
+                finger nor a sensor's.
+            base: Link that carries the arm's own coordinate system; default is the root, or what a root `world` carries
+                fixed.
             joints: Names of the joints of `q`; default are those that move between root and tip, without a gripper's.
             home: Start posture [rad], within the limits; default is the middle of each joint's range.
-            held: Where joints that are not part of the arm are held [rad, m]; default is 0, or their nearest limit.
+            held: Where joints that are not part of the arm are held [rad, m], within their limits; default is 0, or
+                the nearest limit. One or two joints that slide under the whole arm are not part of it.
             workcell: Obstacles and goals; default is an empty work cell.
             package_dirs: Folders that hold packages, or are one, in which `package://PACKAGE` is looked for first;
                 then those around the file, and those of `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
             gripper_on: Link that the parallel gripper of `kinreach.robots._grippers` is mounted on; its `tcp` is then
                 the default tip. Default is no gripper.
             meshes: What collision checks use of a mesh, `"triangles"` or `"hulls"`.
-            facts: Any other attribute of `ArmDescription`, such as `position_gains=`.
+            facts: Any other attribute of `ArmDescription`, such as `title=` and `position_gains=`. `gripper=` describes
+                one that is in the file, whose joints stay; `notes=` are added to those of the file.
 
         Raises:
+            UnknownOptionError: A fact that is no attribute of `ArmDescription`, or that the file gives.
             InputError: The file cannot be read or is not a URDF of an arm; or a joint or link is not in it; or a joint
                 has no range, or `home` is outside of one.
         """
-        source = read_urdf(file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs)
-        tips, gripper = source.tips, None
+        gripper = _checked_facts(facts).pop("gripper", None)
+        if gripper is not None and gripper_on is not None:
+            raise InputError("give gripper= for one that is in the file, or gripper_on= to mount one; not both")
+        own = () if gripper is None else (gripper.joint, gripper.mimic_joint)
+        from kinreach.robots._urdf_file import read_urdf  # an arm by its name needs no reader of files
+
+        source = read_urdf(file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs, gripper=own)
+        tips = source.tips
         if gripper_on is not None:
             check_known(f"link of arm {source.name!r} that can carry a gripper", gripper_on, tips)
             add_parallel_gripper(source.robot, gripper_on)
             tips, gripper = {"tcp": "tcp", **tips}, PARALLEL_GRIPPER
         root = source.package_root
+        found: dict[str, Any] = {
+            "title": name or source.name,
+            "tips": tips,
+            "default_tip": source.tip if gripper_on is None else "tcp",
+            "missing_shapes": source.missing_shapes,
+        }
+        if "tips" in facts and "default_tip" not in facts:
+            found["default_tip"] = next((key for key, link in facts["tips"].items() if link == source.tip), "")
+        found |= {key: value for key, value in facts.items() if key != "notes"}
         return cls(
             name=name or source.name,
-            title=name or source.name,
             build_urdf=partial(str, ET.tostring(source.robot, encoding="unicode")),
             package_root=no_package if root is None else partial(str, root),
             joints=source.joints,
             home=() if home is None else tuple(home),
-            base=base or "",
-            tips=tips,
-            default_tip=source.tip if gripper is None else "tcp",
+            base=base or source.base,
             workcell=workcell or Workcell(),
             gripper=gripper,
-            missing_shapes=source.missing_shapes,
-            notes=source.notes,
+            notes=(*source.notes, *facts.get("notes", ())),
             meshes=meshes,
-            **facts,  # type: ignore[arg-type]
+            **found,
         )
 
     def with_limits(self, limits: float | Mapping[str, tuple[float, float]]) -> ArmDescription:
@@ -377,7 +400,10 @@ class ArmDescription:
     def _built(self) -> str:
         text = self.build_urdf()
         check_urdf(text, self.package_root())
-        check_limits_complete(parse_urdf(text))
+        robot = parse_urdf(text)
+        check_limits_complete(robot)
+        if any(link_at(joint, "child") == WORLD for joint in robot.findall("joint")):
+            raise InputError(f"arm {self.name!r}: the link {WORLD!r} must carry all others, and hang on none")
         return text
 
     @property
@@ -392,3 +418,21 @@ class ArmDescription:
             return {}
         half = self.gripper.opening / 2
         return {self.gripper.joint: half, self.gripper.mimic_joint: half}
+
+
+def _checked_facts(facts: dict[str, Any]) -> dict[str, Any]:
+    """Refuse what is not an attribute that may be given beside a URDF file, or of another kind."""
+    available = [each.name for each in fields(ArmDescription) if each.name not in FROM_FILE]
+    for name in facts:
+        if name not in available:
+            raise UnknownOptionError(
+                f"unknown attribute of an arm from a URDF file {name!r}; available: {', '.join(available)}"
+            )
+    for name, kind, wanted in (
+        ("gripper", Gripper | None, "a Gripper or None"),
+        ("tips", Mapping, "a mapping of short names to links"),
+        ("notes", tuple | list, "a tuple of lines"),
+    ):
+        if name in facts and not isinstance(facts[name], kind):
+            raise InputError(f"{name} of an arm must be {wanted}, got {shown(facts[name])}")
+    return facts

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,16 +19,17 @@ from kinreach.errors import InputError
 from kinreach.robots._description import ArmDescription
 from kinreach.robots._registry import arm_named
 from kinreach.robots._tools import TOOLS, Tool
+from kinreach.robots._urdf_file import turning_joints
 
 #: The flags of `add_arm_flags`, as attributes of the parsed arguments.
 ARM_FLAGS = (
     "calibration", "repair", "tool", "tool_radius", "tool_mass", "tool_mesh", "tool_mesh_scale", "tip", "joints",
-    "package_dir",
+    "hold", "package_dir",
 )  # fmt: skip
 
 
 def add_arm_flags(parser: argparse.ArgumentParser) -> None:
-    """Add `--calibration`, `--repair`, the flags of the tool, `--tip`, `--joints` and `--package-dir`."""
+    """Add `--calibration`, `--repair`, the flags of the tool, `--tip`, `--joints`, `--hold` and `--package-dir`."""
     group = parser.add_argument_group("the arm")
     group.add_argument(
         "--calibration",
@@ -53,6 +56,13 @@ def add_arm_flags(parser: argparse.ArgumentParser) -> None:
         "--joints", metavar="A,B,...", help="of a URDF: the arm's joints, if others move too, or to take in a gripper's"
     )
     group.add_argument(
+        "--hold",
+        action="append",
+        metavar="JOINT=VALUE",
+        help="of a URDF: hold a joint that is not one of q, such as a rail's, at a place in metres, or in radians if "
+        "it turns (with --degrees in degrees); may be repeated, or several separated by commas",
+    )
+    group.add_argument(
         "--package-dir",
         action="append",
         metavar="DIR",
@@ -74,6 +84,7 @@ def arm_options(arguments: argparse.Namespace) -> dict[str, Any]:
         "tool": tool_of(arguments),
         "tip": arguments.tip,
         "joints": joints_of(arguments),
+        "held": held_of(arguments),
         "package_dirs": package_dirs_of(arguments),
     }
 
@@ -86,12 +97,13 @@ def arm_with(
     tool: Tool | None = None,
     tip: str | None = None,
     joints: Sequence[str] | None = None,
+    held: Mapping[str, float] | None = None,
     package_dirs: Sequence[str] = (),
 ) -> ArmDescription:
     """Return an arm with a calibration, and with a tool or another tip."""
     if tool is not None and tip is not None:
         raise InputError("give --tip or --tool, not both")
-    arm = arm_named(name, tip=tip, joints=joints, package_dirs=package_dirs)
+    arm = arm_named(name, tip=tip, joints=joints, held=held, package_dirs=package_dirs)
     if calibration is not None:
         arm = arm.calibrated(calibration, repair=repair)
     if tool is not None:
@@ -104,6 +116,20 @@ def arm_with(
 
 def joints_of(arguments: argparse.Namespace) -> list[str] | None:
     return None if arguments.joints is None else [joint.strip() for joint in arguments.joints.split(",")]
+
+
+def held_of(arguments: argparse.Namespace) -> dict[str, float]:
+    """Return the places of `--hold` [rad, m]; with `--degrees`, those of joints that turn are typed in degrees."""
+    held: dict[str, float] = {}
+    for text in [part for given in arguments.hold or () for part in given.split(",")]:
+        joint, _, value = text.rpartition("=")
+        if not joint.strip():
+            raise InputError(f"--hold must be JOINT=VALUE, got {shown(text)}")
+        held[joint.strip()] = numbers_of(f"--hold {joint.strip()}", value, 1)[0]
+    if held and getattr(arguments, "degrees", False):
+        turning = turning_joints(arguments.arm)
+        held = {joint: math.radians(value) if joint in turning else value for joint, value in held.items()}
+    return held
 
 
 def package_dirs_of(arguments: argparse.Namespace) -> list[str]:
@@ -130,13 +156,16 @@ def tool_of(arguments: argparse.Namespace) -> Tool | None:
                 f"the tool {arguments.tool} has a shape and a mass; leave out --{others[0].replace('_', '-')}"
             )
         return TOOLS[arguments.tool]
-    centre = numbers_of("--tool", arguments.tool, 6)
+    centre = pose_numbers_of("--tool", arguments.tool)
     mass, radius, scale = (
         None if (text := getattr(arguments, name)) is None else numbers_of(f"--{name.replace('_', '-')}", text, 1)[0]
         for name in ("tool_mass", "tool_radius", "tool_mesh_scale")
     )
     middle: Any = tuple(np.divide(centre[:3], 2).tolist())
-    tool = Tool(centre, mass or 0.0, middle) if radius is None else Tool.tube(centre, radius, mass=mass or 0.0)
+    try:
+        tool = Tool(centre, mass or 0.0, middle) if radius is None else Tool.tube(centre, radius, mass=mass or 0.0)
+    except InputError as error:
+        raise InputError(re.sub(r"^tool\b", "--tool", str(error))) from None
     if arguments.tool_mesh is None:
         return tool
     return replace(tool, mesh=arguments.tool_mesh, mesh_scale=1.0 if scale is None else scale)
@@ -157,6 +186,24 @@ def numbers_of(flag: str, text: str, count: int) -> list[float]:
     if len(values) != count:
         raise InputError(f"{flag} must be {wanted}, got {shown(text)}")
     return values
+
+
+def pose_numbers_of(flag: str, text: str, *, strict: bool = False) -> list[float]:
+    """Return the six numbers of a pose; one whose rotation vector may be in degrees gets a note, or is refused."""
+    numbers = numbers_of(flag, text, 6)
+    said = may_be_degrees(f"of {flag}", numbers[3:])
+    if said and strict:
+        raise InputError(said)
+    if said:
+        complain(f"note: {said}")
+    return numbers
+
+
+def may_be_degrees(of: str, rotation: Sequence[float]) -> str:
+    """Say so if a rotation vector is longer than a turn; empty if it is not."""
+    turns = float(np.linalg.norm(rotation)) / (2 * np.pi)
+    said = f"the rotation vector {of} is {turns:.3g} turns long; rx, ry, rz are in radians, not degrees"
+    return said if turns > 1.0 else ""
 
 
 def posture_of(

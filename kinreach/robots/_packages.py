@@ -1,34 +1,45 @@
 """Mesh files that a URDF names, found beside it and in the folders of its packages.
 
-A mesh, links followed, must lie within its package, in a folder that the caller or ROS's environment names, beside the
-URDF or in the folder above it.
+A mesh, links followed, must lie within its package or the URDF's, in a folder that the caller or ROS's environment
+names, beside the URDF or in the folder above it.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from functools import cache, cached_property
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
 from kinreach._checks import check_path, shown
+from kinreach._files import read_bytes
+from kinreach.errors import InputError
 from kinreach.robots._urdf import MESHES, PACKAGE
 
 #: Folders above a URDF in which packages are looked for.
 LEVELS_UP = 4
 FILE = "file://"
+#: Addresses of a file in a package: of ROS, of Gazebo, and of xacro and ROS's launch files.
+_IN_PACKAGE = re.compile(r"(?:package|model)://(?P<path>.*)|\$\(find (?P<name>[^)]+)\)/*(?P<rest>.*)", re.DOTALL)
+#: The file that names a package, its largest size [bytes], and the name in it.
+MANIFEST, MAX_MANIFEST = "package.xml", 2**20
+_NAME = re.compile(rb"<name>\s*([^<]*?)\s*</name>")
 
 
-def find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path]) -> tuple[str | None, str]:
+def find_meshes(
+    robot: ET.Element, file: Path, package_dirs: Sequence[str | Path]
+) -> tuple[str | None, str, Mapping[ET.Element, Path]]:
     """Rewrite the addresses of all meshes as `package://` within one folder, and leave out those that are not found.
 
     A link whose visual meshes are all missing is drawn by its collision shapes.
 
     Returns:
-        The folder that `package://` stands for, None without meshes; and why collision shapes are missing, or "".
+        The folder that `package://` stands for, None without meshes; why collision shapes are missing, or ""; and the
+        file of each mesh.
     """
     folders = _Folders(file, [check_path("package_dirs", folder).resolve() for folder in package_dirs])
     for material in robot.iter("material"):
@@ -58,7 +69,7 @@ def find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path
     root = Path(os.path.commonpath([place.parent for place in places.values()])) if places else None
     for mesh, place in places.items():
         mesh.set("filename", PACKAGE + place.relative_to(root or "").as_posix())
-    return None if root is None else str(root), _reason(missing)
+    return None if root is None else str(root), _reason(missing), places
 
 
 def _reason(missing: Sequence[tuple[str, str]]) -> str:
@@ -68,7 +79,7 @@ def _reason(missing: Sequence[tuple[str, str]]) -> str:
     more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
     return (
         f"the collision mesh {shown(address)} of link {shown(link)}{more} is not found; meshes are {', '.join(MESHES)} "
-        "files beside the URDF, in the folder above it, or in their package, which is looked for with package_dirs=, "
+        "files beside the URDF, in the folder above it, or in a package, which is looked for with package_dirs=, "
         "around the URDF, and in ROS_PACKAGE_PATH and AMENT_PREFIX_PATH"
     )
 
@@ -82,7 +93,8 @@ class _Folders:
         self._ros = [Path(entry).resolve() for entry in _entries("ROS_PACKAGE_PATH")]
         self._ros += [Path(entry).resolve() / "share" for entry in _entries("AMENT_PREFIX_PATH")]
         self._given = given
-        self._allowed = (*given, *self._ros, file.parent, file.parent.parent)
+        own = next((folder for folder in self._around if os.path.isfile(folder / MANIFEST)), file.parent)
+        self._allowed = (*given, *self._ros, file.parent, file.parent.parent, own)
         self._packages_of = cache(self._search)
 
     def mesh(self, address: str) -> Path | None:
@@ -94,12 +106,13 @@ class _Folders:
             inside = any(mesh.is_relative_to(folder) for folder in (*self._allowed, *package))
             if mesh.suffix.lower() in MESHES and inside and os.path.isfile(mesh):
                 return mesh
-        return None
+        return self.mesh(address.replace("\\", "/")) if "\\" in address else None  # written on Windows
 
     def _candidates(self, address: str) -> Iterator[tuple[Path, tuple[Path, ...]]]:
         """Places that an address may mean, each with the package that it is in."""
-        if address.startswith(PACKAGE):
-            name, *rest = PurePosixPath(address.removeprefix(PACKAGE)).parts or ("/",)
+        if (found := _IN_PACKAGE.fullmatch(address)) is not None:
+            path = found["path"] if found["name"] is None else f"{found['name'].strip()}/{found['rest']}"
+            name, *rest = PurePosixPath(path).parts or ("/",)
             if rest and ".." not in (name, *rest) and name != "/":
                 for package in self._packages_of(name):
                     yield package.joinpath(*rest), (package,)
@@ -111,11 +124,27 @@ class _Folders:
             yield self._file.parent / address, ()
 
     def _search(self, name: str) -> list[Path]:
-        """Return the folders of a package: the given ones first, then around the file, ROS's, and nested ones."""
+        """Return the folders of a package: those whose `package.xml` names it, then those that are called so.
+
+        In both, the given ones come first, then those around the file, ROS's, and nested ones.
+        """
         places = []
         for folder in (*self._given, *self._around, *self._ros):
             places += [folder / name, *([folder] if folder.name == name else [])]
-        return [place for place in (*places, *self._nested.get(name, [])) if os.path.isdir(place)]
+        called = [place for place in (*places, *self._nested.get(name, [])) if os.path.isdir(place)]
+        return [*self._declared.get(name, []), *called]
+
+    @cached_property
+    def _declared(self) -> dict[str, list[Path]]:
+        """Packages by the name in their `package.xml`, whatever their folders are called."""
+        folders = [*self._given, *self._around, *self._ros]
+        folders += [child for folder in folders for child in _folders_in(folder)]
+        folders += [package for packages in self._nested.values() for package in packages]
+        places: dict[str, list[Path]] = {}
+        for folder in dict.fromkeys(folders):
+            if name := _declared_name(folder / MANIFEST):
+                places.setdefault(name, []).append(folder)
+        return places
 
     @cached_property
     def _nested(self) -> dict[str, list[Path]]:
@@ -125,6 +154,19 @@ class _Folders:
             for package in _folders_in(repository):
                 places.setdefault(package.name, []).append(package)
         return places
+
+
+def _declared_name(manifest: Path) -> str:
+    """Return the name of the package that a `package.xml` is of; empty if it cannot be read."""
+    if not os.path.isfile(manifest):
+        return ""
+    try:
+        content = read_bytes(manifest, MANIFEST, most=MAX_MANIFEST)
+    except InputError:
+        return ""
+    before, *commented = content.split(b"<!--")
+    found = _NAME.search(before + b"".join(part.partition(b"-->")[2] for part in commented))
+    return "" if found is None else found[1].decode(errors="replace")
 
 
 def _entries(variable: str) -> list[str]:

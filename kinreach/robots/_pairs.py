@@ -16,7 +16,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kinreach._checks import Floats, check_path, shown
-from kinreach._files import read_bytes
+from kinreach._files import decoded, read_bytes
+from kinreach._tables import Table, table_of
 from kinreach.errors import InputError
 from kinreach.robots._polyscope import read_export
 from kinreach.robots._rotations import pose
@@ -145,30 +146,18 @@ class PosePairs:
         )
 
 
-class Table(NamedTuple):
-    """Cells of a table of numbers.
-
-    Attributes:
-        header: Names of the columns in lower case; empty if the first line has numbers.
-        cells: Rows of text.
-        lines: Line number of each row.
-    """
-
-    header: list[str]
-    cells: list[list[str]]
-    lines: list[int]
-
-
 def read_pairs(file: Path, *, joints: Sequence[str] = ()) -> PosePairs:
     """As `PosePairs.read`."""
     content = read_bytes(file, "the recording", most=MAX_BYTES)
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{file.name} is no text: it must be a .urp, a .script or a table of numbers") from None
+    text = decoded(content, otherwise="latin-1")
+    if "\0" in text:
+        raise InputError(f"{file.name} is no text: it must be a .urp, a .script or a table of numbers")
     if _SCRIPT.search(content):
         return _from_export(text, file.name)
-    return _from_table(table_of(text, file.name), file.name, joints)
+    table = table_of(text, file.name)
+    if not table.cells:
+        raise InputError(f"{file.name} has no rows of numbers")
+    return _from_table(table, file.name, joints)
 
 
 #: What a program in URScript has, and a table not.
@@ -201,40 +190,13 @@ def _from_export(text: str, name: str) -> PosePairs:
 _PARTS = (slice(0, 3), slice(3, 6))
 
 
-def table_of(text: str, name: str) -> Table:
-    """Divide a table of numbers into cells; what separates them is found in the first line."""
-    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
-    lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
-    if len(lines) < 2:
-        raise InputError(f"{name} has no rows of numbers")
-    separator = next((sign for sign in (";", "\t", ",") if sign in lines[0][1]), None)
-    cells = [[cell.strip().strip('"') for cell in line.split(separator)] for _, line in lines]
-    if separator != "," and any("," in cell for row in cells[1:3] for cell in row):  # decimal commas of a spreadsheet
-        cells = [cells[0], *([cell.replace(",", ".") for cell in row] for row in cells[1:])]
-    numbers = [number for number, _ in lines]
-    if all(_is_number(cell) for cell in cells[0]):
-        return Table([], cells, numbers)
-    header = [cell.lower() for cell in cells[0]]
-    for row, number in zip(cells[1:], numbers[1:], strict=True):
-        if len(row) != len(header):
-            raise InputError(f"{name}, line {number}: {len(header)} cells are needed, as in the header, got {len(row)}")
-    return Table(header, cells[1:], numbers[1:])
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
 class _Columns:
     """Numbers of a table by the names that their columns may have."""
 
     def __init__(self, table: Table, name: str) -> None:
         self._table, self._name = table, name
-        headings = [_HEADING.match(title) for title in table.header]
+        self._header = [title.lower() for title in table.header]
+        headings = [_HEADING.match(title) for title in self._header]
         self._titles = [match[1].strip() if match else "" for match in headings]
         self._units = [(match[2] or "") if match else "" for match in headings]
 
@@ -242,8 +204,10 @@ class _Columns:
         """Return the places of the first set of columns that is complete."""
         for names in choices:
             wanted = [name.lower() for name in names]
-            for titles in (self._table.header, self._titles):
+            for titles in (self._header, self._titles):
                 if all(name in titles for name in wanted):
+                    if twice := [name for name in wanted if titles.count(name) > 1]:
+                        raise InputError(f"{self._name} has {titles.count(twice[0])} columns {twice[0]}")
                     return [titles.index(name) for name in wanted]
         return None
 
@@ -251,18 +215,7 @@ class _Columns:
         return [[row[place] for place in places] for row in self._table.cells]
 
     def numbers(self, places: Sequence[int]) -> Floats:
-        rows = self.text(places)
-        try:
-            values = np.array(rows, dtype=np.float64)
-        except ValueError:
-            for row, line in zip(rows, self._table.lines, strict=True):
-                if wrong := [cell for cell in row if not _is_number(cell)]:
-                    raise InputError(f"{self._name}, line {line}: {shown(wrong[0])} is no number") from None
-            raise
-        for row, line in zip(values, self._table.lines, strict=True):
-            if not np.isfinite(row).all():
-                raise InputError(f"{self._name}, line {line}: the numbers must be finite")
-        return values
+        return self._table.numbers(places)
 
     def unit(self, places: Sequence[int]) -> str:
         units = {self._units[place] for place in places} if self._table.header else {""}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,20 @@ from kinreach.robots._description import ArmDescription
 
 #: Endings of files that describe an arm.
 FILES = (".urdf", ".xml", ".xacro")
+#: What other files are that people have of an arm, by their endings.
+_OTHER_FILES = {
+    ".sdf": "an SDF, Gazebo's format, which is not read: take the URDF that it was made from, or convert it",
+    ".world": "a world of Gazebo, which is not read",
+    ".mjcf": "MuJoCo's format, which is not read",
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "USD, which is not read: take the URDF that it was made from"),
+    **dict.fromkeys((".stl", ".obj", ".dae", ".step", ".stp", ".glb", ".gltf", ".iges"), "a shape, and no arm"),
+    **dict.fromkeys((".yaml", ".yml", ".conf"), "a calibration or settings: name its UR, with --calibration FILE"),
+    ".srdf": "an SRDF, which says what MoveIt plans with: take the URDF beside it",
+    ".py": "a program: name the object in it that describes the arm, as MODULE:ATTRIBUTE",
+    **dict.fromkeys((".zip", ".gz", ".tar", ".tgz", ".7z"), "an archive: unpack it"),
+    **dict.fromkeys((".urp", ".script", ".urscript"), "a program of a UR"),
+    **dict.fromkeys((".json", ".csv", ".txt", ".md", ".png", ".pdf"), "no description of an arm that is read"),
+}
 #: Arms that are read from a file on first use.
 _FROM_FILES: dict[str, Callable[[], ArmDescription]] = {"panda": panda.describe}
 
@@ -62,12 +77,15 @@ def arm_named(
     *,
     tip: str | None = None,
     joints: Sequence[str] | None = None,
+    held: Mapping[str, float] | None = None,
     package_dirs: Sequence[str | Path] = (),
 ) -> ArmDescription:
     """Return the arm that a command line names: a registered one, a URDF file, or an attribute of a module."""
     if text.lower().endswith(FILES):
-        return ArmDescription.from_urdf(text, tip=tip, joints=joints, package_dirs=package_dirs)
-    for name, given in (("joints", joints), ("package_dirs", package_dirs)):
+        return ArmDescription.from_urdf(text, tip=tip, joints=joints, held=held, package_dirs=package_dirs)
+    if text.lower() not in map(str.lower, arm_names()):
+        _refuse_other_files(text)
+    for name, given in (("joints", joints), ("held", held), ("package_dirs", package_dirs)):
         if given:
             raise InputError(f"{name}= is for URDF files, and {shown(text)} is not one")
     if ":" not in text:
@@ -76,6 +94,19 @@ def arm_named(
     if not isinstance(arm, ArmDescription):
         raise InputError(f"{text} is not an ArmDescription")
     return arm
+
+
+def _refuse_other_files(text: str) -> None:
+    """Refuse what is, or is called like, a file that is not a URDF."""
+    suffix = Path(text).suffix.lower()
+    looks = suffix in _OTHER_FILES or os.sep in text or os.path.lexists(text)
+    if not looks or (":" in text and suffix not in _OTHER_FILES):
+        return
+    there = "no file of a kind that is read" if os.path.lexists(text) else "not there"
+    what = "a folder" if os.path.isdir(text) else _OTHER_FILES.get(suffix, there)
+    raise InputError(
+        f"{shown(text)} is {what}; an arm is a URDF file ({', '.join(FILES)}), or one of {', '.join(arm_names())}"
+    )
 
 
 def arm_names() -> tuple[str, ...]:

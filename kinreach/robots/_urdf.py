@@ -74,12 +74,24 @@ def links_below(robot: ET.Element, link: str) -> list[str]:
     return found[1:]
 
 
+def joints_above(robot: ET.Element) -> dict[str, ET.Element]:
+    """Return the joint that carries each link, by the link's name; the root has none."""
+    return {link_at(joint, "child"): joint for joint in robot.findall("joint")}
+
+
+def way_down(above: Mapping[str, ET.Element], link: str) -> list[ET.Element]:
+    """Return the joints between a link and the root of a tree, that of the link first; of `joints_above`."""
+    way = []
+    while link in above:
+        way.append(above[link])
+        link = link_at(way[-1], "parent")
+    return way
+
+
 def link_before(robot: ET.Element, link: str) -> str:
     """Return the name of the link before the last joint that moves a link; empty if none does."""
-    above = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
-    while link in above and above[link].get("type") == "fixed":
-        link = link_at(above[link], "parent")
-    return link_at(above[link], "parent") if link in above else ""
+    way = way_down(joints_above(robot), link)
+    return next((link_at(joint, "parent") for joint in way if joint.get("type") != "fixed"), "")
 
 
 def origin_of(element: ET.Element) -> Floats:
@@ -194,11 +206,18 @@ WORLD = "world"
 MESHES = (".stl", ".obj", ".dae")
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 TURNING = ("revolute", "continuous")
-_MOVED = (*TURNING, "prismatic")
+MOVED = (*TURNING, "prismatic")
 _LIMITED = ("revolute", "prismatic")
 #: Parts of the names of a gripper's joints, and of its fingers'.
 _GRIPPER = re.compile("gripper|finger|jaw|knuckle|thumb", re.IGNORECASE)
 _FINGER = re.compile("finger|jaw|knuckle|thumb", re.IGNORECASE)
+#: Parts of the names of links of cameras, of other sensors, and of flanges and tools.
+_CAMERAS = (
+    r"camera|(?<![a-z])cam(?![a-z])|optical|realsense|kinect|(?<![a-z])zed(?![a-z])|(?<![a-z])d4\d\d|depth|rgb|infra"
+)
+_CAMERA = re.compile(_CAMERAS, re.IGNORECASE)
+_SENSOR = re.compile(rf"{_CAMERAS}|sensor|lidar|(?<![a-z])(?:laser|imu|sonar|scan)(?![a-z])|scanner", re.IGNORECASE)
+_TOOL = re.compile(r"tool|flange|end.?effector|(?<![a-z])(?:tcp|eef?|hand|gripper|grasp)(?![a-z])", re.IGNORECASE)
 #: Attributes that are numbers, by element, with how many there are.
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -219,56 +238,83 @@ _POSITIVE = ("size", "radius", "length")
 _NOT_NEGATIVE = ("value", "effort", "velocity", "damping", "friction")
 
 
-def parse_urdf(text: object) -> ET.Element:
-    """Return the `<robot>` element of a URDF text."""
+#: Formats of robots by the element that a file begins with.
+_OTHER_FORMATS = {
+    "mujoco": "MuJoCo's MJCF",
+    "sdf": "Gazebo's SDF",
+    "COLLADA": "a COLLADA mesh",
+    "launch": "a launch file of ROS",
+    "package": "a package.xml of ROS",
+}
+
+
+def parse_urdf(text: object, *, prefixed: bool = False) -> ET.Element:
+    """Return the `<robot>` element of a URDF text.
+
+    With `prefixed`, a prefix is part of a name and needs no declaration, as in urdfdom: `<xacro:property>` has the tag
+    `"xacro:property"`.
+    """
     if not isinstance(text, str) or len(text) > MAX_CHARACTERS:
         raise InputError(f"a URDF must be text of at most {MAX_CHARACTERS} characters, got {shown(text)}")
-    depth = 0
+    depth, builder = 0, ET.TreeBuilder()
 
-    def deeper(*element: object) -> None:
+    def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
         depth += 1
         if depth > MAX_DEPTH:
             raise InputError(f"the URDF is nested deeper than {MAX_DEPTH} elements")
+        builder.start(tag, attributes)
 
-    def higher(*element: object) -> None:
+    def end(tag: str) -> None:
         nonlocal depth
         depth -= 1
+        builder.end(tag)
 
-    parser = expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = _refuse_declarations
-    parser.StartElementHandler, parser.EndElementHandler = deeper, higher
+    parser = expat.ParserCreate("utf-8")  # whatever the text says that its file is encoded in
+    parser.buffer_text = True
+    parser.StartDoctypeDeclHandler = _refuse_entities if prefixed else _refuse_declarations
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(text.encode(), True)
-        robot = ET.fromstring(text)
+        robot = builder.close() if prefixed else ET.fromstring(text)
     except (expat.ExpatError, ET.ParseError, ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"the URDF is not XML: {error}") from None
     if robot.tag != "robot":
-        raise InputError(f"the URDF must begin with <robot>, got <{shown(robot.tag)}>")
+        other = _OTHER_FORMATS.get(robot.tag)
+        is_other = f": this is {other}" if other else ""
+        raise InputError(f"the URDF must begin with <robot>, got <{shown(robot.tag)}>{is_other}")
     return robot
 
 
 def check_urdf(text: object, package_root: str | None) -> None:
     """Refuse what is not a URDF of one arm, and what would make a reader open other files or take much memory."""
     robot = parse_urdf(text)
-    for element in robot.iter():
-        for name, count in _NUMBERS.get(element.tag, {}).items():
-            if name in element.attrib:
-                _check_numbers(f"{name} of <{element.tag}>", element.attrib[name], count, name)
-        if element.tag in ("mesh", "texture"):
-            _check_file(element.get("filename", ""), package_root)
-    _check_tree(robot)
+    check_parts(robot, package_root)
     for joint in robot.findall("joint"):
         _check_limits(joint)
+
+
+def check_parts(robot: ET.Element, package_root: str | None, *, kinds: Collection[str] = KINDS) -> None:
+    """As `check_urdf`, without the order of the joints' limits, and for joints of these kinds."""
+    for part in (robot, *robot):
+        where = f", in {part.tag} {shown(part.get('name'))}" if part.tag in ("link", "joint") else ""
+        for element in [robot] if part is robot else part.iter():
+            for name, count in _NUMBERS.get(element.tag, {}).items():
+                if name in element.attrib:
+                    _check_numbers(f"{name} of <{element.tag}>", element.attrib[name], count, name, where)
+            if element.tag in ("mesh", "texture"):
+                _check_file(element.get("filename", ""), package_root)
+    _check_tree(robot, kinds)
 
 
 def check_limits_complete(robot: ET.Element) -> None:
     """Refuse a joint that moves and has a `<limit>` without the numbers that the engines need."""
     for joint in robot.findall("joint"):
         limit = joint.find("limit")
-        if limit is None or joint.get("type") not in _MOVED:
+        if limit is None or joint.get("type") not in MOVED:
             continue
         for name, what in (("effort", "largest torque [N m] or force [N]"), ("velocity", "largest speed [rad/s, m/s]")):
             if name not in limit.attrib:
@@ -281,7 +327,13 @@ def _refuse_declarations(*declared: object) -> NoReturn:
     raise InputError("a URDF must not have a document type: entities could name other files, or grow without bound")
 
 
-def _check_tree(robot: ET.Element) -> None:
+def _refuse_entities(name: str, *subsets: object) -> None:
+    """Refuse a document type that has more than the name of the first element."""
+    if any(subsets):
+        _refuse_declarations()
+
+
+def _check_tree(robot: ET.Element, kinds: Collection[str]) -> None:
     """Refuse links and joints that are not a tree: some engines leave out a loop."""
     links = [link.get("name", "") for link in robot.findall("link")]
     joints = robot.findall("joint")
@@ -304,11 +356,14 @@ def _check_tree(robot: ET.Element) -> None:
             )
         held.add(ends[1])
         children[ends[0]].append(ends[1])
-        kind, limit, axis = joint.get("type"), joint.find("limit"), joint.find("axis")
-        if kind not in KINDS or (kind in _LIMITED and limit is None):
-            raise InputError(f"joint {name} of the URDF must be one of {', '.join(KINDS)}, with its limits")
-        if kind in _MOVED and axis is not None and math.hypot(*_floats(axis.get("xyz", "1 0 0"))) < MIN_AXIS:
-            raise InputError(f"joint {name} of the URDF has an axis without direction: {shown(axis.get('xyz'))}")
+        kind, limit, axis = joint.get("type", ""), joint.find("limit"), joint.find("axis")
+        if kind not in kinds:
+            raise InputError(f"joint {name} of the URDF must be one of {', '.join(KINDS)}, got {shown(kind)}")
+        if kind in _LIMITED and limit is None:
+            without = "; one that turns without end is continuous" if kind in TURNING else ""
+            raise InputError(f"joint {name} of the URDF is {kind} and has no <limit>, which it must have{without}")
+        if kind in MOVED and axis is not None and math.hypot(*_floats(axis.get("xyz", ""))) < MIN_AXIS:
+            raise InputError(f"joint {name} of the URDF has an axis without direction: {shown(axis.get('xyz', ''))}")
     roots = [link for link in links if link not in held]
     if len(roots) != 1 or len(links) != len(joints) + 1:
         raise InputError(f"the links of the URDF must hang on one, got {len(roots)} that hang on none")
@@ -335,15 +390,16 @@ def _floats(text: str) -> list[float]:
         return []
 
 
-def _check_numbers(what: str, text: str, count: int, name: str) -> None:
+def _check_numbers(what: str, text: str, count: int, name: str, where: str) -> None:
     values = _floats(text)
     if len(values) != count or not all(math.isfinite(value) and abs(value) <= MAX_NUMBER for value in values):
-        raise InputError(f"{what} must be {count} numbers within ±{MAX_NUMBER:g}, got {shown(text)}")
+        wanted = "a number" if count == 1 else f"{count} numbers"
+        raise InputError(f"{what} must be {wanted} within ±{MAX_NUMBER:g}, got {shown(text)}{where}")
     least = min(values)
     if name == "scale" and 0.0 in values:
-        raise InputError(f"{what} must not be zero, got {shown(text)}")
+        raise InputError(f"{what} must not be zero, got {shown(text)}{where}")
     if (name in _POSITIVE and least <= 0) or (name in _NOT_NEGATIVE and least < 0):
-        raise InputError(f"{what} must not be negative, and a size not zero; got {shown(text)}")
+        raise InputError(f"{what} must not be negative, and a size not zero; got {shown(text)}{where}")
 
 
 def _check_file(name: str, package_root: str | None) -> None:
@@ -372,7 +428,7 @@ class UrdfArm:
         name: What error messages call the arm.
         robot: The checked URDF.
         tip: Link at the end; default is the link with the most turning, then the most joints between it and the root,
-            with no sliding joint among them; of equals one without a shape, which is a mere frame.
+            with no sliding joint among them, and no sensor's; of equals one without a shape, which is a mere frame.
         joints: Names of the joints of `q`; default are all that move between root and tip.
         held: Names of joints that are not part of `q`, and may move.
 
@@ -380,6 +436,7 @@ class UrdfArm:
         tip: Link at the end of the arm.
         joints: Names of the joints of `q`, from the root to the tip.
         limits: Lower and upper limit of each [rad].
+        passed_over: Link that would be the default tip if it were not a sensor's; empty if there is none.
     """
 
     def __init__(
@@ -391,18 +448,19 @@ class UrdfArm:
         joints: Sequence[str] | None = None,
         held: Collection[str] = (),
     ) -> None:
-        self.name = name
+        self.name, self._robot = name, robot
         self._links = {link.get("name", ""): link for link in robot.findall("link")}
         self._joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
-        self._carried_by = {link_at(joint, "child"): joint for joint in self._joints.values()}
+        self._carried_by = joints_above(robot)
         if tip is not None and tip not in self._links:
             raise_unknown(f"link of arm {name!r}", tip, self._links)
         for joint in joints or ():
             if joint not in self._joints:
                 raise_unknown(f"joint of arm {name!r}", joint, self._joints)
+        self.passed_over = ""
         self.tip = tip if tip is not None else self._farthest_link(held)
-        path = [joint.get("name", "") for joint in self._path(self.tip)]
-        moving = [joint for joint in path if self._kind(joint) in _MOVED and joint not in held]
+        path = [joint.get("name", "") for joint in self.path]
+        moving = [joint for joint in path if self._kind(joint) in MOVED and joint not in held]
         self.joints = tuple(joint for joint in moving if not joints or joint in joints)
         if joints and self.joints != tuple(joints):
             raise InputError(
@@ -413,24 +471,32 @@ class UrdfArm:
             raise InputError(f"arm {name!r}: no joint moves the tip {self.tip!r}; give tip= one of its links")
         for joint in self.joints:
             if self._kind(joint) == "prismatic" or self._joints[joint].find("mimic") is not None:
+                slides = self._joints[joint].find("mimic") is None
+                what, hold = "mimics another", ""
+                if slides:
+                    what, hold = "slides", f", or hold it with held={{{joint!r}: 0.0}}"
                 raise InputError(
-                    f"arm {name!r}: joint {joint!r} slides or mimics another; use placo.KinematicsSolver, which moves "
-                    "such joints, or leave it out of joints="
+                    f"arm {name!r}: joint {joint!r} {what} on the way to the tip; use placo.KinematicsSolver, which "
+                    f"moves such joints{hold}"
                 )
         self.limits = [limits_of(self._joints[joint]) for joint in self.joints]
         for joint, (lower, upper) in zip(self.joints, self.limits, strict=True):
             if lower == upper:
                 raise InputError(
                     f"arm {name!r}: joint {joint!r} cannot move, its limits are {lower:g} and {upper:g} rad; a URDF "
-                    "that leaves lower or upper out means 0. Give it limits, or leave it out of joints="
+                    f"that leaves lower or upper out means 0. Give it limits, or hold it with held={{{joint!r}: "
+                    f"{lower:g}}}"
                 )
 
     @property
     def base(self) -> str:
-        """The first link, or the only one that `world` carries."""
-        (root,) = (link for link in self._links if link not in self._carried_by)
-        carried = [link_at(joint, "child") for joint in self._joints.values() if link_at(joint, "parent") == root]
-        return carried[0] if root == "world" and len(carried) == 1 else root
+        """The first link, or the only one that `world` carries, fixed."""
+        return base_of(self._robot)
+
+    @property
+    def path(self) -> list[ET.Element]:
+        """The joints from the root to the tip."""
+        return self._path(self.tip)
 
     @cached_property
     def tips(self) -> Mapping[str, str]:
@@ -491,32 +557,46 @@ class UrdfArm:
         def moving(link: str) -> list[str]:
             return [joint.get("type", "") for joint in self._path(link) if joint.get("name") not in held]
 
-        def rank(link: str) -> tuple[int, bool, int, bool]:
+        def rank(link: str) -> tuple[int, bool, bool, int, bool]:
             path = self._path(link)
             turning = -1 if "prismatic" in moving(link) else sum(kind in TURNING for kind in moving(link))
             last = max((place for place, joint in enumerate(path) if self._turns(joint, held)), default=-1)
             finger = any(joint.get("name") in held or _is_finger(joint) for joint in path[last + 1 :])
             finger &= last < 0 or not _is_finger(path[last])  # else the robot is a finger
-            return turning, not finger, len(path), self._links[link].find("collision") is None
+            sensor = self._is_of_a_sensor(link)
+            return turning, not finger, not sensor, len(path), self._links[link].find("collision") is None
 
-        farthest = max(self._links, key=rank)
-        turning = rank(farthest)[0]
+        ranks = {link: rank(link) for link in self._links}
+        farthest = max(self._links, key=lambda link: ranks[link])
+        turning = ranks[farthest][0]
         for link in self._links:
             if sum(kind in TURNING for kind in moving(link)) > turning:
                 slides = next(joint.get("name") for joint in self._path(link) if joint.get("type") == "prismatic")
                 raise InputError(
                     f"arm {self.name!r}: joint {slides!r} slides, and joints that turn are mounted on it; name with "
-                    "joints= those that turn, or with tip= a link before it, or use placo.KinematicsSolver, which "
-                    "moves such joints"
+                    f"joints= those that turn, hold it with held={{{slides!r}: 0.0}}, name with tip= a link before it, "
+                    "or use placo.KinematicsSolver, which moves such joints"
                 )
-        ends = {self._last_turning(link, held): link for link in self._links if rank(link)[0] == turning}
+        ends = {self._last_turning(link, held): link for link in self._links if ranks[link][0] == turning}
         if len(ends) > 1:
             raise InputError(
                 f"arm {self.name!r} has {len(ends)} branches of {turning} joints, which end in "
                 f"{', '.join(list(ends.values())[:MAX_NAMED])}{', ...' * (len(ends) > MAX_NAMED)}; say with tip= "
                 "which one is meant"
             )
+        others = max(self._links, key=lambda link: (*ranks[link][:2], *ranks[link][3:]))
+        self.passed_over = others if self._is_of_a_sensor(others) and not self._is_of_a_sensor(farthest) else ""
         return farthest
+
+    def _is_of_a_sensor(self, link: str) -> bool:
+        """Whether a link is a sensor's by its name, or a frame on a camera, and not called like a tool."""
+        rigid = [link]
+        for joint in reversed(self._path(link)):
+            if joint.get("type") != "fixed":
+                break
+            rigid.append(link_at(joint, "parent"))
+        named_so = _SENSOR.search(link) or any(_CAMERA.search(carrier) for carrier in rigid[1:])
+        return bool(named_so) and not _TOOL.search(link)
 
     def _turns(self, joint: ET.Element, held: Collection[str]) -> bool:
         return joint.get("type") in TURNING and joint.get("name") not in held
@@ -528,21 +608,25 @@ class UrdfArm:
 
     def _moved_by(self, link: str) -> str:
         """The last joint that moves a link; empty if none does."""
-        return next((joint.get("name", "") for joint in reversed(self._path(link)) if joint.get("type") in _MOVED), "")
+        return next((joint.get("name", "") for joint in reversed(self._path(link)) if joint.get("type") in MOVED), "")
 
     def _path(self, link: str) -> list[ET.Element]:
         """The joints from the root to a link."""
-        path = []
-        while link in self._carried_by:
-            path.append(self._carried_by[link])
-            link = link_at(path[-1], "parent")
-        return path[::-1]
+        return way_down(self._carried_by, link)[::-1]
 
     def _kind(self, joint: str) -> str:
         return self._joints[joint].get("type", "")
 
     def _number(self, joint: str, tag: str, key: str) -> float:
         return _value(self._joints[joint], tag, key)
+
+
+def base_of(robot: ET.Element) -> str:
+    """Return the link with an arm's own coordinate system: the root, or the only link that `world` carries, fixed."""
+    above = joints_above(robot)
+    (root,) = (name for link in robot.findall("link") if (name := link.get("name", "")) not in above)
+    carried = [(link, joint.get("type")) for link, joint in above.items() if link_at(joint, "parent") == root]
+    return carried[0][0] if root == WORLD and [kind for _, kind in carried] == ["fixed"] else root
 
 
 def _is_finger(joint: ET.Element) -> bool:
@@ -555,25 +639,34 @@ def gripper_joints(robot: ET.Element) -> list[str]:
     They are named so, or mimic another, or another mimics them; beyond them no other joint moves, and before them one
     of the arm's turns.
     """
-    moving = {joint.get("name", ""): joint for joint in robot.findall("joint") if joint.get("type") in _MOVED}
-    leaders = {mimic.get("joint") for mimic in robot.iterfind("joint/mimic")}
+    moving = {joint.get("name", ""): joint for joint in robot.findall("joint") if joint.get("type") in MOVED}
+    above = joints_above(robot)
+    before = {name: way_down(above, link_at(joint, "parent")) for name, joint in moving.items()}
+    leaders = set()
+    for name, joint in moving.items():
+        leader = _mimicked(joint)
+        beyond = {link_at(each, "parent") for each in before[name]} | {link_at(joint, "parent")}
+        if leader in moving and link_at(moving[leader], "parent") in beyond:  # else a rod on an earlier link follows it
+            leaders.add(leader)
     alike = {
         name
         for name, joint in moving.items()
         if _GRIPPER.search(name) or name in leaders or joint.find("mimic") is not None
     }
-    above = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
     carries, carried = set(), set()
-    for name, joint in moving.items():
-        link = link_at(joint, "parent")
-        while link in above:
-            before = above[link]
+    for name in moving:
+        for other in before[name]:
             if name not in alike:
-                carries.add(before.get("name"))
-            elif before.get("name") not in alike and before.get("type") in TURNING:
+                carries.add(other.get("name"))
+            elif other.get("name") not in alike and other.get("type") in TURNING:
                 carried.add(name)
-            link = link_at(before, "parent")
     return [name for name in moving if name in alike & carried - carries]
+
+
+def _mimicked(joint: ET.Element) -> str:
+    """The joint that a joint mimics; empty if there is none."""
+    mimic = joint.find("mimic")
+    return "" if mimic is None else mimic.get("joint", "")
 
 
 def check_home(name: str, robot: ET.Element, home: Mapping[str, float]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import numpy as np
 
 from kinreach._checks import MAX_ANGLE, MAX_DISTANCE, Floats, check_path, shown
 from kinreach._files import read_text
+from kinreach._tables import Table, read_table
 from kinreach.errors import InputError
 from kinreach.plots._methods import method_colours
 from kinreach.robots import arm_names
@@ -90,10 +90,10 @@ def read_results(file: str | Path) -> Results:
     except InputError as error:
         raise InputError(f"{path} was not written by a comparison: {error}") from None
     trials = path.parent / TRIALS
-    rows = csv.DictReader(read_text(trials, "the trials", most=MAX_BYTES).splitlines())
+    table = read_table(trials, "the trials", most=MAX_BYTES)
     try:
-        goals, ends = _trials(rows, names)
-    except (InputError, csv.Error) as error:
+        goals, ends = _trials(table, names)
+    except InputError as error:
         raise InputError(f"{trials} was not written by a comparison: {error}") from None
     task, arm = str(settings.get("task", "")), str(settings.get("arm", ""))
     colours = {name: _rgb(colour) for name, colour in method_colours(names).items()}
@@ -127,14 +127,14 @@ def _summary(content: Any) -> tuple[list[str], dict[str, Any]]:
     return names, settings
 
 
-def _trials(rows: csv.DictReader[str], methods: Collection[str]) -> tuple[Floats, tuple[Mapping[str, End], ...]]:
+def _trials(table: Table, methods: Collection[str]) -> tuple[Floats, tuple[Mapping[str, End], ...]]:
     needed = ("goal_index", "method", "goal", "distance", "reached")
-    missing = [name for name in needed if name not in (rows.fieldnames or ())]
+    missing = [name for name in needed if name not in table.header]
     if missing:
         raise InputError(f"it has no column {missing[0]!r}")
     goals: dict[int, Floats] = {}
     ends: dict[int, dict[str, End]] = {}
-    for row in rows:
+    for row in table.rows:
         if row["method"] in methods:
             index, goal, end = _trial(row)
             goals.setdefault(index, goal)

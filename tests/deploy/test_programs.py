@@ -115,7 +115,8 @@ BAD_FILES = {
     "a.csv": {
         "": "columns must be time", "time": "columns must be time", "time,a,b_velocity\n": "columns must be time",
         "t,a\n0,1\n": "columns must be time", "time,a\n0,x\n": "line 2: numbers are needed, got '0,x'",
-        "time,a\n0,1,2\n": "line 2 has 3 numbers, the first line 2", "time,a\n0,nan\n": "q must be finite",
+        "time,a\n0,1,2\n": "line 2: 2 cells are needed, as in the header, got 3",
+        "time,a\n0,nan\n": "line 2: the numbers must be finite",
         "time,a\n0,1\n0,2\n": "t must increase", "time,a\n5,1\n": "t must begin at 0", "time,a\n": "no samples",
         'time,a\n0,"1\n': "not CSV",
     },

@@ -9,8 +9,11 @@ import pytest
 
 from kinreach._engines import load
 from kinreach.cli import main
+from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics, pose, pose_vector
+from kinreach.kinematics._solvers import ClosedFormSolver, new_solver
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, Tool
+from tests.robots import peoples_files
 
 coal, pin = load("coal"), load("pinocchio")
 
@@ -232,6 +235,44 @@ def test_a_file_of_poses(arm, base, tmp_path, capsys):
             assert row["branch"] == ""
     assert f"{solved} of 21 poses" in capsys.readouterr().out
     assert solved >= 10
+
+
+def test_poses_are_not_replaced_by_their_answers(tmp_path, capsys):
+    poses = poses_file(tmp_path / "in.csv", np.array([[-0.4, 0.1, 0.3, 3.14, 0, 0]]))
+    (tmp_path / "link.csv").symlink_to(poses)
+    text = poses.read_text()
+    for out in (poses, tmp_path / "link.csv", tmp_path / "../" / tmp_path.name / "in.csv"):
+        assert ik("--arm", "ur5e", "--poses", poses, "--out", out) == 2
+        assert "--out must be another file than --poses" in capsys.readouterr().err
+        assert poses.read_text() == text
+
+
+@pytest.mark.parametrize("flag", ["--pose", "--base", "--tool"])
+def test_a_rotation_that_may_be_in_degrees_is_named_with_its_flag(flag, capsys):
+    flags = {"--pose": "-0.4,0.1,0.3,3.14,0,0"} | {flag: "0,0,0.1,0,0,90"}
+    ik("--arm", "ur5e", *[word for pair in flags.items() for word in pair])
+    assert f"the rotation vector of {flag} is 14.3 turns long" in capsys.readouterr().err
+    assert main(["move", "--arm", "ur5e", "--to", "-0.4,0.1,0.3,180,0,0"]) == 2
+    assert "the rotation vector of --to is 28.6 turns long" in capsys.readouterr().err
+    assert ik("--arm", "ur5e", "--pose", flags["--pose"], "--tool", "0,0,150,0,0,0") == 2
+    assert "error: --tool must be within 5 m, got 150" in capsys.readouterr().err
+
+
+def test_why_an_arm_has_no_closed_form_comes_with_no_posture(tmp_path, capsys):
+    """Axes 1 and 2 of this arm are one line: six joints move it in five directions."""
+    file = tmp_path / "a.urdf"
+    file.write_text(peoples_files.arm(joints={2: {"origin": '<origin xyz="0 0 0.1"/>'}}))
+    reason = "arm 'a' is singular in every posture"
+    kin = ArmKinematics.from_urdf(file)
+    assert kin.no_closed_form.startswith(reason)
+    assert ArmKinematics.of("ur5e").no_closed_form == ""
+    assert ik("--arm", file, "--pose", "0.4,0.1,0.3,3.14,0,0") == 1
+    assert reason in capsys.readouterr().out
+    assert main(["check", str(file), "--poses", "2"]) == 0
+    assert re.search(f"class .*no closed form.*: {reason}", capsys.readouterr().out)
+    for use in (lambda: kin.all_solutions, lambda: ClosedFormSolver(kin), lambda: new_solver("closed-form", kin)):
+        with pytest.raises((InputError, AttributeError), match=reason):
+            use()
 
 
 def test_every_posture_of_each_pose(tmp_path):

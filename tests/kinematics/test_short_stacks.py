@@ -91,5 +91,10 @@ def test_what_is_refused_is_named_as_in_a_long_stack(kin):
         assert str(said.value).split("(")[0].split("got")[0].split(";")[0] in str(again.value)
     with pytest.raises(InputError, match="entry 1"):
         kin.batch(broken)
+    for none in (0.5, T[0, 0, 0], T[0, 0], []):
+        with pytest.raises(InputError):
+            kin.batch(none)
+        with pytest.raises(InputError):
+            kin.nearest_batch(none, np.zeros(kin.n))
     with pytest.raises(InputError, match="entry 1"):
         kin.nearest_batch(broken, np.zeros(kin.n))

@@ -231,18 +231,77 @@ def test_a_package_is_not_left_by_a_link(tmp_path, monkeypatch):
         monkeypatch.delenv("ROS_PACKAGE_PATH")
 
 
+def test_a_package_is_named_by_its_package_xml(tmp_path, monkeypatch):
+    """Whatever its folder is called, as after the download of a repository as an archive."""
+    repository, elsewhere = tmp_path / "arm-main", tmp_path / "elsewhere/other-name"
+    (repository / "robots/deep/urdf").mkdir(parents=True)
+    (elsewhere / "meshes").mkdir(parents=True)
+    manifest = (
+        "<?xml version='1.0'?><!-- <name>other</name> --><package format='2'>\n<name> arm_description </name></package>"
+    )
+    (repository / "package.xml").write_text(manifest)
+    (elsewhere / "package.xml").write_text(manifest.replace("arm_description", "meshes_of_arm"))
+    for folder in (repository, elsewhere / "meshes"):
+        trimesh.creation.box((0.2, 0.1, 0.06)).export(folder / "box.stl")
+    file = write(repository / "robots/deep/urdf", "", "", box="unused.stl")
+    for address, options, found in (
+        ("package://arm_description/box.stl", {}, True),
+        ("model://arm_description/box.stl", {}, True),
+        ("$(find arm_description)/box.stl", {}, True),
+        ("../../../box.stl", {}, True),  # within the package of the URDF
+        (f"file://{repository}/box.stl", {}, True),
+        ("..\\..\\..\\box.stl", {}, True),
+        ("../../../../elsewhere/other-name/meshes/box.stl", {}, False),
+        ("package://other/box.stl", {}, False),
+        ("package://meshes_of_arm/meshes/box.stl", {}, False),
+        ("package://meshes_of_arm/meshes/box.stl", {"package_dirs": [elsewhere]}, True),
+        ("package://meshes_of_arm/meshes/box.stl", {"package_dirs": [elsewhere.parent]}, True),
+        ("package://meshes_of_arm/meshes/box.stl", {"package_dirs": [tmp_path]}, True),
+        ("package://arm_description/../elsewhere/other-name/meshes/box.stl", {"package_dirs": [repository]}, False),
+    ):
+        file.write_text(ARM.format(visual="", collision=address))
+        assert bool(ArmDescription.from_urdf(file, **options).missing_shapes) is not found, (address, options)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(elsewhere.parent))
+    file.write_text(ARM.format(visual="", collision="package://meshes_of_arm/meshes/box.stl"))
+    assert not ArmDescription.from_urdf(file).missing_shapes
+
+
+def test_package_xml_counts_before_the_names_of_folders(tmp_path):
+    for folder, name, size in (("one", "two", 0.2), ("two", "one", 0.4)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
+        trimesh.creation.box((size, 0.1, 0.1)).export(tmp_path / folder / "box.stl")
+    file = write(tmp_path / "one", "", "", box="unused.stl")
+    for package, size in (("two", 0.2), ("one", 0.4)):
+        file.write_text(ARM.format(visual="", collision=f"package://{package}/box.stl"))
+        (shape,) = (each for each in link_shapes(ArmDescription.from_urdf(file), "collision") if each.link == "one")
+        assert np.ptp(shape.vertices[:, 0]) == pytest.approx(size)
+
+
+def test_a_package_xml_that_is_none_names_nothing(tmp_path):
+    file = write(tmp_path, "package://arm/box.stl", "package://arm/box.stl")
+    for content in (b"", b"\xff" * 100, b"<name>", b"<!-- <name>arm</name>", b"<name>" * 200_000):
+        (tmp_path / "package.xml").write_bytes(content)
+        assert ArmDescription.from_urdf(file).missing_shapes
+    (tmp_path / "package.xml").unlink()
+    os.mkfifo(tmp_path / "package.xml")
+    assert ArmDescription.from_urdf(file).missing_shapes
+
+
 @pytest.mark.parametrize("name", ["arm.urdf.xacro", "arm.xacro", "arm.urdf", "undeclared.urdf"])
 def test_xacro_is_named(tmp_path, capsys, name):
     declared = "" if name == "undeclared.urdf" else ' xmlns:xacro="http://www.ros.org/wiki/xacro"'
     file = tmp_path / name
     file.write_text(f'<robot name="a"{declared}><xacro:include filename="/etc/passwd"/><link name="l"/></robot>')
-    urdf = {"undeclared.urdf": "undeclared.urdf"}.get(name, "arm.urdf")
+    other = tmp_path / {"undeclared.urdf": "undeclared_expanded.urdf", "arm.urdf": "arm_expanded.urdf"}.get(
+        name, "arm.urdf"
+    )
     with pytest.raises(InputError, match="is xacro"):
         ArmDescription.from_urdf(file)
     for words in (["ik", "--arm", file, "--pose", "0,0,0,0,0,0"], ["check", file]):
         code, out, (line,) = run(capsys, *words)
         assert (code, out) == (2, "")
-        assert f"run `xacro {name} > {urdf}`" in line
+        assert f"run `xacro {file} > {other}`" in line
 
 
 def test_an_expanded_file_keeps_xacros_comments(tmp_path):

@@ -78,7 +78,7 @@ def test_every_number_is_one_and_has_its_sign():
         ('joint name="k"', 'joint name="j"', "two joints of one name"),
         ('type="prismatic"', 'type="floating"', "joint 'k' of the URDF must be one of revolute"),
         ('type="prismatic"', "", "joint 'k' of the URDF must be one of revolute"),
-        ('<limit lower="-1" upper="1" effort="1" velocity="1"/>', "", "joint 'k' .* with its limits"),
+        ('<limit lower="-1" upper="1" effort="1" velocity="1"/>', "", "joint 'k' .* has no <limit>, which it must"),
         ('<axis xyz="0 0.61 0"/>', '<axis xyz="0 9e-7 0"/>', "joint 'j' of the URDF has an axis without direction"),
         ('<child link="c"/>', "", "joint 'k' of the URDF must connect two links"),
         ('<parent link="b"/>', '<parent link="z"/>', "joint 'k' of the URDF must connect two links"),

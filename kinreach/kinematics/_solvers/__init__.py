@@ -50,7 +50,10 @@ def new_solver(name: str, kinematics: ArmKinematics) -> Solver:
     """
     check_known("solver", name, SOLVERS)
     if name == "closed-form" and not kinematics.knows_all_postures:
-        raise InputError(f"the arm {kinematics.arm.name!r} has no closed form; its solvers are placo, lm and qp")
+        because = f": {kinematics.no_closed_form}" if kinematics.no_closed_form else ""
+        raise InputError(
+            f"the arm {kinematics.arm.name!r} has no closed form; its solvers are placo, lm and qp{because}"
+        )
     return getattr(importlib.import_module(__name__), SOLVERS[name])(kinematics)
 
 

@@ -71,7 +71,9 @@ class ClosedFormSolver:
 
     def __init__(self, kin: ArmKinematics) -> None:
         if not getattr(kin, "knows_all_postures", False):
-            raise InputError(f"{shown(kin)} has no closed form; the solvers placo, lm and qp take any arm")
+            reason = getattr(kin, "no_closed_form", "")
+            because = f": {reason}" if reason else ""
+            raise InputError(f"{shown(kin)} has no closed form; the solvers placo, lm and qp take any arm{because}")
         self.kin: Any = kin
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
