@@ -47,7 +47,7 @@ BUTTON_RECIPES = (
     ),
     _ppo(
         "button-report",
-        "The same from the environment's reward alone, which is that of the course report.",
+        "The same from the environment's reward alone.",
         reward="scaled",
     ),
 )

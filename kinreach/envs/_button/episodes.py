@@ -49,7 +49,7 @@ class ButtonOptions:
     )
     max_steps: int = field(default=1000, metadata=about("steps after which an episode is truncated"))
     reward: RewardFunction | None = field(
-        default=None, metadata=about("a function of distance, q and press; by default the report's reward")
+        default=None, metadata=about("a function of distance, q and press; by default the environment's own")
     )
     controls: bool = field(default=False, metadata=about("observe the three controls, too", flag=None))
     frames: int = field(default=1, metadata=about("observe so many steps, up to 16, the newest first", flag=None))
