@@ -64,8 +64,11 @@ def trainings_interval(
         Low and high bound of the mean over all possible trainings, on all possible goals.
 
     Raises:
-        InputError: `values` are empty, not two-dimensional, or not finite.
+        InputError: `values` are empty, not two-dimensional, or not finite; `least` is above `most`, or an option is not
+            of its kind.
     """
+    if not least <= most:
+        raise InputError(f"least must not be above most, got {least:g} and {most:g}")
     sample = np.asarray(values, dtype=np.float64)
     if sample.ndim != 2 or not sample.size or not np.isfinite(sample).all():
         raise InputError(f"values must be a row of finite numbers for each training, got shape {sample.shape}")

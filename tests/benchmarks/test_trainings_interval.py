@@ -140,6 +140,17 @@ def test_the_order_of_trainings_and_of_goals_does_not_matter():
     assert trainings_interval(values[::-1, ::-1]) == pytest.approx(trainings_interval(values), abs=1e-12)
 
 
+@pytest.mark.parametrize("values", [np.arange(10.0).reshape(2, 5), np.eye(2, 5, dtype=bool)], ids=["numbers", "shares"])
+@pytest.mark.parametrize(
+    "options",
+    [{"confidence": value} for value in (float("nan"), 0.0, 1.0, 1.5, -1.0)]
+    + [{"least": 5.0, "most": 3.0}, {"least": float("nan")}, {"most": float("nan")}],
+)
+def test_options_that_cannot_be_are_refused(values, options):
+    with pytest.raises(InputError, match="confidence|least"):
+        trainings_interval(values, **options)
+
+
 @pytest.mark.parametrize("values", [[], [[]], [1.0, 2.0], [[1.0, np.nan]], [[np.inf], [1.0]]])
 def test_what_is_not_a_table_of_trainings_is_refused(values):
     with pytest.raises(InputError, match="a row of finite numbers for each training"):
