@@ -155,7 +155,8 @@ def in_flags(text: str) -> str:
 def _as_flag(keyword: re.Match[str]) -> str:
     flag = keyword[1].replace("package_dirs", "package_dir").replace("mesh_scale", "tool_mesh_scale")
     flag = flag.replace("held", "hold")
-    return f"--{flag.replace('_', '-')}{keyword[3] if keyword[2] else ' '}"
+    ends = keyword.end() == len(keyword.string) or keyword.string[keyword.end()] in ",;.)"
+    return f"--{flag.replace('_', '-')}{keyword[3] if keyword[2] or ends else ' '}"
 
 
 def say(text: str) -> None:

@@ -95,3 +95,6 @@ def test_keywords_in_messages_are_flags():
         cli.in_flags("give tip=NAME, repair=True or mesh_scale=2") == "give --tip NAME, --repair or --tool-mesh-scale 2"
     )
     assert cli.in_flags("package_dirs=[A]") == "--package-dir [A]"
+    assert cli.in_flags("with package_dirs=, or tip=") == "with --package-dir, or --tip"
+    assert cli.in_flags("held={'rail': 0.2} does; held= too") == "--hold rail=0.2 does; --hold too"
+    assert cli.in_flags("""held={"it's": 0.2}""") == """--hold 'it'"'"'s=0.2'"""

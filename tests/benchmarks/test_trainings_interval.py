@@ -147,7 +147,7 @@ def test_the_order_of_trainings_and_of_goals_does_not_matter():
     + [{"least": 5.0, "most": 3.0}, {"least": float("nan")}, {"most": float("nan")}],
 )
 def test_options_that_cannot_be_are_refused(values, options):
-    with pytest.raises(InputError, match="confidence|least"):
+    with pytest.raises(InputError, match=r"confidence|least"):
         trainings_interval(values, **options)
 
 
