@@ -19,8 +19,8 @@ from kinreach._files import decoded, read_bytes
 from kinreach.errors import InputError
 
 #: A number in plain digits, and what people write that looks like one.
-_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_LIKE_A_NUMBER = re.compile(r"[+-]?[0-9.,' \u00a0\u202f]*[0-9][0-9.,' \u00a0\u202f]*(?:[eE][+-]?[0-9]+)?")
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_LIKE_A_NUMBER = re.compile(r"[+-]?(?=[., '\u00a0\u202f]*[0-9])[0-9., '\u00a0\u202f]+(?:[eE][+-]?[0-9]+)?")
 _WITH_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 #: A number whose comma or point may be one of thousands: 1,234, but not 0,123 or 1,25.
 _MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}[.,][0-9]{3}")

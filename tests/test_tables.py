@@ -188,3 +188,14 @@ def test_every_reader_of_tables_reads_a_spreadsheets(tmp_path, capsys):
         )
         with pytest.raises(InputError, match=r"both '.*,.*', in line \d, and '0\."):
             reader(file)
+
+
+LONG = ["1" * 100_000 + "x", "1," * 50_000 + "x", " " * 100_000 + "1x", '"' * 99_999, "1.5" * 40_000]
+
+
+@pytest.mark.parametrize("cell", LONG, ids=range(len(LONG)))
+@pytest.mark.parametrize("separator", [";", ",", " "])
+def test_long_cells_take_no_time(cell, separator):
+    """Each is looked at once from end to end, not once from each of its digits."""
+    with pytest.raises(InputError):
+        table_of(f"x{separator}y\n{cell}{separator}2\n", "a").numbers([0, 1])

@@ -28,9 +28,9 @@ SHORTEST, LONGEST = 0.05, 50.0
 MILLIMETRE = 1e-3
 #: Bytes of an STL file before its triangles, and of each triangle.
 _HEAD, _TRIANGLE = 84, 50
-_VERTEX = re.compile(rb"^\s*(?:vertex|v)\s+(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)
-_ARRAY = re.compile(rb"<float_array\b[^>]*>([^<]*)<")
-_UNIT = re.compile(rb"""<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']""")
+_VERTEX = re.compile(rb"^[ \t]*(?:vertex|v)[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
+_ARRAY = re.compile(rb"<float_array\b[^<>]*>([^<]*)<")
+_UNIT = re.compile(rb"""<unit\b[^<>]*\bmeter[ \t]*=[ \t]*["']([^"'<>]*)["']""")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +80,7 @@ def scale_to_metres(robot: ET.Element, places: Mapping[ET.Element, Path]) -> tup
     every = list(_measured(robot, places, FITS * arm))
     far = [placed for placed in every if placed.length > FAR * arm]
     certain = any(placed.moved and placed.fits(arm) for placed in far)
+    every += _measured(robot, places, FITS * arm, slow=True) if certain else []
     notes, missing = Notes(), ""
     for placed in every if certain else far:
         name = placed.link.get("name", "")
@@ -106,8 +107,10 @@ def _unit(metres: float) -> str:
     return "millimetres" if metres == MILLIMETRE else f"units of {metres:g} m"
 
 
-def _measured(robot: ET.Element, places: Mapping[ET.Element, Path], longer: float) -> Iterator[_Placed]:
-    """Measure the meshes that are longer than this [m]; of visual ones only those that are fast to read."""
+def _measured(
+    robot: ET.Element, places: Mapping[ET.Element, Path], longer: float, *, slow: bool = False
+) -> Iterator[_Placed]:
+    """Measure the meshes that are longer than this [m], those that are only drawn and `slow` to read for themselves."""
     above = joints_above(robot)
     moved = {link for link in above if any(joint.get("type") != "fixed" for joint in way_down(above, link))}
     lengths: dict[tuple[Path, tuple[float, ...]], tuple[float, float]] = {}
@@ -115,7 +118,7 @@ def _measured(robot: ET.Element, places: Mapping[ET.Element, Path], longer: floa
         for shape in [child for child in link if child.tag in ("visual", "collision")]:
             for mesh in shape.iter("mesh"):
                 path = places.get(mesh)
-                if path is None or (shape.tag == "visual" and path.suffix.lower() == ".dae"):
+                if path is None or (shape.tag == "visual" and path.suffix.lower() == ".dae") is not slow:
                     continue
                 scale = tuple(float(word) for word in mesh.get("scale", "1 1 1").split())
                 if (path, scale) not in lengths:

@@ -27,7 +27,7 @@ FILE = "file://"
 _IN_PACKAGE = re.compile(r"(?:package|model)://(?P<path>.*)|\$\(find (?P<name>[^)]+)\)/*(?P<rest>.*)", re.DOTALL)
 #: The file that names a package, its largest size [bytes], and the name in it.
 MANIFEST, MAX_MANIFEST = "package.xml", 2**20
-_NAME = re.compile(rb"<name>\s*([^<]*?)\s*</name>")
+_NAME = re.compile(rb"<name>([^<]*)</name>")
 
 
 def find_meshes(
@@ -166,7 +166,7 @@ def _declared_name(manifest: Path) -> str:
         return ""
     before, *commented = content.split(b"<!--")
     found = _NAME.search(before + b"".join(part.partition(b"-->")[2] for part in commented))
-    return "" if found is None else found[1].decode(errors="replace")
+    return "" if found is None else found[1].decode(errors="replace").strip()
 
 
 def _entries(variable: str) -> list[str]:

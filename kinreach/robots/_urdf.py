@@ -385,7 +385,7 @@ def _check_limits(joint: ET.Element) -> None:
 
 def _floats(text: str) -> list[float]:
     try:
-        return [float(word) for word in text.split()]
+        return [] if "_" in text else [float(word) for word in text.split()]  # Python takes 1_000 for a number
     except ValueError:
         return []
 

@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -224,11 +225,11 @@ class _Xacro:
     def error(self) -> InputError:
         """What to do about a file that is a template."""
         name = re.sub(r"(\.urdf)?(\.xacro)?$", "", self._path.name, flags=re.IGNORECASE)
-        names = [f"{name}.urdf", f"{name}_expanded.urdf", *(f"{name}_expanded_{i}.urdf" for i in range(2, 100))]
-        others = [other for each in names if not (other := self._path.with_name(each)).exists()]
+        names = chain([f"{name}.urdf", f"{name}_expanded.urdf"], (f"{name}_expanded_{i}.urdf" for i in count(2)))
+        other = next(other for each in names if not (other := self._path.with_name(each)).exists())
         return InputError(
             f"{shown(str(self._path))} is xacro, which URDFs are made from; run "
-            f"`xacro {quoted(str(self._path))} > {quoted(str(others[0]))}`, with the arguments NAME:=VALUE that it "
+            f"`xacro {quoted(str(self._path))} > {quoted(str(other))}`, with the arguments NAME:=VALUE that it "
             "asks for, and give the result"
         )
 

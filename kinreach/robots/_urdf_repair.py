@@ -112,7 +112,7 @@ def repair(robot: ET.Element) -> tuple[list[str], str]:
 def floats(text: str | None, count: int) -> list[float] | None:
     """Return so many numbers of a text; None if it has others."""
     try:
-        values = [float(word) for word in (text or "").split()]
+        values = [] if "_" in (text or "") else [float(word) for word in (text or "").split()]
     except ValueError:
         return None
     usable = len(values) == count and all(math.isfinite(value) and abs(value) <= MAX_NUMBER for value in values)
@@ -270,7 +270,10 @@ def _without_capsule(link: ET.Element, shape: ET.Element, radius: float, length:
 def _repair_joint(joint: ET.Element, notes: Notes) -> None:
     """Complete torque and speed, leave out friction that is none, and write its place and limits in plain numbers."""
     name = joint.get("name", "")
-    _without_quaternion(joint)
+    if _without_quaternion(joint):
+        notes.add("a quaternion is taken as the rotation of its <origin>", "joint", name)
+    if joint.get("type") == "fixed":
+        joint[:] = [child for child in joint if child.tag in ("origin", "parent", "child")]
     dynamics = joint.find("dynamics")
     if dynamics is not None:
         given = {key: floats(dynamics.get(key, "0"), 1) for key in ("damping", "friction")}
@@ -281,9 +284,6 @@ def _repair_joint(joint: ET.Element, notes: Notes) -> None:
             joint.remove(dynamics)
     limit = joint.find("limit")
     if limit is None:
-        return
-    if joint.get("type") == "fixed":
-        joint.remove(limit)
         return
     for key, what in (("effort", "torque"), ("velocity", "speed")):
         value = floats(limit.get(key), 1)
@@ -315,12 +315,15 @@ def _is_endless(limit: ET.Element) -> bool:
     return lower <= -ENDLESS and upper >= ENDLESS
 
 
-def _without_quaternion(joint: ET.Element) -> None:
-    """Write the rotation of a joint as roll, pitch and yaw where the file has a quaternion (x, y, z, w) of URDF 1.2."""
+def _without_quaternion(joint: ET.Element) -> bool:
+    """Write the rotation of a joint as roll, pitch and yaw where the file has a quaternion (x, y, z, w) of URDF 1.2.
+
+    Returns whether it has one.
+    """
     origin = joint.find("origin")
     text = None if origin is None else origin.attrib.pop("quat_xyzw", None)
     if origin is None or text is None or "rpy" in origin.attrib:
-        return
+        return False
     values = floats(text, 4)
     if values is None or not math.hypot(*values) > 1e-6:
         raise InputError(
@@ -333,3 +336,4 @@ def _without_quaternion(joint: ET.Element) -> None:
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ])  # fmt: skip
     origin.set("rpy", numbers(rpy(R)))
+    return True

@@ -134,9 +134,13 @@ def test_an_arm_in_millimetres_is_named(tmp_path):
     assert note == f"the arm is {1000 * LENGTH:.0f} m long; URDFs are in metres, and its lengths may be millimetres"
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"solid x", b"v 1 2 x\n", b"<COLLADA><float_array>1 nan x</float_array>", b"\0" * 84]
-)
+NO_MESHES = [
+    b"", b"solid x", b"v 1 2 x\n", b"<COLLADA><float_array>1 nan x</float_array>", b"\0" * 84, b"\n" * 500_000,
+    b"<float_array" * 100_000, b"<unit" * 100_000, b" v" * 300_000,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("content", NO_MESHES, ids=range(len(NO_MESHES)))
 @pytest.mark.parametrize("name", ["a.stl", "a.obj", "a.dae"])
 def test_what_is_no_mesh_is_not_measured(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)

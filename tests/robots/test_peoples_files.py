@@ -112,7 +112,8 @@ READ = {
     "planar beside": (
         arm(more='<link name="w"/>' + joint("f", "l2", "w", kind="planar", inside="")), "joint f floats and is held"),
     "fixed with all": (
-        arm(more='<link name="w"/>' + joint("f", "l6", "w", kind="fixed", inside='<limit effort="-1"/>')), ""),
+        arm(more='<link name="w"/>'
+            + joint("f", "l6", "w", kind="fixed", inside='<limit effort="-1"/><mimic joint="j2"/>')), ""),
     "a rod that mimics": (arm(more='<link name="r"/>' + ROD), "joint rod follows the arm beside the way to the tip"),
     "a rod that mimics the last joint": (arm(more='<link name="r"/>' + ROD.replace("j2", "j6")), "joint rod follows"),
     "a rod that mimics a rod": (
@@ -132,7 +133,8 @@ READ = {
             + joint("w", "world", "l0", kind="fixed", inside="", origin='<origin xyz="0 0 1"/>')),
         "the link world is not the first, and is called world_1"),
     "URDF 1.2": (
-        arm(joints={2: {"origin": '<origin xyz="0 1 0" quat_xyzw="0 0 0.6 0.8"/>'}}, head='<robot version="1.2">'), ""),
+        arm(joints={2: {"origin": '<origin xyz="0 1 0" quat_xyzw="0 0 0.6 0.8"/>'}}, head='<robot version="1.2">'),
+        "a quaternion is taken as the rotation of its <origin>: joint j2"),
 }  # fmt: skip
 #: Those that Pinocchio does not read.
 STRICT = {

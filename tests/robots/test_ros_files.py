@@ -280,7 +280,14 @@ def test_package_xml_counts_before_the_names_of_folders(tmp_path):
 
 def test_a_package_xml_that_is_none_names_nothing(tmp_path):
     file = write(tmp_path, "package://arm/box.stl", "package://arm/box.stl")
-    for content in (b"", b"\xff" * 100, b"<name>", b"<!-- <name>arm</name>", b"<name>" * 200_000):
+    for content in (
+        b"",
+        b"\xff" * 100,
+        b"<name>",
+        b"<!-- <name>arm</name>",
+        b"<name>" * 150_000,
+        b"<name>" + b" " * 900_000,
+    ):
         (tmp_path / "package.xml").write_bytes(content)
         assert ArmDescription.from_urdf(file).missing_shapes
     (tmp_path / "package.xml").unlink()
