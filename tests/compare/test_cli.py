@@ -341,12 +341,11 @@ def test_ctrl_c_is_one_line_and_keeps_what_is_finished(tmp_path, root):
         [*command, "--out", str(tmp_path)], cwd=root, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     records = tmp_path / RECORDS
-    for _ in range(600):
-        if records.exists() and len(records.read_text().splitlines()) > 3:
-            break
+    while not (records.exists() and len(records.read_text().splitlines()) > 3):
+        assert running.poll() is None, running.communicate()
         time.sleep(0.1)
     running.send_signal(signal.SIGINT)
-    _, said = running.communicate(timeout=60)
+    _, said = running.communicate(timeout=600)
     assert running.returncode == cli.EXIT_INTERRUPTED
     assert re.fullmatch(r"python -m kinreach\.compare: interrupted; \d+ finished trials are kept in .*\n", said)
     assert len(records.read_text().splitlines()) > 3

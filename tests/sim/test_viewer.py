@@ -34,7 +34,7 @@ env = gym.make("kinreach/UR5SingleStep-v0", backend=sys.argv[1], render_mode="hu
 env.reset(seed=0)
 assert red_on_screen() == 0
 env.step(np.array([-1.8, -1.0, 1.9, -2.47, -np.pi / 2, 0.0]) / np.pi)
-for _ in range(200):
+for _ in range(2000):
     if (red := red_on_screen()) > 30:
         break
     time.sleep(0.1)

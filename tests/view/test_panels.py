@@ -422,7 +422,7 @@ def test_an_episode_that_is_recorded_while_hidden_stands_still(serve, monkeypatc
     hidden, play = threading.Event(), Recording.play
 
     def later(recording, **options):
-        assert hidden.wait(30)
+        assert hidden.wait(180)
         return play(recording, **options)
 
     monkeypatch.setattr(Recording, "play", later)
@@ -431,7 +431,7 @@ def test_an_episode_that_is_recorded_while_hidden_stands_still(serve, monkeypatc
         recorder = next(thread for thread in threading.enumerate() if thread.name.endswith("_record"))
         tab.page.show("Target")
         hidden.set()
-        recorder.join(60)
+        recorder.join(180)
         assert panel.episode is not None
         assert not panel.playing
         assert panel.at == 0

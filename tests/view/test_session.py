@@ -22,7 +22,7 @@ from tests import kept
 
 CALIBRATION = str(PUBLISHED_CALIBRATIONS["ur5_a"])
 #: For what is drawn to arrive [s].
-PATIENCE = 20.0
+PATIENCE = 180.0
 CURVES = "/target/self_motion/"
 #: Nothing changes any more, where states are kept [s].
 STILL = 2.0
