@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinreach._checks import Floats, check_path, listed
+from kinreach._checks import Floats, check_known, check_path, listed
 from kinreach._files import read_bytes
 from kinreach.errors import InputError
 from kinreach.robots._calibration import (
@@ -590,8 +590,10 @@ def calibration_from(file: str | Path, model: str, *, repair: bool = False) -> C
     """Read a UR's calibration from a file that has it, or fit it to one that has rows.
 
     Raises:
+        UnknownNameError: Unknown model.
         InputError: As `read_calibration` and `calibrate`; or the rows do not determine it.
     """
+    check_known("UR model", model, UR_LENGTHS)
     path = PUBLISHED_CALIBRATIONS.get(str(file)) or check_path("file", file)
     content = read_bytes(path, "the calibration", most=2**28)
     if is_program(content) or is_calibration(content) or not looks_like_rows(content):
