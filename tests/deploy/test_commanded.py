@@ -175,7 +175,8 @@ def test_moves_and_trajectories_beyond_a_limit_are_refused(joint):
             wanted = rf"{what} turns {JOINTS[joint]} to {goal[joint]:.3f} rad, outside its limits of"
             with pytest.raises(InputError, match=wanted):
                 Program.of(kin, HOME, motion)
-    assert Program.of(kin, HOME, [Move("movej", HOME + 0.19, 0.5, 1.0)]).moves
+    for limit in (HOME - 0.3, HOME + 0.2):
+        assert Program.of(kin, HOME, [Move("movej", limit, 0.5, 1.0)]).moves
 
 
 @pytest.mark.parametrize("model", ["ur5e", "ur10e", *slow("ur3e", "ur20")])
