@@ -77,7 +77,17 @@ class ClusterError(KinreachError, RuntimeError):
 
 
 class RobotError(KinreachError, RuntimeError):
-    """A robot cannot be reached, refuses a program, or did not come to its end."""
+    """A robot cannot be reached, refuses a program, or did not come to its end.
+
+    Attributes:
+        recording: What was recorded of a motion until then; None if nothing was sent.
+    """
+
+    recording: Any = None
+
+
+class RobotLostError(RobotError, ConnectionError):
+    """The connection to a robot broke, or its state no longer comes."""
 
 
 class DrawingError(KinreachError, RuntimeError):

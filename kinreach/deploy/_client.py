@@ -2,78 +2,48 @@
 
 from __future__ import annotations
 
-import socket
-import struct
-from collections.abc import Callable
+import math
+import weakref
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from time import monotonic
+from secrets import randbelow
+from time import monotonic, sleep
 from typing import Self
 
 import numpy as np
 
 from kinreach._checks import Floats, check_count, printable, shown
-from kinreach.deploy._controller import FINISHED, NOT_AT_START, REGISTER, Recording
-from kinreach.deploy._program import STOP_SCRIPT, Program
-from kinreach.deploy._rtde import (
-    NOT_FOUND,
-    PROTOCOL,
-    RTDE_PORT,
-    Kind,
-    Recipe,
-    RobotMode,
-    RuntimeState,
-    SafetyMode,
-    names_in,
-    package,
-    packages_in,
-)
-from kinreach.deploy._server import KEY, PRIMARY_PORT, ROBOT_MESSAGE, RUNTIME_EXCEPTION
-from kinreach.errors import InputError, RobotError
+from kinreach.deploy._connection import TIMEOUT
+from kinreach.deploy._controller import FINISHED, NOT_AT_START, OTHER_ARM, Recording
+from kinreach.deploy._model import DhFigures, apart
+from kinreach.deploy._primary import PRIMARY_PORT
+from kinreach.deploy._program import Program, name_of_run, stop_script
+from kinreach.deploy._rtde import RTDE_PORT, RuntimeState
+from kinreach.deploy._script_port import ScriptPort
+from kinreach.deploy._signals import Interruption
+from kinreach.deploy._states import REST, RobotState, StateReader
+from kinreach.errors import InputError, RobotError, RobotLostError
+from kinreach.kinematics import pose
+from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots._ur import JOINTS
 
-#: Longest time for an answer, for the start of a program, and in addition for each of its characters [s].
-TIMEOUT, START_TIMEOUT, READING_TIME = 3.0, 3.0, 1e-5
-#: Variables that are read; old controllers do not have those in `_OPTIONAL`.
-_OPTIONAL = ("tcp_offset", f"output_int_register_{REGISTER}")
-_VARIABLES = (
-    "timestamp", "target_q", "target_qd", "actual_q", "actual_qd", "actual_TCP_pose", "robot_mode", "safety_mode",
-    "runtime_state", "speed_scaling", *_OPTIONAL,
-)  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class RobotState:
-    """The state of a UR.
-
-    Attributes:
-        time: Of the controller [s].
-        target_q, actual_q: Joint angles [rad], shape (6,).
-        target_qd, actual_qd: Speeds [rad/s], shape (6,).
-        tcp_pose: Tool centre point in `base`, `[x, y, z, rx, ry, rz]` [m, rad], shape (6,).
-        tcp_offset: Tool centre point on the flange, as `tcp_pose`; None if the controller does not report it.
-        robot_mode, safety_mode, runtime_state: RTDE's numbers.
-        speed_scaling: Speed of program time, 0 to 1.
-        register: Integer register 24, the progress of kinreach's programs; None if it is not reported.
-    """
-
-    time: float
-    target_q: Floats
-    target_qd: Floats
-    actual_q: Floats
-    actual_qd: Floats
-    tcp_pose: Floats
-    robot_mode: int
-    safety_mode: int
-    runtime_state: int
-    speed_scaling: float
-    tcp_offset: Floats | None
-    register: int | None
+#: Longest time for the start of a program, in addition for each of its characters, and for the arm to stop [s].
+START_TIMEOUT, READING_TIME, STOP_TIMEOUT = 3.0, 1e-5, 10.0
+#: So long a stop has to take effect before it is sent again, over a new connection [s].
+STOP_AGAIN = 0.25
+#: So long after a stop a program that was sent before may still begin [s].
+LATE = 0.5
+#: So long an arm that its safety system has halted must be at rest, if it has not ended the stopping program [s].
+HALTED = 0.1
+#: How far from where its program ends the arm may be: a joint [rad]; the tool of a straight line [m, degrees].
+AT_END, TOOL_AT_END = 0.01, (2e-3, 0.5)
 
 
 class URClient:
-    """A connection to a UR, real or simulated. Use it in `with`, by one thread.
+    """A connection to a UR, real or simulated. Use it in `with`, by one thread of one process.
+
+    Threads of its own read what the robot sends, so that its state is never old, however long nobody asks for it.
 
     Args:
         address: Host name or IP address.
@@ -88,21 +58,19 @@ class URClient:
         given: object = address
         if not isinstance(given, str) or not given.isprintable() or not 0 < len(given) < 254:
             raise InputError(f"the address of a robot must be a host name or an IP address, got {shown(address)}")
-        self.address, self._buffer, self._messages = address, bytearray(), bytearray()
-        self._silence = TIMEOUT  # after so long the connection counts as lost
+        self.address = address
         ports = [check_count(name, port, most=65535) for name, port in (("rtde_port", rtde_port),
                                                                         ("script_port", script_port))]  # fmt: skip
-        self._rtde = self._connect(ports[0])
+        self._rtde_port = ports[0]
+        self._states = StateReader(address, ports[0])
         try:
-            self._script = self._connect(ports[1])
-        except RobotError:
-            self._rtde.close()
-            raise
-        try:
-            self._recipe = self._set_up()
+            self._script = ScriptPort(address, ports[1])
         except BaseException:
-            self.close()
+            self._states.close()
             raise
+        # also if nobody closes it; the threads know these two, and not the client
+        self._open: list[StateReader | ScriptPort] = [self._states, self._script]
+        self._close = weakref.finalize(self, _close_all, self._open)
 
     def __enter__(self) -> Self:
         return self
@@ -112,77 +80,231 @@ class URClient:
 
     def close(self) -> None:
         """Close the connection; a program that runs goes on."""
-        self._rtde.close()
-        self._script.close()
-
-    def next_state(self) -> RobotState:
-        """Return the next state; there is one for each control cycle.
-
-        Raises:
-            RobotError: The connection is lost.
-        """
-        values = self._recipe.unpack(self._wait_for(Kind.DATA)[1:])
-        vectors = {name: np.array(value) for name, value in values.items()}
-        register = values.get(f"output_int_register_{REGISTER}")
-        return RobotState(
-            values["timestamp"][0], vectors["target_q"], vectors["target_qd"], vectors["actual_q"],
-            vectors["actual_qd"], vectors["actual_TCP_pose"], int(values["robot_mode"][0]),
-            int(values["safety_mode"][0]), int(values["runtime_state"][0]), values["speed_scaling"][0],
-            vectors.get("tcp_offset"), None if register is None else int(register[0]),
-        )  # fmt: skip
+        self._close()
 
     def read(self) -> RobotState:
-        """Return the robot's latest state.
+        """Return the robot's newest state, which comes after this call.
 
         Raises:
-            RobotError: As `next_state`.
+            RobotLostError: The connection broke, or no state comes.
         """
-        try:
-            self._rtde.setblocking(False)
-            while data := self._rtde.recv(65536):
-                self._buffer += data
-        except BlockingIOError:
-            pass
-        except OSError as error:
-            raise self._lost(error) from None
-        finally:
-            with suppress(OSError):  # closed
-                self._rtde.settimeout(self._silence)
-        size = 3 + 1 + self._recipe.size
-        while len(self._buffer) >= 2 * size and self._buffer[2] == Kind.DATA:
-            del self._buffer[:size]  # what is older
-        return self.next_state()
+        return self._states.read()
+
+    def next_state(self) -> RobotState:
+        """Return the state after the one that was returned last; there is one for each control cycle.
+
+        Who has not asked for a second gets the newest one.
+
+        Raises:
+            RobotLostError: As `read`.
+        """
+        return self._states.next()
+
+    def wait_for_figures(self, seconds: float) -> DhFigures | None:
+        """Return the Denavit-Hartenberg figures of the robot's own kinematics, or None if it does not say them in time.
+
+        A controller says them on the ports 30001 and 30002 when a client connects.
+        """
+        return self._script.wait_for_figures(seconds)
 
     def send(self, script: str) -> None:
         """Send a program; the running one ends.
 
         Raises:
-            RobotError: The connection is lost.
+            RobotLostError: The connection is lost.
         """
-        try:
-            self._script.sendall(script.encode())
-        except OSError as error:
-            raise self._lost(error) from None
+        self._script.send(script, patience=TIMEOUT + READING_TIME * len(script))
 
     def stop(self) -> None:
-        """Stop the robot by `stopj`, within a control cycle.
+        """Stop the robot by `stopj`, within a control cycle, and return when it stands.
+
+        The stop is sent again over new connections until the robot has taken it.
 
         Raises:
-            RobotError: The connection is lost.
+            RobotError: It is not known that the robot stands; the message says what is known.
         """
-        self.send(STOP_SCRIPT)
+        self._script.check_usable()
+        with Interruption():
+            if doubt := self._stop([]):
+                raise RobotError(f"the robot at {self.address}: {doubt}")
 
     def check_ready(self, program: Program) -> None:
-        """Check that the robot can run a program now.
+        """Check that the robot can run a program now, by its newest state.
 
         Raises:
-            RobotError: It is not running, is stopped, runs another program, or stands elsewhere.
+            RobotError: It is not running, is stopped, runs another program, stands elsewhere, or has another cycle than
+                the program's trajectory.
         """
-        state = self.read()
-        if state.robot_mode != RobotMode.RUNNING:
-            raise self._error(f"is not ready: robot mode {state.robot_mode}; power it on and release the brakes")
-        if state.safety_mode not in (SafetyMode.NORMAL, SafetyMode.REDUCED):
-            raise self._error(f"is stopped: safety mode {state.safety_mode}; release it first")
+        self._check_ready(program, self.read())
+
+    def run(
+        self,
+        program: Program,
+        *,
+        check: Callable[[RobotState], object] | None = None,
+        watch: Callable[[RobotState], object] | None = None,
+    ) -> Recording:
+        """Send a program and wait for its end.
+
+        The robot is judged by a new state right before the program is sent, and by every one until it ends. It must run
+        this program, under its own number, to its end, and stand where the last move ends.
+
+        Whatever ends this early stops the robot, unless another client's program has taken it over. So do Ctrl-C,
+        SIGTERM and SIGHUP, which are raised as KeyboardInterrupt when the robot stands; further ones change nothing.
+
+        Args:
+            program: Try it in simulation before.
+            check: Called with the state by which the robot is judged; nothing is sent if it raises.
+            watch: Called with each state.
+
+        Returns:
+            `commanded` and `measured`, each a `Trajectory` with a sample for each control cycle.
+
+        Raises:
+            RobotError: The robot does not begin or finish the program, reports a stop, a pause, another mode or NaN, or
+                was taken over. The message has the robot's reason, if any; `recording` is what was recorded until then.
+            RobotLostError: The connection broke.
+        """
+        with Interruption() as interruption:
+            self._states.keep_all(whether=True)
+            try:
+                run = _Run(program, self.read())
+                self._check_ready(program, run.states[0])
+                if check is not None:
+                    check(run.states[0])
+                interruption.check()
+                self._script.forget()
+                self._send_and_follow(run, watch, interruption)
+                self._check_end(run)
+                return self._recording(run.states)
+            finally:
+                self._states.keep_all(whether=False)
+
+    def _send_and_follow(
+        self, run: _Run, watch: Callable[[RobotState], object] | None, interruption: Interruption
+    ) -> None:
+        try:
+            self.send(run.text)
+            self._follow(run, watch, interruption)
+        except _TakenOverError as error:  # the robot moves for somebody else
+            raise self._with_recording(error, run) from None
+        except BaseException as error:
+            doubt = self._stop(run.states, None if run.began else run)
+            if doubt:
+                what = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
+                raise self._with_recording(RobotError(f"{what}; {doubt}"), run) from error
+            if isinstance(error, KeyboardInterrupt):
+                raise KeyboardInterrupt("stopped; the robot stands") from None
+            if isinstance(error, RobotLostError):
+                raise self._with_recording(RobotLostError(f"{error}; it was stopped and stands"), run) from None
+            if isinstance(error, RobotError):
+                self._with_recording(error, run)
+            raise
+
+    def _follow(self, run: _Run, watch: Callable[[RobotState], object] | None, interruption: Interruption) -> None:
+        """Collect states until the program has ended; a robot may be silent while it reads a long one."""
+        reading = READING_TIME * len(run.text)
+        deadline = monotonic() + START_TIMEOUT + reading
+        self._states.patience = TIMEOUT + reading
+        try:
+            while not run.ended:
+                state = self._states.next(interruption.check)
+                run.add(state)
+                interruption.check()
+                if run.began:
+                    self._states.patience = TIMEOUT
+                for each in (state, *self._states.ahead()):
+                    self._judge(run, each)
+                if watch is not None:
+                    with interruption.armed():
+                        watch(state)
+                if not run.played and monotonic() > deadline:
+                    raise self._not_begun(run, state)
+        finally:
+            self._states.patience = TIMEOUT
+
+    def _not_begun(self, run: _Run, state: RobotState) -> RobotError:
+        if state.run != run.states[0].run or state.runtime_state != RuntimeState.STOPPED:
+            return self._taken_over("ran another program in place of this one", state)
+        return self._error(f"did not begin{self._script.reason(': ')}; is it in remote control?")
+
+    def _taken_over(self, what: str, state: RobotState) -> _TakenOverError:
+        return _TakenOverError(f"the robot at {self.address} {what}; {_whereabouts(state)}")
+
+    def _judge(self, run: _Run, state: RobotState) -> None:
+        """Raise if a state says that the program does not go on as it should."""
+        if other := run.other_program(state, self._script.started):
+            raise self._taken_over(other, state)
+        if state.trouble:
+            word, reason = state.trouble.partition(" (")[0], self._script.reason()
+            reason = reason.removeprefix(f"{word}: ")
+            raise self._error(f"stopped: {state.trouble}{f': {reason}' if reason else ''}")
+        if state.is_paused:
+            raise self._error("paused the program; it is not resumed: plan again from where it stands")
+
+    def _stop(self, states: list[RobotState], sent: _Run | None = None) -> str:
+        """Stop the robot and wait until it stands; return what is not known about that, or nothing.
+
+        It stands when it says that it took the stop, that no program runs, and that its joints are at rest. Until it
+        has taken the stop it gets it again, each time over a new connection.
+
+        Args:
+            states: Where the states until then are added.
+            sent: A program that was sent and has not begun; if it begins after all, the robot is stopped again.
+        """
+        number, taken, anew, problem = _number(), False, False, ""
+        begun = monotonic()
+        deadline, again, quiet = begun + STOP_TIMEOUT, begun, begun + (LATE if sent is not None else 0.0)
+        state: RobotState | None = None
+        rest = math.inf  # the robot's time since when it is at rest
+        while (now := monotonic()) < deadline and self._close.alive:
+            if now >= again and not taken:
+                try:
+                    self._script.send(stop_script(number), anew=anew)
+                    problem = ""
+                except RobotError as error:
+                    problem = str(error)
+                anew, again = True, monotonic() + STOP_AGAIN
+            news = self._states_within(STOP_AGAIN)
+            states += news
+            state = news[-1] if news else None
+            if state is None:
+                continue
+            if taken and state.run != number:
+                if sent is None or state.run != sent.number:
+                    return f"it was stopped, and another program began since: {_whereabouts(state)}"
+                taken, again, quiet = False, 0.0, monotonic() + LATE
+            # an old controller has no register that says what it took
+            taken = taken or state.run == number or (state.run is None and not problem and now > begun + STOP_AGAIN)
+            for each in news:
+                rest = min(rest, each.time) if each.stands else math.inf
+            stopped = taken and state.runtime_state == RuntimeState.STOPPED
+            if state.time >= rest + (0.0 if stopped else HALTED) and (stopped or state.is_halted) and now >= quiet:
+                return ""
+        what = "its state is not known" if state is None else _motion(state, taken=taken)
+        because = f" ({problem})" if problem else ""
+        return f"it is not confirmed that the robot stands: {what}{because}; use its emergency stop"
+
+    def _states_within(self, seconds: float) -> list[RobotState]:
+        """Return the states since the last one; if there are none the connection is a new one, if possible."""
+        until = monotonic() + seconds
+        self._states.patience = seconds
+        try:
+            return self._states.read_all()
+        except RobotError:
+            self._states.close()
+            with suppress(RobotError):
+                self._states = StateReader(self.address, self._rtde_port)
+                self._open[0] = self._states
+                return []
+        finally:
+            self._states.patience = TIMEOUT
+        sleep(max(0.0, until - monotonic()))
+        return []
+
+    def _check_ready(self, program: Program, state: RobotState) -> None:
+        if state.trouble:
+            raise self._error(f"is not ready: {state.trouble}; power it on, release brakes and stops")
         if state.runtime_state != RuntimeState.STOPPED:
             raise self._error("runs a program already; end that one first")
         off = np.abs(state.actual_q - program.start)
@@ -190,170 +312,136 @@ class URClient:
             joint = int(off.argmax())
             way = f"{JOINTS[joint]} is {off[joint]:.4f} rad off, {program.tolerance:g} at most"
             raise self._error(f"does not stand where the program begins: {way}; plan again")
+        if program.trajectory is not None:
+            period, cycle = float(program.trajectory.t[1]), self._states.cycle
+            if abs(period / cycle - max(1, round(period / cycle))) > 1e-6:
+                raise self._error(
+                    f"has control cycles of {1000 * cycle:g} ms, and the trajectory a posture every {1000 * period:g} "
+                    f"ms; make the program for this robot's model, or of `trajectory.resampled({round(1 / cycle)})`"
+                )
 
-    def run(self, program: Program, *, watch: Callable[[RobotState], object] | None = None) -> Recording:
-        """Send a program and wait for its end. Ctrl-C stops the robot at once, and is raised again when it stands.
-
-        Args:
-            program: Try it in simulation before.
-            watch: Called with each state.
-
-        Returns:
-            `commanded` and `measured`, each a `Trajectory` with a sample for each control cycle.
-
-        Raises:
-            RobotError: The robot does not begin or finish the program; the message has the robot's reason, if any.
-        """
-        self.check_ready(program)
-        states = [self.read()]
-        text = program.text
-        try:
-            self.send(text)
-            self._follow(states, watch, READING_TIME * len(text))
-        except BaseException as error:
-            with suppress(RobotError):
-                self.stop()
-            if not isinstance(error, RobotError):
-                self._wait_until_it_stands(states)
-            raise
-        end = states[-1]
-        if end.safety_mode not in (SafetyMode.NORMAL, SafetyMode.REDUCED):
-            raise RobotError(f"the robot stopped: {self._reason() or f'safety mode {end.safety_mode}'}")
+    def _check_end(self, run: _Run) -> None:
+        """Check that the program came to its end, and the arm to where that is."""
+        end = run.states[-1]
+        wrong = ""
         if end.register == NOT_AT_START:
-            raise RobotError("the robot did not move: it does not stand at the start posture of the program")
-        if end.register not in (None, FINISHED):
-            raise RobotError(f"the program ended before its last move{self._reason(': ')}")
-        return _recording(states)
+            wrong = "did not move: it does not stand where the program begins"
+        elif end.register == OTHER_ARM:
+            wrong = (
+                "did not move: its own kinematics is not that of the arm that the program is for; it is another model, "
+                "or has another calibration"
+            )
+        elif end.register not in (None, FINISHED):
+            wrong = f"ended the program before its last move{self._script.reason(': ')}; {_whereabouts(end)}"
+        elif miss := _miss(run.program, end):
+            wrong = f"does not stand where the program ends: {miss}; {_whereabouts(end)}"
+        if wrong:
+            raise self._with_recording(self._error(wrong), run)
 
-    def _follow(self, states: list[RobotState], watch: Callable[[RobotState], object] | None, reading: float) -> None:
-        """Collect states until the program has ended; a robot may be silent while it reads a long one."""
-        deadline, began = monotonic() + START_TIMEOUT + reading, False
-        self._be_patient(TIMEOUT + reading)
-        while not began or states[-1].runtime_state != RuntimeState.STOPPED:
-            states.append(self.next_state())
-            if not began and states[-1].runtime_state == RuntimeState.PLAYING:
-                began = True
-                self._be_patient(TIMEOUT)
-            if watch is not None:
-                watch(states[-1])
-            if not began and monotonic() > deadline:
-                raise self._error(f"did not begin{self._reason(': ')}; is it in remote control?")
+    def _recording(self, states: Sequence[RobotState], reason: str = "") -> Recording:
+        """Make the recording of a motion from its states, each time once."""
+        t = np.array([state.time for state in states])
+        kept = np.flatnonzero(np.diff(t, prepend=-np.inf) > 0)
+        rows = [states[index] for index in kept]
 
-    def _be_patient(self, seconds: float) -> None:
-        self._silence = seconds
-        self._rtde.settimeout(seconds)
+        def column(name: str) -> Floats:
+            return np.array([getattr(state, name) for state in rows])
 
-    def _wait_until_it_stands(self, states: list[RobotState]) -> None:
-        deadline = monotonic() + TIMEOUT
-        while np.abs(states[-1].actual_qd).max() > 0.001 or states[-1].runtime_state == RuntimeState.PLAYING:
-            states.append(self.next_state())
-            if monotonic() > deadline:
-                raise self._error("still moves: use its emergency stop")
+        t = t[kept] - t[kept[0]]
+        return Recording(
+            Trajectory(JOINTS, t, column("target_q"), column("target_qd")),
+            Trajectory(JOINTS, t, column("actual_q"), column("actual_qd")),
+            rows[-1].register or 0,
+            reason,
+            missing=max(0, round(float(t[-1]) / self._states.cycle) + 1 - len(t)),
+        )
 
-    def _reason(self, before: str = "") -> str:
-        """The robot's last message on the script port about its program."""
-        self._script.setblocking(False)
-        try:
-            while data := self._script.recv(65536):
-                self._messages += data
-        except OSError:  # nothing more
-            pass
-        finally:
-            self._script.settimeout(TIMEOUT)
-        text = ""
-        while len(self._messages) >= 15:
-            (size,) = struct.unpack_from(">i", self._messages)
-            if not 5 <= size <= len(self._messages):
-                break
-            message = bytes(self._messages[4:size])
-            del self._messages[:size]
-            if message[0] == ROBOT_MESSAGE and message[10] == RUNTIME_EXCEPTION:
-                text = message[19:].decode("utf-8", "replace")
-            elif message[0] == ROBOT_MESSAGE and message[10] == KEY and len(message) > 20:
-                text = message[20 + message[19] :].decode("utf-8", "replace")
-        return f"{before}{printable(text)}" if text else ""
-
-    def _connect(self, port: int) -> socket.socket:
-        try:
-            connection = socket.create_connection((self.address, port), TIMEOUT)
-        except (OSError, UnicodeError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            raise RobotError(f"no robot answers at {self.address}:{port}: {reason}") from None
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return connection
-
-    def _set_up(self) -> Recipe:
-        """Set up RTDE at the rate of the controller."""
-        self._send(Kind.PROTOCOL_VERSION, struct.pack(">H", PROTOCOL))
-        if self._wait_for(Kind.PROTOCOL_VERSION) != b"\x01":
-            raise self._error(f"has no RTDE protocol {PROTOCOL}; its software is too old")
-        self._send(Kind.CONTROLLER_VERSION)
-        version = self._wait_for(Kind.CONTROLLER_VERSION)
-        rate = 500.0 if len(version) == 16 and struct.unpack_from(">I", version)[0] >= 5 else 125.0
-        names = list(_VARIABLES)
-        for _ in range(2):
-            self._send(Kind.SETUP_OUTPUTS, struct.pack(">d", rate) + ",".join(names).encode())
-            types = names_in(self._wait_for(Kind.SETUP_OUTPUTS)[1:])
-            missing = [name for name, kind in zip(names, types, strict=False) if kind == NOT_FOUND]
-            if not missing:
-                break
-            names = [name for name in names if name not in missing]
-        if len(types) != len(names) or set(_VARIABLES) - set(names) - set(_OPTIONAL):
-            raise self._error(f"does not know {', '.join(missing) or 'what is asked for'}")
-        try:
-            recipe = Recipe(names, types)
-        except KeyError as error:
-            raise self._error(f"has a type {shown(error.args[0])}, which RTDE has not") from None
-        self._send(Kind.START)
-        if self._wait_for(Kind.START) != b"\x01":
-            raise self._error("refuses to send its state")
-        return recipe
-
-    def _send(self, kind: Kind, payload: bytes = b"") -> None:
-        try:
-            self._rtde.sendall(package(kind, payload))
-        except OSError as error:
-            raise self._lost(error) from None
-
-    def _wait_for(self, wanted: Kind) -> bytes:
-        """Return the payload of the next package of a kind, without those before it."""
-        deadline = monotonic() + self._silence
-        while True:
-            try:
-                for kind, payload in packages_in(self._buffer):
-                    if kind == wanted:
-                        return payload
-                if monotonic() > deadline:
-                    raise TimeoutError("no answer")
-                data = self._rtde.recv(65536)
-                if not data:
-                    raise ConnectionError("the connection was closed")
-            except InputError as error:
-                raise RobotError(f"what answers at {self.address} is not a UR: {error}") from None
-            except OSError as error:
-                raise self._lost(error) from None
-            self._buffer += data
+    def _with_recording(self, error: RobotError, run: _Run) -> RobotError:
+        states = [state for state in run.states if "NaN" not in state.trouble]
+        error.recording = self._recording(states, str(error)) if states else None
+        return error
 
     def _error(self, what: str) -> RobotError:
         return RobotError(f"the robot at {self.address} {what}")
 
-    def _lost(self, error: OSError) -> RobotError:
-        return RobotError(f"the connection to the robot at {self.address} is lost: {error.strerror or error}")
+
+class _TakenOverError(RobotError):
+    """Another client's program runs."""
 
 
-def _recording(states: list[RobotState]) -> Recording:
-    """Make the recording of a motion from its states, each time once."""
-    t = np.array([state.time for state in states])
-    kept = np.flatnonzero(np.diff(t, prepend=-np.inf) > 0)
-    rows = [states[index] for index in kept]
+class _Run:
+    """A program on its way to its end, as the robot's states tell it.
 
-    def column(name: str) -> Floats:
-        return np.array([getattr(state, name) for state in rows])
+    Attributes:
+        number: Of this run; the robot shows it while this program runs, and until another one begins.
+        states: Since before it was sent.
+        began: Whether the robot has shown the number.
+        played: Whether it was seen running.
+    """
 
-    t = t[kept] - t[kept[0]]
-    return Recording(
-        Trajectory(JOINTS, t, column("target_q"), column("target_qd")),
-        Trajectory(JOINTS, t, column("actual_q"), column("actual_qd")),
-        rows[-1].register or 0,
-        "",
-    )
+    def __init__(self, program: Program, state: RobotState) -> None:
+        self.program, self.states, self.began, self.played = program, [state], False, False
+        self.number = _number(other_than=state.run)
+        self.text = program.text_of_run(self.number)
+
+    def add(self, state: RobotState) -> None:
+        self.states.append(state)
+        plays = state.runtime_state != RuntimeState.STOPPED
+        # an old controller does not have the register
+        self.began = self.began or state.run == self.number or (state.run is None and plays)
+        self.played = self.played or (self.began and plays)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the program has begun and runs no longer."""
+        state = self.states[-1]
+        over = self.played or state.register in (FINISHED, NOT_AT_START, OTHER_ARM)
+        return self.began and over and state.runtime_state == RuntimeState.STOPPED
+
+    def other_program(self, now: RobotState, started: Sequence[str]) -> str:
+        """Which other program the robot began after this one; empty if it runs this one, or has not begun it yet."""
+        own = name_of_run(self.number)
+        if own in started and started[-1] != own:
+            return f"began another program, {printable(started[-1]) or 'a single line'}, which ended this one"
+        if self.began and now.run not in (None, self.number):
+            return "began another client's program, which ended this one"
+        return ""
+
+
+def _close_all(connections: Sequence[StateReader | ScriptPort]) -> None:
+    for connection in connections:
+        connection.close()
+
+
+def _number(other_than: int | None = None) -> int:
+    """Return a number for a run, which no other client has but by a chance of 1 in 2e9."""
+    while (number := randbelow(2**31 - 1) + 1) == other_than:
+        pass
+    return number
+
+
+def _miss(program: Program, state: RobotState) -> str:
+    """How far the arm is from where a program ends; empty if it is there."""
+    last = program.moves[-1] if program.moves else None
+    if last is not None and last.command == "movel":
+        far, turned = pose_error(pose(last.target), pose(state.tcp_pose))
+        degrees = float(np.degrees(turned))
+        return f"its tool is {1000 * far:.1f} mm and {degrees:.2f}° off" if apart(TOOL_AT_END, far, degrees) else ""
+    end = last.target if last is not None else program.trajectory.q[-1]  # type: ignore[union-attr]
+    off = np.abs(state.actual_q - end)
+    joint = int(off.argmax())
+    return "" if off.max() <= AT_END else f"{JOINTS[joint]} is {off[joint]:.3f} rad off"
+
+
+def _whereabouts(state: RobotState) -> str:
+    degrees = np.degrees(state.actual_q).round(1) + 0.0  # no -0.0
+    return f"the arm is at {', '.join(f'{angle:.1f}' for angle in degrees)} degrees"
+
+
+def _motion(state: RobotState, *, taken: bool) -> str:
+    if state.trouble and not state.is_halted:
+        return state.trouble
+    speed = float(np.abs(state.actual_qd).max())
+    if speed <= REST:
+        return "a program still runs" if taken else "it does not take the stop"
+    return f"a joint moves at {speed:.2f} rad/s"

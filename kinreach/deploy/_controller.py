@@ -51,8 +51,9 @@ SLIDER_RATE = 4.0
 REST = 1e-6
 #: How far a joint may be from its target before the controller stops [rad].
 MAX_DEVIATION = 0.1
-#: Register for the progress of a program of kinreach, and its values.
-REGISTER, BEGUN, FINISHED, NOT_AT_START = 24, 1, 2, 3
+#: Register for the progress of a program of kinreach, and its values; register for the number of its run.
+REGISTER, BEGUN, FINISHED, NOT_AT_START, OTHER_ARM = 24, 1, 2, 3, 4
+RUN_REGISTER = 25
 #: Ranges of arguments by their names.
 RANGES: Mapping[str, tuple[float, float]] = {
     "a": (1e-6, 1e3), "v": (1e-6, 1e3), "t": (0.0, 3600.0), "r": (0.0, 2.0),
@@ -96,14 +97,16 @@ class Recording:
     """A recorded motion, with a sample for each control cycle.
 
     Attributes:
-        status: Register of the program: `BEGUN`, `FINISHED` or `NOT_AT_START`; 0 if it wrote none.
+        status: Register of the program: `BEGUN`, `FINISHED`, `NOT_AT_START` or `OTHER_ARM`; 0 if it wrote none.
         reason: Why the program did not finish; empty if it did.
+        missing: Control cycles between the first sample and the last one that were not received.
     """
 
     commanded: Trajectory
     measured: Trajectory
     status: int
     reason: str
+    missing: int = 0
 
 
 class Controller:
@@ -119,6 +122,7 @@ class Controller:
         target_q, target_qd, target_qdd: Commands of the joints [rad], [rad/s], [rad/s^2], shape (6,).
         registers: Integers that programs wrote.
         robot_mode, runtime_state, safety_mode: As RTDE reports them.
+        program_name: Of the program that runs, empty for a single line; None if none does.
         reason: Why the last program was refused or stopped; empty if it was not.
 
     Raises:
@@ -143,6 +147,7 @@ class Controller:
         self.runtime_state = RuntimeState.STOPPED
         self.reason = ""
         self._program: Generator[None, None, None] | None = None
+        self.program_name: str | None = None
         self._ticks = 0
         self.place(start)
         if touching := self.simulation.contacts():
@@ -217,7 +222,7 @@ class Controller:
             raise
         self._refuse_in_stop()
         self._program = self._statements(script.body, {})
-        self.runtime_state = RuntimeState.PLAYING
+        self.runtime_state, self.program_name = RuntimeState.PLAYING, f"{script.name}"
         self.say(f"program {script.name or 'of one line'} is running")
 
     def _refuse_in_stop(self) -> None:
@@ -297,7 +302,7 @@ class Controller:
         self._motion, self._servo, self._braking = BlendedMotion(self._tool, self.target_q), None, BRAKING
         if self._program is not None:
             self._program.close()
-        self._program, self.runtime_state = None, RuntimeState.STOPPED
+        self._program, self.program_name, self.runtime_state = None, None, RuntimeState.STOPPED
         self._program_time = self._servo_until = 0.0
         self._began = self.actual_q
 
@@ -394,9 +399,7 @@ class Controller:
         if isinstance(expression, Negative):
             return -self._number(expression.value, known, line)
         if isinstance(expression, Call):
-            if expression.function == "norm":
-                return abs(self._number(expression.arguments["a"], known, line))
-            return self.actual_q.tolist()
+            return self._returned(expression, known)
         if expression.sign == "or":
             sides = [self._value(side, known, line) for side in (expression.left, expression.right)]
             if not all(isinstance(side, bool) for side in sides):
@@ -404,6 +407,22 @@ class Controller:
             return any(sides)
         left, right = (self._number(side, known, line) for side in (expression.left, expression.right))
         return left > right if expression.sign == ">" else left - right
+
+    def _returned(self, call: Call, known: Mapping[str, Any]) -> Any:
+        values = {name: self._value(value, known, call.line) for name, value in call.arguments.items()}
+        match call.function:
+            case "norm":
+                numbers = values["a"] if isinstance(values["a"], list) else [values["a"]]
+                if not all(map(is_number, numbers)):
+                    raise ScriptError(call.line, f"runtime error: a number is needed, got {shown(values['a'])}")
+                return float(np.linalg.norm(numbers))
+            case "get_forward_kin":
+                q, tcp = self._six(call, values["q"], is_pose=False), self._six(call, values["tcp"], is_pose=True)
+                return _Pose(pose_vector(self.kinematics.fk(q) @ pose(tcp)).tolist())
+            case "pose_inv" | "pose_trans":
+                T = [pose(self._six(call, six, is_pose=True)) for six in values.values()]
+                return _Pose(pose_vector(np.linalg.inv(T[0]) if len(T) == 1 else T[0] @ T[1]).tolist())
+        return self.actual_q.tolist()
 
     def _number(self, expression: Expression, known: Mapping[str, Any], line: int) -> float:
         value = self._value(expression, known, line)

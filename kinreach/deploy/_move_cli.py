@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +10,22 @@ import numpy as np
 from kinreach._checks import Floats, check_number, check_path, printable
 from kinreach._files import replacing, write_text
 from kinreach.cli import Parser, say
-from kinreach.deploy._client import RobotState, URClient
+from kinreach.deploy._client import URClient
 from kinreach.deploy._controller import FINISHED, Controller, Recording, check_is_ur, tcp_of
+from kinreach.deploy._model import (
+    MAX_OFF_CALIBRATED,
+    DhFigures,
+    ModelCheck,
+    allowed,
+    apart,
+    is_calibrated,
+    nearest_models,
+)
 from kinreach.deploy._planning import SPEED, Leg, planned_program
+from kinreach.deploy._primary import PRIMARY_PORT
 from kinreach.deploy._program import Program
 from kinreach.deploy._rtde import RTDE_PORT
-from kinreach.deploy._server import PRIMARY_PORT
+from kinreach.deploy._states import RobotState
 from kinreach.errors import InputError, PathError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pose, pose_vector
 from kinreach.kinematics._closed_form import ClosedFormKinematics
@@ -35,12 +43,11 @@ from kinreach.robots._flags import (
     print_notes,
 )
 
-#: Largest distance of the robot's own tool centre point from kinreach's [m, degrees]: with its calibration (0.08 mm on
-#: the one controller whose poses are known), and by the data sheet.
-MAX_OFF_CALIBRATED, MAX_OFF = (5e-4, 0.1), (2e-2, 2.0)
 #: Distance from everything that what is sent keeps [m], and how much more its samples keep, so that it does between
 #: them, too.
 KEEPS, SAMPLING = PATH_MARGIN, 2.5e-4
+#: So long the robot may take to say the figures of its kinematics, which it does on connecting [s].
+FIGURES_TIMEOUT = 1.0
 HOME = "home"
 
 
@@ -62,8 +69,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         job.tried(start, script, picture)
         return 0
     with URClient(arguments.robot, rtde_port=ports[0], script_port=ports[1]) as robot:
+        figures = robot.wait_for_figures(FIGURES_TIMEOUT)
         state = robot.read()
-        say(job.same_arm(state, arguments.robot))
+        say(f"robot    {job.same_arm(state, figures, arguments.robot)}")
         program = job.tried(state.actual_q, script, picture)
         if not (arguments.yes or _agreed(arguments.robot)):
             say("nothing was sent")
@@ -94,6 +102,8 @@ class _Job:
         self.arm, self.kinematics, self.goals = arm, kin, goals
         self.linear, self.speed, self.blend = linear, speed, blend
         self.checker = CollisionChecker(kin, margin=KEEPS + SAMPLING)
+        self.flange, self.tcp = ArmKinematics(arm, tip="tool0", base="base"), tcp_of(arm)
+        self.model = ModelCheck.of(arm)
 
     def tried(self, start: Floats, script: Path | None, picture: Path | None) -> Program:
         """Plan from a posture, run the program in MuJoCo, print the outcome, and write program and picture.
@@ -160,58 +170,74 @@ class _Job:
         yield f"         ends {self._miss(self.kinematics.fk(done.measured.q[-1]))} from the goal"
 
     def _miss(self, T: Floats) -> str:
-        return _difference(T, self.goals[-1])[2]
+        return _far(_difference(T, self.goals[-1]))
 
-    def same_arm(self, state: RobotState, address: str) -> str:
-        """Compare the robot's tool and where its centre point is with kinreach's, and describe the difference.
+    def same_arm(self, state: RobotState, figures: DhFigures | None, address: str) -> str:
+        """Compare the robot's tool and kinematics with kinreach's, and describe the difference.
+
+        Args:
+            state: Its newest state.
+            figures: Of its kinematics, if it says them.
+            address: For messages.
 
         Raises:
             RobotError: It has another tool centre point on its flange, or is another arm.
         """
-        own, offset = tcp_of(self.arm), state.tcp_offset
-        if offset is not None and _apart(MAX_OFF_CALIBRATED, *_difference(pose(offset), own)[:2]):
-            there, here = (_listed(six) for six in (offset, pose_vector(own)))
+        offset = state.tcp_offset
+        if offset is not None and apart(MAX_OFF_CALIBRATED, *_difference(pose(offset), self.tcp)):
+            there, here = (_listed(six) for six in (offset, pose_vector(self.tcp)))
             raise RobotError(
                 f"the TCP of the robot at {address} is {there}; kinreach's tool is {here}. Give --tool {there}, with "
                 "--tool-radius or --tool-mesh so that it can collide, or set the TCP on the robot"
             )
-        tcp = own if offset is None else pose(offset)
-        flange = ArmKinematics(self.arm, tip="tool0", base="base")
-        far, turned, off = _difference(flange.fk(state.actual_q) @ tcp, pose(state.tcp_pose))
-        calibrated = "_calibrated" in self.arm.name
-        if _apart(MAX_OFF_CALIBRATED if calibrated else MAX_OFF, far, turned):
-            hint = "another calibration or another model" if calibrated else "another model"
-            raise RobotError(
-                f"the robot at {address} is not this {self.arm.title}: its tool centre point is {off} from where "
-                f"kinreach has it; it has {hint}"
-            )
-        advice = "" if calibrated else "; with --calibration it would be less"
-        return f"robot    {address}: its tool centre point is {off} from kinreach's{advice}"
+        tcp, seen = self.tcp if offset is None else pose(offset), pose(state.tcp_pose)
+        off = _difference(self.flange.fk(state.actual_q) @ tcp, seen)
+        self._check_model(off, "in its posture", None, address)
+        advice = "" if is_calibrated(self.arm) else "; with --calibration it would be less"
+        said = f"{address}: its tool centre point is {_far(off)} from kinreach's"
+        # figures that do not give the robot's own pose are not understood
+        if figures is None or apart(MAX_OFF_CALIBRATED, *_difference(figures.fk(state.actual_q) @ tcp, seen)):
+            return said + advice
+        anywhere = self.model.difference(figures.fk)
+        self._check_model(anywhere, "in other postures", figures, address)
+        return f"{said}, and at most {_far(anywhere)} in other postures{advice}"
+
+    def _check_model(self, off: tuple[float, float], where: str, figures: DhFigures | None, address: str) -> None:
+        """Refuse a robot whose flange is too far from kinreach's, or whose figures another data sheet fits better."""
+        calibrated = is_calibrated(self.arm)
+        names = [] if figures is None else nearest_models(figures.fk)
+        nearer = bool(names) and not calibrated and names != nearest_models(self.flange.fk)
+        if not nearer and not apart(allowed(self.arm), *off):
+            return
+        kind = "another calibration or another model" if calibrated else "another model"
+        like = f"; its own figures are nearest to those of a {' or '.join(names)}" if names else ""
+        raise RobotError(
+            f"the robot at {address} is not this {self.arm.title}: {where} its tool is {_far(off)} from where kinreach "
+            f"has it; it has {kind}{like}"
+        )
 
     def moved(self, robot: URClient, program: Program) -> int:
-        """Send a program, wait for its end, and print how it ended."""
-        with _stopped_by_signals():
-            try:
-                done = robot.run(program)
-            except KeyboardInterrupt:
-                raise KeyboardInterrupt("stopped; the robot stands") from None
+        """Send a program if the robot is still as it was, wait for its end, and print how it ended."""
+        done = robot.run(program, check=lambda state: self.same_arm(state, None, robot.address))
         off = 1000 * np.abs(done.measured.q - done.commanded.q).max()
         say(
             f"moved    {done.commanded.duration:.2f} s; joints at most {off:.1f} mrad from what was commanded; ends "
             f"{self._miss(pose(robot.read().tcp_pose))} from the goal"
         )
+        if done.missing:
+            cycles = len(done.commanded.t) + done.missing
+            say(f"         the recording is cut: {done.missing} of {cycles} control cycles were not received")
         return 0
 
 
-def _difference(one: Floats, other: Floats) -> tuple[float, float, str]:
+def _difference(one: Floats, other: Floats) -> tuple[float, float]:
+    """Return the distance [m] and the angle [degrees] between two poses."""
     far, angle = pose_error(one, other)
-    turned = float(np.degrees(angle))
-    return far, turned, f"{1000 * far:.2f} mm and {turned:.2f}°"
+    return far, float(np.degrees(angle))
 
 
-def _apart(most: tuple[float, float], far: float, turned: float) -> bool:
-    """Return whether a distance [m] or an angle [degrees] is above the largest ones."""
-    return far > most[0] or turned > most[1]
+def _far(off: tuple[float, float]) -> str:
+    return f"{1000 * off[0]:.2f} mm and {off[1]:.2f}°"
 
 
 def _listed(six: Floats) -> str:
@@ -248,21 +274,6 @@ def _agreed(address: str) -> bool:
         return input(f"Move the robot at {printable(address)} now? Ctrl-C stops it. [y/N] ").strip().lower() == "y"
     except EOFError:
         raise InputError("nobody answers whether the robot may move; give --yes") from None
-
-
-@contextmanager
-def _stopped_by_signals() -> Iterator[None]:
-    """Let the signals that end a process stop the robot first, as Ctrl-C does."""
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _parser(prog: str) -> Parser:

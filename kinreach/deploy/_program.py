@@ -1,14 +1,16 @@
 """Programs for a UR: moves or a trajectory, as URScript and back.
 
-A program sets the tool centre point, checks that the arm stands at the start posture, and moves only if it does: first
-to that posture exactly, so that what follows is what was tried. It writes its progress to an integer register, which
-RTDE shows: 1 begun, 2 finished, 3 not at the start posture.
+A program sets the tool centre point, checks that the robot's own kinematics is that of the arm it was planned for and
+that the arm stands at the start posture, and moves only then: first to that posture exactly, so that what follows is
+what was tried. It writes its progress to an integer register, which RTDE shows: 1 begun, 2 finished, 3 not at the start
+posture, 4 another arm. A second register has the number of its run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,12 +23,15 @@ from kinreach.deploy._controller import (
     BEGUN,
     FINISHED,
     NOT_AT_START,
+    OTHER_ARM,
     REGISTER,
+    RUN_REGISTER,
     check_is_ur,
     payload_of,
     rate_of,
     tcp_of,
 )
+from kinreach.deploy._model import ModelCheck
 from kinreach.deploy._urscript import (
     Assignment,
     Call,
@@ -56,13 +61,29 @@ AT_START, MIN_AT_START, MAX_AT_START = 5e-4, 2.5e-4, 0.01
 TO_START = "movej(start, a=0.5, v=0.05)"
 #: Largest speeds and accelerations of the tool [m/s], [m/s^2], and of a joint's acceleration [rad/s^2].
 MAX_TOOL_SPEED, MAX_TOOL_ACCELERATION, MAX_ACCELERATION = 1.0, 5.0, 10.0
+#: Shortest control cycle of a UR [s].
+CYCLE = 0.002
 #: Settings of `servoj`, those of Universal Robots' ROS driver; how long the end is held [s]; deceleration [rad/s^2].
 LOOKAHEAD, GAIN, HOLD, STOP = 0.03, 2000.0, 0.3, 2.0
 #: Decimals of the tool centre point [m, rad]: what is beyond them is rounding.
 ROUNDED = 9
-NAME = "kinreach_program"
-#: Stops a UR: a program of its own, which ends the one that runs.
-STOP_SCRIPT = "def kinreach_stop():\n  stopj(4)\nend\n"
+#: Variables of a program: how far the robot's own pose is from kinreach's, and whether that is too far; entries of the
+#: first one that are lengths, and those that are angles.
+OFF, OTHER = "off", "other_arm"
+_PARTS = ((0, 1, 2), (3, 4, 5))
+NAME, STOP_NAME = "kinreach_program", "kinreach_stop"
+#: Deceleration of the joints when a program is stopped [rad/s^2].
+STOPPING = 4
+
+
+def name_of_run(run: int) -> str:
+    """Return the name of a program in one of its runs; 0 is none."""
+    return f"{NAME}_{run}" if run else NAME
+
+
+def stop_script(run: int) -> str:
+    """Return the program that stops a UR: one of its own, which ends the one that runs."""
+    return f"def {STOP_NAME}():\n  write_output_integer_register({RUN_REGISTER}, {run})\n  stopj({STOPPING})\nend\n"
 
 
 @dataclass(frozen=True)
@@ -117,6 +138,7 @@ class Program:
         centre_of_mass: Of the tool, on the flange [m].
         arm: Which arm it is for, for the comment at its top.
         tolerance: How far a joint may be from the start posture for the program to move [rad], 2.5e-4 to 0.01.
+        model: What the robot's own kinematics must be for the program to move it; None moves any.
 
     Raises:
         InputError: Neither moves nor a trajectory, or both; the last move has a blend radius; a trajectory of other
@@ -131,6 +153,7 @@ class Program:
     centre_of_mass: tuple[float, ...] = (0.0, 0.0, 0.0)
     arm: str = "UR"
     tolerance: float = AT_START
+    model: ModelCheck | None = None
 
     def __post_init__(self) -> None:
         for name, size in (("start", 6), ("tcp", 6), ("centre_of_mass", 3)):
@@ -152,13 +175,14 @@ class Program:
     def of(
         cls, kinematics: ArmKinematics, start: ArrayLike, motion: Sequence[Move] | Trajectory, **settings: Any
     ) -> Program:
-        """Return the program for an arm: with its tool centre point, its title, and a trajectory at its rate.
+        """Return the program for an arm: with its tool centre point, kinematics, title, and a trajectory at its rate.
 
         Args:
             kinematics: Of the UR with its tool. Its tip is the tool centre point.
             start: Posture in which the program may begin [rad], shape (6,).
             motion: Moves; or a trajectory, which is sampled 125 times a second for a CB3 and 500 times for later ones.
-            settings: `payload` and `centre_of_mass`, by default those of the arm's tool, if it has a mass; `tolerance`.
+            settings: `payload` and `centre_of_mass`, by default those of the arm's tool, if it has a mass; `tolerance`;
+                `model=None` lets the program move another arm, too.
 
         Raises:
             InputError: Not a UR, a motion faster than the arm's joints, blends that overlap, or as in the class.
@@ -169,6 +193,7 @@ class Program:
             settings = {"payload": tool[0], "centre_of_mass": tool[1], **settings}
         tcp = tuple(pose_vector(tcp_of(replace(arm, default_tip=kinematics.tip))).round(ROUNDED).tolist())
         posture = tuple(kinematics.as_posture("start", start).tolist())
+        settings = {"model": ModelCheck.of(arm), **settings}
         if isinstance(motion, Trajectory):
             program = cls(posture, tcp, trajectory=motion.resampled(rate_of(arm)), arm=arm.title, **settings)
         else:
@@ -182,30 +207,33 @@ class Program:
     @property
     def text(self) -> str:
         """The program in URScript, as a UR runs it."""
-        body = [f"    {line}" for line in self._motion()]
+        return self.text_of_run(0)
+
+    def text_of_run(self, run: int) -> str:
+        """Return the program as `URClient` sends it: `text` with the number of a run in its name and in a register."""
         most = number_text(self.tolerance)
         off = " or ".join(f"norm(q[{joint}] - start[{joint}]) > {most}" for joint in range(6))
-        warning = "The arm is not at the start posture of this program. Nothing was moved."
+        motion = _unless(off, NOT_AT_START, "The arm is not at the start posture of this program.", [
+            f"write_output_integer_register({REGISTER}, {BEGUN})",
+            TO_START,
+            *self._motion(),
+            f"write_output_integer_register({REGISTER}, {FINISHED})",
+        ])  # fmt: skip
+        if self.model is not None:
+            warning = "This is not the arm that this program was planned for: another model or calibration."
+            motion = _unless(OTHER, OTHER_ARM, warning, motion)
         lines = [
-            f"def {NAME}():",
-            *(f"  # {line}" for line in self._header()),
-            f"  set_tcp(p{list_text(self.tcp)})",
-            *([] if self.payload is None else [f"  set_payload({number_text(self.payload)}, {self._centre})"]),
-            f"  start = {list_text(self.start)}",
-            "  q = get_actual_joint_positions()",
-            f"  if {off}:",
-            f"    write_output_integer_register({REGISTER}, {NOT_AT_START})",
-            f'    popup("{warning}", title="kinreach", warning=True)',
-            "    sleep(0.1)",  # a client that reads the state every cycle sees that it ran
-            "  else:",
-            f"    write_output_integer_register({REGISTER}, {BEGUN})",
-            f"    {TO_START}",
-            *body,
-            f"    write_output_integer_register({REGISTER}, {FINISHED})",
-            "  end",
-            "end",
+            *(f"# {line}" for line in self._header()),
+            f"write_output_integer_register({REGISTER}, 0)",  # first: the last run's is not this one's
+            f"write_output_integer_register({RUN_REGISTER}, {run})",
+            f"set_tcp(p{list_text(self.tcp)})",
+            *([] if self.payload is None else [f"set_payload({number_text(self.payload)}, {self._centre})"]),
+            *([] if self.model is None else _comparison(self.model)),
+            f"start = {list_text(self.start)}",
+            "q = get_actual_joint_positions()",
+            *motion,
         ]
-        return "\n".join(lines) + "\n"
+        return "\n".join([f"def {name_of_run(run)}():", *(f"  {line}" for line in lines), "end"]) + "\n"
 
     @property
     def _centre(self) -> str:
@@ -220,6 +248,7 @@ class Program:
             "Lengths in metres, angles in radians. Poses are those of the tool centre point in the frame base.",
             f"Tool centre point on the flange: {list_text(self.tcp)}. Payload: {payload}.",
             f"Begins only at the joint angles {degrees} degrees, each within {np.degrees(self.tolerance):.3f}.",
+            *([] if self.model is None else ["Moves only an arm whose own kinematics is that of the one it is for."]),
             "Tried in simulation only. Keep a hand at the emergency stop, and begin with the speed slider low.",
         ]
 
@@ -246,17 +275,24 @@ class Program:
         start: tuple[float, ...] | None = None
         settings: dict[str, Any] = {}
         motion: tuple[Statement, ...] = ()
-        for statement in script.body:
+        comparisons: list[tuple[Assignment, Choice]] = []
+        for statement, after in pairwise([*script.body, None]):
             if isinstance(statement, Assignment) and statement.name == "start":
                 start = _constants(statement.value, statement.line)
+            elif isinstance(statement, Assignment) and statement.name == OFF and isinstance(after, Choice):
+                comparisons.append((statement, after))
             elif isinstance(statement, Call) and statement.function == "set_tcp":
                 settings["tcp"] = _constants(statement.arguments["pose"], statement.line)
             elif isinstance(statement, Call) and statement.function == "set_payload":
                 settings["payload"] = _constant(statement.arguments["m"], statement.line)
                 settings["centre_of_mass"] = _constants(statement.arguments["cog"], statement.line)
-            elif isinstance(statement, Choice):
-                settings["tolerance"] = _tolerance(statement)
-                motion = statement.otherwise
+            elif isinstance(statement, Choice) and statement.otherwise:
+                choice = statement
+                while isinstance(choice.otherwise[-1], Choice):  # the start posture is compared after the arm
+                    choice = choice.otherwise[-1]
+                settings["tolerance"], motion = _tolerance(choice), choice.otherwise
+        if comparisons:
+            settings["model"] = _model(comparisons)
         calls = [call for call in motion if isinstance(call, Call) and call.function in ("movej", "movel", "servoj")]
         if calls and calls[0].arguments.get("q") == Name("start"):
             del calls[0]
@@ -287,6 +323,49 @@ def _tolerance(choice: Choice) -> float:
     if len(comparisons) != len(JOINTS) or len(set(comparisons)) > 1:
         raise ScriptError(choice.line, "the check of the start posture compares each of six joints with one tolerance")
     return comparisons[0]
+
+
+def _unless(condition: str, status: int, warning: str, otherwise: Sequence[str]) -> list[str]:
+    """Return lines that do something else under a condition: write a status, show a warning, and move nothing."""
+    refusal = [
+        f"write_output_integer_register({REGISTER}, {status})",
+        f'popup("{warning} Nothing was moved.", title="kinreach", warning=True)',
+        "sleep(0.1)",  # a client that reads the state every cycle sees that it ran
+    ]
+    inner = ([f"  {line}" for line in lines] for lines in (refusal, otherwise))
+    return [f"if {condition}:", *next(inner), "else:", *next(inner), "end"]
+
+
+def _comparison(model: ModelCheck) -> list[str]:
+    """Return lines that set the variable `OTHER` if the robot's own kinematics is another one."""
+    far, degrees = model.most
+    most = number_text(far), number_text(round(float(np.radians(degrees)), ROUNDED))
+    lines = [f"{OTHER} = False", f"flange = p{list_text((0.0,) * 6)}"]
+    for q, here in zip(model.postures, model.poses, strict=True):
+        there = f"get_forward_kin({list_text(q)}, flange)"
+        distance, angle = (f"norm([{', '.join(f'{OFF}[{place}]' for place in places)}])" for places in _PARTS)
+        lines += [
+            f"{OFF} = pose_trans(pose_inv(p{list_text(here)}), {there})",
+            f"if {distance} > {most[0]} or {angle} > {most[1]}:",
+            f"  {OTHER} = True",
+            "end",
+        ]
+    return lines
+
+
+def _model(comparisons: Sequence[tuple[Assignment, Choice]]) -> ModelCheck:
+    """Read what `_comparison` wrote."""
+    postures, poses, most = [], [], (0.0, 0.0)
+    for assignment, choice in comparisons:
+        try:
+            here, there = assignment.value.arguments.values()  # type: ignore[union-attr]
+            poses.append(_constants(here.arguments["p_from"], assignment.line))  # type: ignore[union-attr]
+            postures.append(_constants(there.arguments["q"], assignment.line))  # type: ignore[union-attr]
+            far, turned = (side.right for side in (choice.condition.left, choice.condition.right))  # type: ignore[union-attr]
+        except (AttributeError, KeyError, ValueError):
+            raise ScriptError(assignment.line, "a comparison of the arm's kinematics is needed here") from None
+        most = _constant(far, choice.line), round(float(np.degrees(_constant(turned, choice.line))), 6)
+    return ModelCheck(tuple(postures), tuple(poses), most)
 
 
 def _trajectory(start: tuple[float, ...], calls: Sequence[Call]) -> Trajectory:
@@ -342,3 +421,9 @@ def _check_even(trajectory: Trajectory) -> None:
     steps = np.diff(trajectory.t)
     if not len(steps) or np.ptp(steps) > 1e-6 * steps[0]:
         raise InputError("the trajectory must have two samples or more at an even rate; `resampled` makes them")
+    cycles = float(trajectory.t[1]) / CYCLE
+    if abs(cycles - max(1, round(cycles))) > 1e-6:
+        raise InputError(
+            f"the trajectory has a sample every {1000 * steps[0]:.6g} ms, and a UR takes them in whole control cycles "
+            "of 2 ms, or 8 ms for a CB3; `resampled(500)` or `resampled(125)` makes them"
+        )

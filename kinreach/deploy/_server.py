@@ -23,6 +23,17 @@ from typing import Any, Self
 
 from kinreach._checks import check_count, check_number, shown
 from kinreach.deploy._controller import Controller
+from kinreach.deploy._model import DhFigures
+from kinreach.deploy._primary import (
+    KEY,
+    PRIMARY_PORT,
+    RUNTIME_EXCEPTION,
+    STARTED,
+    STOPPED,
+    Message,
+    figures_package,
+    message_package,
+)
 from kinreach.deploy._rtde import (
     HEADER,
     IN_USE,
@@ -47,8 +58,6 @@ from kinreach.errors import InputError
 from kinreach.kinematics import pose_vector
 from kinreach.robots import ArmDescription, get_arm
 
-#: The second port that takes scripts.
-PRIMARY_PORT = 30001
 #: Clients of a port, bytes that may wait for one, and unfinished programs of all of them [bytes].
 MAX_CLIENTS, MAX_WAITING, MAX_UNFINISHED = 32, 2**20, 2 * MAX_CHARACTERS
 #: Bytes that are read from a client at a time, and packages or lines that are taken from it before the next one.
@@ -60,8 +69,6 @@ UNFINISHED, SILENT, SWEEP = 30.0, 5.0, 0.1
 MAX_SAYINGS = 20
 #: Largest delay behind real time that the simulation catches up with [s].
 PATIENCE = 0.2
-#: Messages on a script port: kind of the package, and kinds of messages in it.
-ROBOT_MESSAGE, KEY, RUNTIME_EXCEPTION = 20, 7, 10
 #: Versions that a CB3 and an e-Series controller answer with.
 VERSIONS = {125: (3, 15, 8, 0), 500: (5, 12, 0, 0)}
 #: `joint_mode` of a joint that runs, and of one without power.
@@ -155,6 +162,9 @@ class SimulatedUR:
         self.speed = check_number("speed", speed, above=0.0, most=1e6)
         self._tell = log
         self.controller = Controller(self.arm, q=q, log=self._log)
+        self._announced: str | None = None
+        figures = DhFigures.of(self.controller.kinematics)
+        self.greeting = b"" if figures is None else figures_package(figures)
         self._selector = selectors.DefaultSelector()
         self._clients: list[_Client] = []
         self._stopping = threading.Event()
@@ -217,6 +227,7 @@ class SimulatedUR:
             return
         cycle = self.controller.cycle / self.speed
         self.controller.tick()
+        self._announce()
         self._publish()
         self._due = self._due + cycle if now - self._due < PATIENCE else now + cycle
         if now >= self._next_sweep:
@@ -312,9 +323,10 @@ class SimulatedUR:
                 if not isinstance(error, ScriptError):  # the controller has not said it
                     self._log(str(error))
                 line = error.line if isinstance(error, ScriptError) else 1
-                self._tell_clients(RUNTIME_EXCEPTION, struct.pack(">ii", line, 1), str(error))
+                self._tell_clients(Message(RUNTIME_EXCEPTION, "", str(error)), line=line)
             if monotonic() > until:
                 break
+        self._announce()
 
     def mark(self, client: _Client, *, busy: bool) -> None:
         """Note whether a client has sent what can be taken and has not been taken yet."""
@@ -333,21 +345,24 @@ class SimulatedUR:
         if self._tell is not None:
             self._tell(text)
         if text.startswith(("protective stop:", "emergency stop:")):
-            title = text.partition(":")[0].capitalize().encode()
-            self._tell_clients(KEY, struct.pack(">iiB", 0, 0, len(title)) + title, text)
+            self._tell_clients(Message(KEY, text.partition(":")[0].capitalize(), text))
         elif text.startswith("program stopped:"):
-            self._tell_clients(RUNTIME_EXCEPTION, struct.pack(">ii", 1, 1), text)
+            self._tell_clients(Message(RUNTIME_EXCEPTION, "", text))
 
-    def _tell_clients(self, kind: int, head: bytes, text: str) -> None:
+    def _announce(self) -> None:
+        """Tell the clients of the script ports which program has ended and which has begun, by their names."""
+        name = self.controller.program_name
+        if name is not self._announced:
+            for title, program in ((STOPPED, self._announced), (STARTED, name)):
+                if program is not None:
+                    self._tell_clients(Message(KEY, title, program))
+            self._announced = name
+
+    def _tell_clients(self, message: Message, *, line: int = 1) -> None:
+        data = message_package(message, self.controller.time, line=line)
         for client in list(self._clients):
             if isinstance(client, _ScriptClient):
-                client.send(self.message(kind, head, text))
-
-    def message(self, kind: int, head: bytes, text: str) -> bytes:
-        """Return a message as the script ports send it."""
-        stamp = struct.pack(">QbB", int(1e6 * self.controller.time), -1, kind)
-        body = bytes([ROBOT_MESSAGE]) + stamp + head + text.encode("utf-8", "replace")[:2000]
-        return struct.pack(">i", 4 + len(body)) + body
+                client.send(data)
 
     def _listen(self, port: int, kind: type[_Client]) -> int:
         try:
@@ -386,6 +401,7 @@ class SimulatedUR:
             client.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._clients.append(client)
         self._selector.register(client.socket, selectors.EVENT_READ, client.handle)
+        client.greet()
 
     def _has_room(self, kind: type[_Client]) -> bool:
         """Return whether another client may come, if need be instead of the last one that only keeps a place."""
@@ -430,6 +446,9 @@ class _Client:
         self.received, self.waiting = bytearray(), bytearray()
         self.since, self.unfinished_since = monotonic(), math.inf
         self.has_spoken = False
+
+    def greet(self) -> None:
+        """Send what a client gets on connecting."""
 
     def handle(self, events: int) -> None:
         if events & selectors.EVENT_WRITE:
@@ -595,7 +614,10 @@ class _ScriptClient(_Client):
         self.program = bytearray()
 
     def farewell(self, why: str) -> bytes:
-        return self.robot.message(RUNTIME_EXCEPTION, struct.pack(">ii", 1, 1), f"line 1: {why}")
+        return message_package(Message(RUNTIME_EXCEPTION, "", f"line 1: {why}"), self.robot.controller.time)
+
+    def greet(self) -> None:
+        self.send(self.robot.greeting)
 
     def is_unfinished(self) -> bool:
         return bool(self.received or self.program)

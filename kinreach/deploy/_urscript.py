@@ -32,9 +32,12 @@ EMPTY_LINES = 100
 #: The functions and their parameters with the defaults of Universal Robots' manual; None must be given.
 FUNCTIONS: Mapping[str, Mapping[str, float | bool | str | None]] = {
     "get_actual_joint_positions": {},
+    "get_forward_kin": {"q": None, "tcp": None},
     "movej": {"q": None, "a": 1.4, "v": 1.05, "t": 0.0, "r": 0.0},
     "movel": {"pose": None, "a": 1.2, "v": 0.25, "t": 0.0, "r": 0.0},
     "norm": {"a": None},
+    "pose_inv": {"p_from": None},
+    "pose_trans": {"p_from": None, "p_from_to": None},
     "popup": {"s": None, "title": "Popup", "warning": False, "error": False, "blocking": False},
     "servoj": {"q": None, "a": 0.0, "v": 0.0, "t": 0.002, "lookahead_time": 0.1, "gain": 300.0},
     "set_payload": {"m": None, "cog": None},
@@ -45,7 +48,7 @@ FUNCTIONS: Mapping[str, Mapping[str, float | bool | str | None]] = {
     "write_output_integer_register": {"output_id": None, "value": None},
 }
 #: Functions that return a value, only for expressions.
-VALUES = ("get_actual_joint_positions", "norm")
+VALUES = ("get_actual_joint_positions", "get_forward_kin", "norm", "pose_inv", "pose_trans")
 #: What a line may have before its comment; other signs are refused.
 _TOKEN = re.compile(
     r"[ \t\r]+|(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])|(?<!\w)\"[^\"\\]*\"(?!\s*\")"

@@ -1,20 +1,22 @@
 """kinreach's client on the simulated UR: it reads, runs programs, and stops them."""
 
+import gc
+import os
 import socket
 import struct
 import threading
-import time
 
 import numpy as np
 import pytest
 
 from kinreach.deploy import Move, Program, SimulatedUR, URClient, _server
 from kinreach.deploy._rtde import NOT_FOUND, Kind, package
-from kinreach.errors import InputError, RobotError
+from kinreach.errors import InputError, RobotError, RobotLostError
 from kinreach.kinematics import ArmKinematics, pose
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots import get_arm
 from kinreach.robots._ur import JOINTS
+from tests.cases import slow
 from tests.deploy.conftest import CALIBRATION
 
 ARM = get_arm("ur5e").calibrated(CALIBRATION).with_tool([0, 0, 0.1, 0, 0, 0])
@@ -30,10 +32,14 @@ def robot():
         yield served
 
 
+def connected(robot):
+    return URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port)
+
+
 @pytest.fixture
 def client(robot):
-    with URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port) as connected:
-        yield connected
+    with connected(robot) as one:
+        yield one
 
 
 def to(goal, **settings):
@@ -47,9 +53,98 @@ def test_the_state_is_that_of_the_arm(client):
     np.testing.assert_allclose(state.tcp_offset, [0, 0, 0.1, 0, 0, 0], atol=1e-9)
     assert (state.robot_mode, state.safety_mode, state.runtime_state, state.speed_scaling) == (7, 1, 1, 1.0)
     assert client.next_state().time - client.next_state().time == pytest.approx(-0.002)
-    time.sleep(0.3)  # what has come in the meantime is older
-    late = client.read().time
-    assert late > state.time + 0.02
+
+
+def wait_for_clock(robot, seconds):
+    """Let this time pass on the robot's own clock, seen by another client."""
+    with connected(robot) as watch:
+        end = watch.read().time + seconds
+        while watch.read().time < end:
+            pass
+
+
+@pytest.mark.parametrize("seconds", [10.0, *slow(60.0)])
+def test_the_state_is_the_newest_however_long_nobody_reads(robot, client, seconds):
+    """None is from before it was asked for, and the connection is kept."""
+    for each in robot._clients:  # what is not read waits at the robot, which disconnects the client at a megabyte
+        each.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    asked = 0
+    for idle in (0.0, seconds, 0.0, 0.1, 0.0):
+        if idle:
+            wait_for_clock(robot, idle)
+        now = robot.controller.time
+        assert client.read().time >= now - 0.0021
+        asked += 1
+    client._states._asked = 0.0  # as if it was long ago
+    now = robot.controller.time
+    assert client.next_state().time >= now - 0.0021
+    assert asked == 5
+    assert not any("does not read" in line for line in robot.log)
+
+
+def test_every_state_is_kept_while_a_program_runs(robot, monkeypatch):
+    """However slowly they are looked at."""
+    monkeypatch.setattr("kinreach.deploy._states.KEPT", 20)
+    seen = []
+
+    def dawdle(state):
+        seen.append(state.time)
+        if len(seen) in (20, 100):
+            wait_for_clock(robot, 0.2)
+
+    with connected(robot) as client:
+        done = client.run(to(np.add(HOME, [0.2, 0, 0, 0, 0, 0])), watch=dawdle)
+    np.testing.assert_allclose(np.diff(seen), 0.002, atol=1e-9)
+    assert done.missing == 0
+    assert len(seen) > 200
+
+
+def test_threads_end_with_their_client(robot):
+    before = threading.active_count()
+    for _ in range(5):
+        with connected(robot) as one:
+            one.read()
+            assert threading.active_count() == before + 2
+        assert threading.active_count() == before
+
+    def fail():
+        with connected(robot):
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    forgotten = connected(robot)
+    forgotten.read()
+    del forgotten
+    gc.collect()
+    assert threading.active_count() == before
+    one = connected(robot)
+    one.close()
+    one.close()  # twice is as good
+
+
+def test_a_forked_process_has_no_connection_and_harms_none(client):
+    """Its parent has the threads; both would share the robot's answers."""
+    client.read()
+    ours, theirs = os.pipe()
+    child = os.fork()
+    if child == 0:  # nothing of pytest may run here
+        said = []
+        for use in (client.read, client.next_state, client.stop):
+            try:
+                use()
+            except RobotError as error:
+                said.append(str(error))
+        client.close()
+        os.write(theirs, "\n".join(said).encode())
+        os._exit(0)
+    os.close(theirs)
+    with os.fdopen(ours) as pipe:
+        said = pipe.read().splitlines()
+    assert os.waitpid(child, 0)[1] == 0
+    assert len(said) == 3
+    assert all("belongs to the process that opened it" in line for line in said)
+    assert client.read().time > 0.0
 
 
 def test_an_old_controller_knows_fewer_variables(robot, monkeypatch):
@@ -57,8 +152,8 @@ def test_an_old_controller_knows_fewer_variables(robot, monkeypatch):
     monkeypatch.setattr(
         _server, "type_of", lambda name, **inputs: NOT_FOUND if name == "tcp_offset" else known(name, **inputs)
     )
-    with URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port) as connected:
-        state = connected.read()
+    with connected(robot) as one:
+        state = one.read()
     assert state.tcp_offset is None
     np.testing.assert_allclose(state.actual_q, HOME, atol=1e-6)
 
@@ -73,50 +168,9 @@ def test_a_program_runs_and_is_recorded(client):
         np.testing.assert_allclose(done.commanded.q[-1], target, atol=1e-6)
         np.testing.assert_allclose(done.measured.q, done.commanded.q, atol=0.01)
         np.testing.assert_allclose(np.diff(done.commanded.t), 0.002, atol=1e-9)  # no cycle is missing
+        assert done.missing == 0
         assert 0.7 < np.abs(done.measured.qd).max() < 0.8  # half of the way at 2 rad/s^2
     assert len(seen) > 300
-
-
-def test_ctrl_c_stops_within_a_cycle_of_the_arrival(robot, client):
-    began = threading.Event()
-
-    def interrupt(state):
-        if np.abs(state.target_qd).max() > 0.9:
-            began.set()
-            raise KeyboardInterrupt
-
-    states, program = [], to(np.add(HOME, [1.2, 0, 0, 0, 0, 0]))
-    follow = client._wait_until_it_stands
-    client._wait_until_it_stands = lambda gathered: (follow(gathered), states.extend(gathered))
-    with pytest.raises(KeyboardInterrupt):
-        client.run(program, watch=interrupt)
-    assert began.is_set()
-    speeds = np.array([state.target_qd[0] for state in states])
-    falling = int(np.flatnonzero(np.diff(speeds) < -1e-4)[0])
-    # from full speed, in even steps of 4 rad/s^2, to rest: no cycle between
-    np.testing.assert_allclose(np.diff(speeds)[falling : falling + 100], -4 * 0.002, atol=1e-4)
-    assert speeds[-1] == 0.0
-    assert client.read().runtime_state == 1
-    assert [line for line in robot.log if line.startswith("program")][-2:] == [
-        "program kinreach_stop is running", "program finished"]  # fmt: skip
-    assert states[-1].actual_q[0] < HOME[0] + 1.1
-
-
-def test_a_robot_that_is_no_longer_seen_is_stopped(robot, client):
-    """The state no longer comes, and the script port still takes programs."""
-
-    def lose(state):
-        if np.abs(state.target_qd).max() > 0.9:
-            client._rtde.shutdown(socket.SHUT_RDWR)
-
-    with pytest.raises(RobotError, match=r"connection to the robot at 127.0.0.1 is lost"):
-        client.run(to(np.add(HOME, [1.2, 0, 0, 0, 0, 0])), watch=lose)
-    with URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port) as other:
-        while (state := other.next_state()).runtime_state == 2:
-            pass
-        assert np.abs(state.target_qd).max() == 0.0
-        assert state.actual_q[0] < HOME[0] + 1.1
-    assert "program kinreach_stop is running" in robot.log
 
 
 def test_why_a_robot_does_not_run_a_program_is_said(robot, client):
@@ -128,13 +182,13 @@ def test_why_a_robot_does_not_run_a_program_is_said(robot, client):
     with pytest.raises(RobotError, match=r"runs a program already"):
         client.run(to(HOME))
     client.stop()
-    while client.next_state().runtime_state == 2:
-        pass
+    assert client.read().runtime_state == 1
     q = client.read().actual_q
     down = np.add(q, [0, 2.0, -1.2, 0, 0, 0])
-    with pytest.raises(RobotError, match=r"the robot stopped: protective stop: collision: .* touches table"):
+    said = r"the robot at 127.0.0.1 stopped: protective stop \(safety mode 3\): collision: .* touches table"
+    with pytest.raises(RobotError, match=said):
         client.run(Program.of(KIN, q, [Move("movej", down, 2.0, 5.0)]))
-    with pytest.raises(RobotError, match=r"is stopped: safety mode 3"):
+    with pytest.raises(RobotError, match=r"is not ready: protective stop \(safety mode 3\)"):
         client.run(Program.of(KIN, q, [Move("movej", down, 2.0, 5.0)]))
     robot.release()
     while client.next_state().safety_mode == 3:
@@ -145,7 +199,7 @@ def test_why_a_robot_does_not_run_a_program_is_said(robot, client):
 def test_a_program_that_is_refused_does_not_begin(robot, client, monkeypatch):
     monkeypatch.setattr("kinreach.deploy._client.START_TIMEOUT", 0.3)
     program = to(HOME + 0.1)
-    monkeypatch.setattr(Program, "text", "def f():\n  freedrive_mode()\nend\n")
+    monkeypatch.setattr(Program, "text_of_run", lambda *_: "def f():\n  freedrive_mode()\nend\n")
     with pytest.raises(RobotError, match=r"did not begin: line 2: compile error: function 'freedrive_mode'.*remote"):
         client.run(program)
 
@@ -184,56 +238,68 @@ def test_nobody_answers(free_address):
 def test_the_last_reason_counts_however_the_messages_are_cut(client):
     """As the script port sends them: others between, and pieces of any size."""
     head = struct.pack(">QbB", 5, -1, 10)
+    key = bytes([20]) + struct.pack(">QbB", 5, -1, 7)
     kinds = {
         "": [
             bytes([20]) + struct.pack(">QbB", 5, -1, 0) + b"a label",
             bytes([16]) + b"state of the robot, " * 3,
-            b"\x14",
+            b"\x14", key, key + bytes(8), head[:1] + head,
         ],
         "text": [bytes([20]) + head + struct.pack(">ii", 3, 1) + "line 3: ä".encode()],
-        "key": [bytes([20]) + struct.pack(">QbB", 5, -1, 7) + struct.pack(">iiB", 0, 0, 5) + b"Title" + b"collision"],
-    }
+        "key": [key + struct.pack(">iiB", 0, 0, 5) + b"Title" + b"collision"],
+        "name": [key + struct.pack(">iiB", 0, 0, 19) + b"PROGRAM_XXX_STARTED" + b"f"],
+    }  # fmt: skip
     said = {"text": "line 3: ä", "key": "collision"}
     rng, heard = np.random.default_rng(0), 0
-    here, there = socket.socketpair()
-    real, client._script = client._script, here
-    try:
-        for _ in range(30):
-            order = rng.choice(list(kinds), 5)
-            parts = [body.ljust(11, b"\0") for kind in order for body in kinds[kind]]
-            stream = b"".join(struct.pack(">i", 4 + len(body)) + body for body in parts)
-            last = ""
-            for piece in np.split(np.frombuffer(stream, np.uint8), np.sort(rng.integers(0, len(stream), 6))):
-                if len(piece):
-                    there.sendall(piece.tobytes())
-                last = client._reason(": ") or last
-            wanted = [said[kind] for kind in order if kind]
-            assert last == (f": {wanted[-1]}" if wanted else "")
-            heard += bool(wanted)
-        assert client._reason(": ") == ""
-    finally:
-        client._script = real
-        here.close()
-        there.close()
-    assert heard > 20
+    port = client._script
+    for _ in range(30):
+        port.forget()
+        order = rng.choice(list(kinds), 5)
+        parts = [body for kind in order for body in kinds[kind]]
+        stream = b"".join(struct.pack(">i", 4 + len(body)) + body for body in parts)
+        for piece in np.split(np.frombuffer(stream, np.uint8), np.sort(rng.integers(0, len(stream), 6))):
+            port.take(piece.tobytes(), more=False)
+        wanted = [said[kind] for kind in order if kind in said]
+        if wanted:
+            assert port.reason(": ") == f": {wanted[-1]}"
+        assert port.started == ["f"] * list(order).count("name")
+        heard += bool(wanted)
+    assert 20 < heard < 30
+    for rubbish in (b"HTTP/1.1 400 Bad Request\r\n", b"\0\0\0\4\x14", b"\xff" * 50):  # of no UR
+        port.take(rubbish, more=False)
+        assert not port._buffer
 
 
 def test_a_robot_that_falls_silent_is_lost_in_time(monkeypatch):
     """Before the first answer, and once it has answered."""
-    monkeypatch.setattr("kinreach.deploy._client.TIMEOUT", 0.3)
+    monkeypatch.setattr("kinreach.deploy._connection.TIMEOUT", 0.3)
+    monkeypatch.setattr("kinreach.deploy._states.TIMEOUT", 0.3)
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-        began = time.monotonic()
         with pytest.raises(RobotError, match=r"connection to the robot at 127\.0\.0\.1 is lost: (timed out|no answer)"):
             URClient("127.0.0.1", rtde_port=port, script_port=port)
-    assert 0.2 < time.monotonic() - began < 5.0
+
+
+def test_a_robot_that_no_longer_reports_is_lost(robot, client):
+    """The connection is there, and nothing comes."""
+    robot._publish = lambda: None
+    client._states.patience = 0.2
+
+    def read_on(use):
+        while True:  # what had come before
+            use()
+
+    for use in (client.read, client.read, client.next_state):
+        with pytest.raises(
+            RobotLostError, match=r"connection to the robot at 127\.0\.0\.1 is lost: no state for 0.2 s"
+        ):
+            read_on(use)
 
 
 @pytest.mark.parametrize("use", [URClient.read, URClient.next_state, URClient.stop])
 def test_a_client_that_is_closed_has_lost_its_robot(client, use):
     client.close()
-    client._buffer.clear()  # what had come before
-    with pytest.raises(RobotError, match=r"connection to the robot at 127\.0\.0\.1 is lost"):
+    with pytest.raises(RobotLostError, match=r"connection to the robot at 127\.0\.0\.1 is lost"):
         use(client)
 
 
@@ -249,19 +315,15 @@ ANSWERS = {
 @pytest.mark.parametrize("what", ANSWERS)
 def test_what_answers_is_no_ur(what):
     answer, reason = ANSWERS[what]
-    connections = [None]
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve():
-            for _ in range(2):
-                connection, _ = server.accept()
-                with connection:
-                    if connections[0] is None:
-                        connections[0] = connection
-                        connection.recv(100)
-                        connection.sendall(answer)
-                        connection.shutdown(socket.SHUT_WR)
-                        connection.recv(100)
+            connection, _ = server.accept()
+            with connection:
+                connection.recv(100)
+                connection.sendall(answer)
+                connection.shutdown(socket.SHUT_WR)
+                connection.recv(100)
 
         thread = threading.Thread(target=serve)
         thread.start()
@@ -278,5 +340,8 @@ def test_a_lost_connection_is_said(robot, client):
         while True:
             client.next_state()
 
-    with pytest.raises(RobotError, match=r"connection to the robot at 127.0.0.1 is lost"):
+    with pytest.raises(RobotLostError, match=r"connection to the robot at 127.0.0.1 is lost") as lost:
         read_on()
+    assert isinstance(lost.value, ConnectionError)
+    with pytest.raises(RobotLostError):
+        client.read()

@@ -17,7 +17,7 @@ import pytest
 from kinreach.cli import main
 from kinreach.deploy import Program, SimulatedUR, URClient
 from kinreach.deploy._controller import FINISHED, Controller
-from kinreach.deploy._move_cli import _Job, _stopped_by_signals
+from kinreach.deploy._move_cli import _Job
 from kinreach.deploy._planning import plan
 from kinreach.deploy._program import motion_of
 from kinreach.errors import InputError, PathError, RobotError
@@ -401,26 +401,105 @@ def test_a_robot_without_a_tcp_offset_is_compared_by_the_pose_of_its_tool():
     ):
         state = replace(client.read(), tcp_offset=None)
     settings = {"linear": False, "speed": 0.5, "blend": 0.0}
-    assert "is 0.00 mm" in _Job(ARM, [KIN.fk(HOME)], **settings).same_arm(state, "old")
+    assert "is 0.00 mm" in _Job(ARM, [KIN.fk(HOME)], **settings).same_arm(state, None, "old")
     with pytest.raises(RobotError, match=r"150\.00 mm and 0\.00° from"):
-        _Job(ARM.with_tool([0, 0, 0.15, 0, 0, 0]), [KIN.fk(HOME)], **settings).same_arm(state, "old")
+        _Job(ARM.with_tool([0, 0, 0.15, 0, 0, 0]), [KIN.fk(HOME)], **settings).same_arm(state, None, "old")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_is_an_interruption_while_the_robot_moves(number):
-    before = signal.getsignal(number)
-    with pytest.raises(KeyboardInterrupt), _stopped_by_signals():
-        signal.raise_signal(number)
-    assert signal.getsignal(number) is before
+def scripted(text):
+    return lambda robot, other: other.send(text)
 
-    class Robot:
-        def run(self, program):
-            signal.raise_signal(number)
 
-    job = _Job(ARM, [KIN.fk(HOME)], linear=False, speed=0.5, blend=0.0)
-    with pytest.raises(KeyboardInterrupt, match="stopped; the robot stands"):
-        job.moved(Robot(), None)
-    assert signal.getsignal(number) is before
+#: What happens while the question is read, by another client or at the robot; how its state shows that; and why nothing
+#: is sent then.
+MEANWHILE = {
+    "it moved": (
+        scripted(f"movej({[*HOME[:5].tolist(), 0.3]}, a=5, v=2)\n"),
+        lambda state: state.runtime_state == 1 and state.actual_q[5] > 0.299,
+        "does not stand where the program begins: wrist_3_joint is 0.3",
+    ),
+    "another TCP": (
+        scripted("set_tcp(p[0, 0, 0.1, 0, 0, 0])\n"),
+        lambda state: state.runtime_state == 1 and state.tcp_offset[2] > 0.0,
+        "the TCP of the robot at 127.0.0.1 is 0,0,0.1,0,0,0; kinreach's tool is 0,0,0,0,0,0",
+    ),
+    "a program runs": (
+        scripted("def other():\n  sleep(3000)\nend\n"),
+        lambda state: state.runtime_state == 2,
+        "runs a program already; end that one first",
+    ),
+    "a stop": (
+        lambda robot, _: robot.emergency_stop(), lambda state: state.safety_mode == 7, "is not ready: robot emergency"
+    ),
+    "another mode": (
+        lambda robot, _: robot.report("robot_mode", [5]), lambda state: state.robot_mode == 5, "is not ready: idle"
+    ),
+    "NaN": (
+        lambda robot, _: robot.report("actual_q", [np.nan] * 6), lambda state: np.isnan(state.actual_q[0]),
+        "is not ready: it reports NaN",
+    ),
+    "another arm": (
+        lambda robot, _: robot.report("actual_TCP_pose", [0.3, 0.2, 0.5, 0, 0, 0]),
+        lambda state: state.tcp_pose[0] == 0.3, "is not this UR5E",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", MEANWHILE)
+def test_what_changes_while_the_question_is_read_is_judged_again(robot, run, monkeypatch, what):
+    """In the cycle before sending, by a state that is newer than the answer."""
+    happen, shows, reason = MEANWHILE[what]
+
+    def answer(_):
+        with URClient("127.0.0.1", rtde_port=robot.rtde_port, script_port=robot.script_port) as other:
+            happen(robot, other)
+            while not shows(other.read()):
+                pass
+        robot.log.clear()
+        return "y"
+
+    monkeypatch.setattr("builtins.input", answer)
+    code, out, err = run("--to", GOAL, "--robot", "127.0.0.1", "--ports", robot.ports)
+    assert code == 2
+    assert reason in err
+    assert len(err.splitlines()) == 1
+    assert "dry run" in out
+    assert robot.log == []
+
+
+def test_another_model_is_not_moved_even_where_its_tool_is_at_the_same_place(capsys):
+    """By its own figures; where the robot does not say them, by the program, which asks the robot before it moves."""
+    rng, (mine, theirs) = np.random.default_rng(8), (ArmKinematics(name, base="base") for name in ("ur16e", "ur18"))
+    free, there = (CollisionChecker(kin, margin=0.006) for kin in (mine, theirs))
+    q = next(
+        q for q in rng.uniform(-2.5, 2.5, (3000, 6))
+        if np.linalg.norm(mine.fk(q)[:3, 3] - theirs.fk(q)[:3, 3]) < 0.018 and free.free(q) and there.free(q)
+    )  # fmt: skip
+    near = ",".join(f"{number:.6f}" for number in pose_vector(mine.fk(q + 0.05)))
+    for says, reason in ((True, "figures are nearest to those of a ur18"), (False, "the robot at .* did not move")):
+        with SimulatedUR("ur18", q=q.tolist(), rtde_port=0, script_port=0, speed=8.0) as robot:
+            robot.greeting = robot.greeting if says else b""
+            ports = f"{robot.rtde_port},{robot.script_port}"
+            flags = ["--arm", "ur16e", "--no-cell", "--to", near, "--robot", robot.address, "--ports", ports, "--yes"]
+            code = main(["move", *flags])
+            said = capsys.readouterr()
+            assert code == 2
+            assert re.search(reason, said.err), said
+            assert np.abs(robot.controller.target_q - q).max() < 1e-9
+
+
+def test_a_recording_that_was_cut_says_so(robot, run):
+    publish = robot._publish
+
+    def sometimes():
+        if robot.controller.runtime_state != 2 or round(robot.controller.time / 0.002) % 20:
+            publish()
+
+    robot._publish = sometimes
+    code, out, _ = run("--to", GOAL, "--robot", "127.0.0.1", "--ports", robot.ports, "--yes")
+    assert code == 0
+    found = re.search(r"the recording is cut: (\d+) of (\d+) control cycles were not received", out)
+    assert 0.02 < int(found[1]) / int(found[2]) < 0.2
 
 
 @pytest.mark.slow
@@ -437,7 +516,8 @@ def test_a_signal_stops_the_robot(number, free_address):
         deadline = time.monotonic() + 120
         while np.abs(robot.controller.target_qd).max() < 0.2 and time.monotonic() < deadline:
             time.sleep(0.01)
-        process.send_signal(number)
+        for _ in range(5):  # the first one stops it, and no further one ends that
+            process.send_signal(number)
         _, err = process.communicate(timeout=60)
         assert process.returncode == 130
         assert err.splitlines() == ["python -m kinreach move: stopped; the robot stands"]

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import kinreach
 from kinreach.deploy import Move, Program, read_trajectory, write_trajectory
 from kinreach.deploy._controller import FINISHED, NOT_AT_START, Controller
+from kinreach.deploy._model import MAX_OFF, MAX_OFF_CALIBRATED, ModelCheck
 from kinreach.deploy._urscript import FUNCTIONS, ScriptError, number_text, parse
 from kinreach.errors import InputError, KinreachError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
@@ -47,13 +48,18 @@ moves = st.builds(
     Move, st.sampled_from(["movej", "movel"]), sixes, st.floats(0.01, 1), st.floats(0.01, 5), st.floats(0, 0.1)
 )
 
+models = st.integers(1, 4).flatmap(lambda count: st.builds(
+    ModelCheck, st.tuples(*[sixes] * count), st.tuples(*[sixes] * count), st.sampled_from([MAX_OFF, MAX_OFF_CALIBRATED])
+))  # fmt: skip
+
 
 @settings(max_examples=30)
-@given(sixes, sixes, st.lists(moves, max_size=6), sixes, st.none() | st.floats(0, 50), st.tuples(*[finite] * 3))
-def test_moves_come_back_as_they_were(start, tcp, some, last, payload, centre):
+@given(sixes, sixes, st.lists(moves, max_size=6), sixes, st.none() | st.floats(0, 50), st.tuples(*[finite] * 3),
+       st.none() | models, st.integers(0, 2**31 - 1))  # fmt: skip
+def test_moves_come_back_as_they_were(start, tcp, some, last, payload, centre, model, run):
     settings = {} if payload is None else {"payload": payload, "centre_of_mass": centre}
-    program = Program(start, tcp, (*some, Move("movej", last, 0.5, 1.0)), **settings)
-    assert Program.parse(program.text) == program
+    program = Program(start, tcp, (*some, Move("movej", last, 0.5, 1.0)), model=model, **settings)
+    assert Program.parse(program.text_of_run(run)) == program
 
 
 @settings(max_examples=40)
@@ -313,15 +319,18 @@ def test_defaults_are_those_of_universal_robots_manual():
     ("movej", r"movej\(\[.*?\]", "movej(start", "movej takes joint angles"),
     ("movej", r"  start = .*", "  start = 3", "a list of numbers is needed here"),
     ("movej", r"  start = .*", "  start = [True]", "a number is needed here"),
-    ("movej", r"> 0.0005 or", "> 0.01 or", "line 10: .* six joints with one tolerance"),
-    ("movej", r" or norm.*:", ":", "compares each of six joints"),
-    ("movej", r"if norm.*:", "if 1 > 0.0005 or q[0] > 1:", "compares each of six joints"),
+    ("movej", r"> 0.0005 or", "> 0.01 or", "line 41: .* six joints with one tolerance"),
+    ("movej", r" or norm\(q.*:", ":", "compares each of six joints"),
+    ("movej", r"if norm\(q.*:", "if 1 > 0.0005 or q[0] > 1:", "compares each of six joints"),
     ("movej", r"> 0.0005", "> q[0]", "a number is needed here"),
     ("movej", r"> 0.0005", "> 0.1", "with one tolerance"),
     ("movej", r"set_tcp\(p\[.*\]\)", "textmsg(1)", "it needs set_tcp, start"),
     ("movej", r"movej\(\[.*", "sleep(1)", "it needs set_tcp, start"),
+    ("movej", r"off = .*", "off = 3", "line 13: a comparison of the arm's kinematics is needed here"),
+    ("movej", r"pose_inv\(.*?\)", "p[0, 0, 0, 0, 0, 0]", "line 13: a comparison of"),
+    ("movej", r" > 0.02 or .*:", " > 0.02:", "line 13: a comparison of"),
     ("servoj", r"(servoj\(.*\n)", r"\1    movej([0, 0, 0, 0, 0, 0])\n", "movej among the servoj of a trajectory"),
-    ("servoj", r"servoj\(\[.*?\]", "servoj([1, 2]", "line 17: servoj takes six joint angles, got 2"),
+    ("servoj", r"servoj\(\[.*?\]", "servoj([1, 2]", "line 47: servoj takes six joint angles, got 2"),
 ])  # fmt: skip
 def test_what_is_not_of_kinreachs_form_is_named(kind, old, new, reason):
     motion = swing() if kind == "servoj" else [Move("movej", HOME + 0.1, 0.5, 1.0)]

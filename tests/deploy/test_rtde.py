@@ -11,6 +11,7 @@ import pytest
 
 from kinreach.deploy import SimulatedUR
 from kinreach.deploy._controller import Controller
+from kinreach.deploy._primary import Message, news_in
 from kinreach.deploy._rtde import (
     FORMATS,
     HEADER,
@@ -38,6 +39,17 @@ def address(simulated):
     return simulated("--arm", "ur5e", "--calibration", str(CALIBRATION), "--tool", TOOL)[0]
 
 
+def in_one_cycle(client, *getters):
+    """What ur_rtde's getters return, all of one state: its thread may replace the state between two of them."""
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        before = client.getTimestamp()
+        values = [getattr(client, getter)() for getter in getters]
+        if client.getTimestamp() == before:
+            return values
+    raise AssertionError("no state lasted as long as it takes to read it")
+
+
 class TestUrRtde:
     """The real package as the client; its calls hold Python's lock, so that the robot is in another process."""
 
@@ -61,11 +73,10 @@ class TestUrRtde:
                                  client.getActualTCPPose()))  # fmt: skip
                     moved |= client.getRuntimeState() == 2
                     time.sleep(0.003)
-            time.sleep(0.3)
-            np.testing.assert_allclose(client.getActualQ(), goal, atol=1e-4)
-            np.testing.assert_allclose(client.getTargetQ(), goal, atol=1e-12)
-            reported, true = pose(client.getActualTCPPose()), kin.fk(np.array(client.getActualQ()))
-            np.testing.assert_allclose(reported, true, atol=1e-9)
+            target, q, T = in_one_cycle(client, "getTargetQ", "getActualQ", "getActualTCPPose")
+            np.testing.assert_allclose(target, goal, atol=1e-12)
+            np.testing.assert_allclose(q, goal, atol=1e-3)
+            np.testing.assert_allclose(pose(T), kin.fk(np.array(q)), atol=1e-9)
         finally:
             client.disconnect()
         times = np.array([row[0] for row in rows])
@@ -73,7 +84,7 @@ class TestUrRtde:
         assert np.ptp(times) > 0.3
         speeds, targets = np.abs([row[2] for row in rows]), np.array([row[3] for row in rows])
         assert 0.4 < speeds.max() < 0.55
-        assert len(np.unique(targets, axis=0)) > 20
+        assert len(np.unique(targets, axis=0)) > 5  # on a busy machine this process sees few of the states
 
     def test_the_io_interface_moves_the_speed_slider(self, address):
         rtde_io, rtde_receive = pytest.importorskip("rtde_io"), pytest.importorskip("rtde_receive")
@@ -270,7 +281,8 @@ def test_the_robot_reports_what_it_is_told_to(robot):
                 return values
         raise AssertionError(values)
 
-    with Client(robot) as client, socket.create_connection((robot.address, robot.script_port)) as script:
+    script = socket.create_connection((robot.address, robot.script_port), timeout=PATIENCE)
+    with Client(robot) as client, script:
         recipe = client.begin([*truth, "actual_q", "joint_mode"], 500.0)
         until(client, recipe)
         script.sendall(b"def f():\n  sleep(3000)\nend\n")
@@ -290,9 +302,13 @@ def test_the_robot_reports_what_it_is_told_to(robot):
             client, recipe, robot_mode=3, safety_mode=7, robot_status_bits=0, safety_status_bits=0b10011000000
         )
         assert stopped["joint_mode"] == (239,) * 6
-        said = script.recv(4096)
-        assert said[14] == 7
-        assert b"Emergency stop" in said
+        stream, said = bytearray(), []
+        while not any(isinstance(news, Message) and news.title == "Emergency stop" for news in said):
+            stream += script.recv(4096)
+            said += list(news_in(stream))
+        titles = [news.title for news in said if isinstance(news, Message)]
+        assert titles == ["PROGRAM_XXX_STARTED", "Emergency stop", "PROGRAM_XXX_STOPPED"]
+        assert [news.text for news in said if isinstance(news, Message)][::2] == ["f", "f"]
         robot.report("actual_q", None)
         robot.release()
         assert np.isfinite(until(client, recipe)["actual_q"]).all()
@@ -500,6 +516,15 @@ class TestScriptPort:
         return socket.create_connection((robot.address, robot.script_port), timeout=PATIENCE)
 
     @staticmethod
+    def greeting(client):
+        """The package that a client gets first: the robot's state, of which the only part is its kinematics."""
+        data = b""
+        while len(data) < 230:
+            data += client.recv(230 - len(data))
+        assert struct.unpack_from(">iBIB", data) == (230, 16, 225, 5)
+        return data
+
+    @staticmethod
     def wait_for(condition):
         deadline = time.monotonic() + PATIENCE
         while not condition() and time.monotonic() < deadline:
@@ -524,7 +549,8 @@ class TestScriptPort:
 
     def test_a_refusal_goes_to_the_clients_of_the_port(self, robot):
         with self.script(robot) as one, self.script(robot) as other:
-            time.sleep(0.05)
+            for client in (one, other):
+                self.greeting(client)
             other.sendall(b"def f():\n  movej([0, 0])\n  force_mode()\nend\n")
             for client in (one, other):
                 message = client.recv(4096)
@@ -540,6 +566,7 @@ class TestScriptPort:
     )
     def test_what_is_no_program_is_refused(self, robot, data):
         with self.script(robot) as client:
+            self.greeting(client)
             client.sendall(data)
             assert b"line 1: " in client.recv(4096)
         assert alive(robot)
@@ -547,6 +574,7 @@ class TestScriptPort:
     def test_a_program_without_an_end_is_dropped(self, robot, monkeypatch):
         monkeypatch.setattr("kinreach.deploy._server.MAX_CHARACTERS", 100_000)
         with self.script(robot) as client, suppress(OSError):
+            self.greeting(client)
             client.sendall(b"def f():\n" + b"  sleep(1)\n" * 20_000)
             while client.recv(4096):
                 pass
