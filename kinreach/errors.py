@@ -86,10 +86,6 @@ class RobotError(KinreachError, RuntimeError):
     recording: Any = None
 
 
-class RobotLostError(RobotError, ConnectionError):
-    """The connection to a robot broke, or its state no longer comes."""
-
-
 class DrawingError(KinreachError, RuntimeError):
     """The graphics library was there and failed all the same."""
 

@@ -12,8 +12,8 @@ from kinreach._checks import Floats, check_count, check_path, printable
 from kinreach._files import replacing
 from kinreach.cli import Parser, complain, say
 from kinreach.deploy._client import URClient
+from kinreach.deploy._primary import PRIMARY_PORT
 from kinreach.deploy._rtde import RTDE_PORT
-from kinreach.deploy._server import PRIMARY_PORT
 from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import pose
 from kinreach.robots import PosePairs, calibrate

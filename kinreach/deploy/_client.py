@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 
 from kinreach._checks import Floats, check_count, printable, shown
-from kinreach.deploy._connection import TIMEOUT
+from kinreach.deploy._connection import TIMEOUT, LostError
 from kinreach.deploy._controller import FINISHED, NOT_AT_START, OTHER_ARM, Recording
 from kinreach.deploy._model import DhFigures, apart
 from kinreach.deploy._primary import PRIMARY_PORT
@@ -22,7 +22,7 @@ from kinreach.deploy._rtde import RTDE_PORT, RuntimeState
 from kinreach.deploy._script_port import ScriptPort
 from kinreach.deploy._signals import Interruption
 from kinreach.deploy._states import REST, RobotState, StateReader
-from kinreach.errors import InputError, RobotError, RobotLostError
+from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import pose
 from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._trajectory import Trajectory
@@ -32,8 +32,10 @@ from kinreach.robots._ur import JOINTS
 START_TIMEOUT, READING_TIME, STOP_TIMEOUT = 3.0, 1e-5, 10.0
 #: So long a stop has to take effect before it is sent again, over a new connection [s].
 STOP_AGAIN = 0.25
-#: So long after a stop a program that was sent before may still begin [s].
+#: So long after a stop a program that was sent before may still begin, and after another one's end the next [s].
 LATE = 0.5
+#: Longest time between two programs of which the second one ends the first [s].
+GAP = 0.2
 #: So long an arm that its safety system has halted must be at rest, if it has not ended the stopping program [s].
 HALTED = 0.1
 #: How far from where its program ends the arm may be: a joint [rad]; the tool of a straight line [m, degrees].
@@ -86,7 +88,7 @@ class URClient:
         """Return the robot's newest state, which comes after this call.
 
         Raises:
-            RobotLostError: The connection broke, or no state comes.
+            RobotError: The connection broke, or no state comes; it is a `ConnectionError`, too.
         """
         return self._states.read()
 
@@ -96,7 +98,7 @@ class URClient:
         Who has not asked for a second gets the newest one.
 
         Raises:
-            RobotLostError: As `read`.
+            RobotError: As `read`.
         """
         return self._states.next()
 
@@ -111,7 +113,7 @@ class URClient:
         """Send a program; the running one ends.
 
         Raises:
-            RobotLostError: The connection is lost.
+            RobotError: The connection is lost; it is a `ConnectionError`, too.
         """
         self._script.send(script, patience=TIMEOUT + READING_TIME * len(script))
 
@@ -163,7 +165,7 @@ class URClient:
         Raises:
             RobotError: The robot does not begin or finish the program, reports a stop, a pause, another mode or NaN, or
                 was taken over. The message has the robot's reason, if any; `recording` is what was recorded until then.
-            RobotLostError: The connection broke.
+                If the connection broke it is a `ConnectionError`, too.
         """
         with Interruption() as interruption:
             self._states.keep_all(whether=True)
@@ -175,7 +177,6 @@ class URClient:
                 interruption.check()
                 self._script.forget()
                 self._send_and_follow(run, watch, interruption)
-                self._check_end(run)
                 return self._recording(run.states)
             finally:
                 self._states.keep_all(whether=False)
@@ -186,17 +187,17 @@ class URClient:
         try:
             self.send(run.text)
             self._follow(run, watch, interruption)
+            self._check_end(run)
         except _TakenOverError as error:  # the robot moves for somebody else
             raise self._with_recording(error, run) from None
         except BaseException as error:
-            doubt = self._stop(run.states, None if run.began else run)
-            if doubt:
+            if not run.is_over and (doubt := self._stop(run.states, None if run.began else run)):
                 what = "interrupted" if isinstance(error, KeyboardInterrupt) else str(error)
                 raise self._with_recording(RobotError(f"{what}; {doubt}"), run) from error
             if isinstance(error, KeyboardInterrupt):
                 raise KeyboardInterrupt("stopped; the robot stands") from None
-            if isinstance(error, RobotLostError):
-                raise self._with_recording(RobotLostError(f"{error}; it was stopped and stands"), run) from None
+            if isinstance(error, LostError):
+                raise self._with_recording(LostError(f"{error}; it was stopped and stands"), run) from None
             if isinstance(error, RobotError):
                 self._with_recording(error, run)
             raise
@@ -209,7 +210,7 @@ class URClient:
         try:
             while not run.ended:
                 state = self._states.next(interruption.check)
-                run.add(state)
+                run.add(state, self._script.started)
                 interruption.check()
                 if run.began:
                     self._states.patience = TIMEOUT
@@ -224,6 +225,8 @@ class URClient:
             self._states.patience = TIMEOUT
 
     def _not_begun(self, run: _Run, state: RobotState) -> RobotError:
+        if other := run.only_other(self._script.started):
+            return self._taken_over(other, state)
         if state.run != run.states[0].run or state.runtime_state != RuntimeState.STOPPED:
             return self._taken_over("ran another program in place of this one", state)
         return self._error(f"did not begin{self._script.reason(': ')}; is it in remote control?")
@@ -270,7 +273,7 @@ class URClient:
             state = news[-1] if news else None
             if state is None:
                 continue
-            if taken and state.run != number:
+            if taken and state.run not in (None, number):
                 if sent is None or state.run != sent.number:
                     return f"it was stopped, and another program began since: {_whereabouts(state)}"
                 taken, again, quiet = False, 0.0, monotonic() + LATE
@@ -323,20 +326,33 @@ class URClient:
     def _check_end(self, run: _Run) -> None:
         """Check that the program came to its end, and the arm to where that is."""
         end = run.states[-1]
-        wrong = ""
         if end.register == NOT_AT_START:
-            wrong = "did not move: it does not stand where the program begins"
-        elif end.register == OTHER_ARM:
-            wrong = (
+            raise self._error("did not move: it does not stand where the program begins")
+        if end.register == OTHER_ARM:
+            raise self._error(
                 "did not move: its own kinematics is not that of the arm that the program is for; it is another model, "
                 "or has another calibration"
             )
-        elif end.register not in (None, FINISHED):
-            wrong = f"ended the program before its last move{self._script.reason(': ')}; {_whereabouts(end)}"
-        elif miss := _miss(run.program, end):
-            wrong = f"does not stand where the program ends: {miss}; {_whereabouts(end)}"
-        if wrong:
-            raise self._with_recording(self._error(wrong), run)
+        miss = _miss(run.program, end)
+        if end.register not in (None, FINISHED):
+            wrong = f"ended the program before its last move{self._script.reason(': ')}"
+        elif miss:
+            wrong = f"does not stand where the program ends: {miss}"
+        else:
+            return
+        self._look_for_another(run)
+        raise self._error(f"{wrong}; {_whereabouts(run.states[-1])}")
+
+    def _look_for_another(self, run: _Run) -> None:
+        """Raise if another program came in place of one that did not end as it should; it may begin a little later."""
+        until = monotonic() + LATE
+        while monotonic() < until:
+            state = run.states[-1]
+            if other := run.other_program(state, self._script.started) or run.only_other(self._script.started):
+                raise self._taken_over(other, state)
+            if run.is_over and state.runtime_state == RuntimeState.PLAYING:
+                raise self._taken_over("began another program", state)
+            run.states.append(self._states.next())
 
     def _recording(self, states: Sequence[RobotState], reason: str = "") -> Recording:
         """Make the recording of a motion from its states, each time once."""
@@ -377,26 +393,42 @@ class _Run:
         states: Since before it was sent.
         began: Whether the robot has shown the number.
         played: Whether it was seen running.
+        is_over: Whether the robot has said that it was this program that ran, and that it runs no longer.
     """
 
     def __init__(self, program: Program, state: RobotState) -> None:
-        self.program, self.states, self.began, self.played = program, [state], False, False
+        self.program, self.states = program, [state]
+        self.began = self.played = self.is_over = False
+        self._rest = math.inf  # the robot's time since when no program runs
         self.number = _number(other_than=state.run)
         self.text = program.text_of_run(self.number)
 
-    def add(self, state: RobotState) -> None:
+    def add(self, state: RobotState, started: Sequence[str]) -> None:
+        """Add a state, and look whether the program has begun; `started` are the names that the robot has announced."""
         self.states.append(state)
         plays = state.runtime_state != RuntimeState.STOPPED
-        # an old controller does not have the register
-        self.began = self.began or state.run == self.number or (state.run is None and plays)
-        self.played = self.played or (self.began and plays)
+        if state.run is not None:
+            self.began = self.began or state.run == self.number
+        else:  # an old controller, which has no such register
+            self.began = name_of_run(self.number) in started or (not started and (self.began or plays))
+        self.played = self.began and (self.played or plays)
+        self._rest = math.inf if plays else min(self._rest, state.time)
+        self.is_over = self.ended and state.run == self.number and not state.trouble
 
     @property
     def ended(self) -> bool:
         """Whether the program has begun and runs no longer."""
         state = self.states[-1]
+        if state.run is None:  # this may be the gap between another one's program and this one
+            return self.played and state.time >= self._rest + GAP
         over = self.played or state.register in (FINISHED, NOT_AT_START, OTHER_ARM)
         return self.began and over and state.runtime_state == RuntimeState.STOPPED
+
+    def only_other(self, started: Sequence[str]) -> str:
+        """Which other program the robot announced in place of this one, if it announced that one only."""
+        if started and name_of_run(self.number) not in started:
+            return f"ran another program, {printable(started[-1]) or 'a single line'}, in place of this one"
+        return ""
 
     def other_program(self, now: RobotState, started: Sequence[str]) -> str:
         """Which other program the robot began after this one; empty if it runs this one, or has not begun it yet."""

@@ -9,10 +9,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol
 
-from kinreach.errors import RobotError, RobotLostError
+from kinreach.errors import RobotError
 
 #: Longest time for an answer [s]; bytes that are read at once.
 TIMEOUT, CHUNK = 3.0, 65536
+
+
+class LostError(RobotError, ConnectionError):
+    """The connection to a robot broke, or its state no longer comes."""
 
 
 class Taker(Protocol):
@@ -84,9 +88,9 @@ class Connection:
                 self._thread.join()
         self.socket.close()
 
-    def lost(self, error: OSError) -> RobotLostError:
+    def lost(self, error: OSError) -> LostError:
         reason = error.strerror or str(error)
-        return RobotLostError(f"the connection to the robot at {self.address} is lost: {reason}")
+        return LostError(f"the connection to the robot at {self.address} is lost: {reason}")
 
 
 def _deliver(connection: socket.socket, take: Callable[..., None], lose: Callable[[Exception], None]) -> None:

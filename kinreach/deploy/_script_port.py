@@ -6,10 +6,10 @@ import threading
 from time import monotonic
 
 from kinreach._checks import printable
-from kinreach.deploy._connection import TIMEOUT, Connection
+from kinreach.deploy._connection import TIMEOUT, Connection, LostError
 from kinreach.deploy._model import DhFigures
 from kinreach.deploy._primary import KEY, RUNTIME_EXCEPTION, STARTED, STOPPED, Message, news_in
-from kinreach.errors import RobotError, RobotLostError
+from kinreach.errors import RobotError
 
 #: So long a reason may come later than the state that it explains [s].
 LATER = 0.2
@@ -62,7 +62,7 @@ class ScriptPort:
     def check_usable(self) -> None:
         """Refuse a connection that was closed here, or belongs to another process."""
         if self._closed:
-            raise RobotLostError(f"the connection to the robot at {self._place[0]} is lost: it was closed")
+            raise LostError(f"the connection to the robot at {self._place[0]} is lost: it was closed")
         self._connection.check_process()
 
     def forget(self) -> None:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import ast
 import re
+import threading
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
@@ -55,6 +56,8 @@ _TOKEN = re.compile(
     r"|[A-Za-z_]\w*|[()\[\],:=>-]",
     re.ASCII,
 )
+#: CPython 3.11 counts the depth of what it parses for all threads together, and fails where two parse.
+_ONE_AT_A_TIME = threading.Lock()
 _DEF, _IF = re.compile(r"def\s+([A-Za-z_]\w*)\s*\(\s*\)\s*:"), re.compile(r"if\b(.*):")
 _ASSIGNMENT = re.compile(r"([A-Za-z_]\w*)\s*=(?!=)(.*)")
 
@@ -244,7 +247,8 @@ class _Reader:
 
     def tree(self, code: str, line: int) -> ast.expr:
         try:
-            return ast.parse(code.strip(), mode="eval").body
+            with _ONE_AT_A_TIME:
+                return ast.parse(code.strip(), mode="eval").body
         except SyntaxError as error:
             reason = error.msg.partition(";")[0]  # what follows is advice on Python
             raise ScriptError(line, f"syntax error: {reason}, in {shown(code)}") from None

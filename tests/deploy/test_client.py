@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from kinreach.deploy import Move, Program, SimulatedUR, URClient, _server
+from kinreach.deploy._connection import LostError
 from kinreach.deploy._rtde import NOT_FOUND, Kind, package
-from kinreach.errors import InputError, RobotError, RobotLostError
+from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import ArmKinematics, pose
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots import get_arm
@@ -290,16 +291,14 @@ def test_a_robot_that_no_longer_reports_is_lost(robot, client):
             use()
 
     for use in (client.read, client.read, client.next_state):
-        with pytest.raises(
-            RobotLostError, match=r"connection to the robot at 127\.0\.0\.1 is lost: no state for 0.2 s"
-        ):
+        with pytest.raises(LostError, match=r"connection to the robot at 127\.0\.0\.1 is lost: no state for 0.2 s"):
             read_on(use)
 
 
 @pytest.mark.parametrize("use", [URClient.read, URClient.next_state, URClient.stop])
 def test_a_client_that_is_closed_has_lost_its_robot(client, use):
     client.close()
-    with pytest.raises(RobotLostError, match=r"connection to the robot at 127\.0\.0\.1 is lost"):
+    with pytest.raises(LostError, match=r"connection to the robot at 127\.0\.0\.1 is lost"):
         use(client)
 
 
@@ -340,8 +339,8 @@ def test_a_lost_connection_is_said(robot, client):
         while True:
             client.next_state()
 
-    with pytest.raises(RobotLostError, match=r"connection to the robot at 127.0.0.1 is lost") as lost:
+    with pytest.raises(LostError, match=r"connection to the robot at 127.0.0.1 is lost") as lost:
         read_on()
     assert isinstance(lost.value, ConnectionError)
-    with pytest.raises(RobotLostError):
+    with pytest.raises(LostError):
         client.read()

@@ -420,7 +420,7 @@ MEANWHILE = {
     ),
     "another TCP": (
         scripted("set_tcp(p[0, 0, 0.1, 0, 0, 0])\n"),
-        lambda state: state.runtime_state == 1 and state.tcp_offset[2] > 0.0,
+        lambda state: state.runtime_state == 1 and state.tcp_offset[2] > 0.05,
         "the TCP of the robot at 127.0.0.1 is 0,0,0.1,0,0,0; kinreach's tool is 0,0,0,0,0,0",
     ),
     "a program runs": (

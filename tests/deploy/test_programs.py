@@ -319,7 +319,7 @@ def test_defaults_are_those_of_universal_robots_manual():
     ("movej", r"movej\(\[.*?\]", "movej(start", "movej takes joint angles"),
     ("movej", r"  start = .*", "  start = 3", "a list of numbers is needed here"),
     ("movej", r"  start = .*", "  start = [True]", "a number is needed here"),
-    ("movej", r"> 0.0005 or", "> 0.01 or", "line 41: .* six joints with one tolerance"),
+    ("movej", r"> 0.0005 or", "> 0.01 or", "line 40: .* six joints with one tolerance"),
     ("movej", r" or norm\(q.*:", ":", "compares each of six joints"),
     ("movej", r"if norm\(q.*:", "if 1 > 0.0005 or q[0] > 1:", "compares each of six joints"),
     ("movej", r"> 0.0005", "> q[0]", "a number is needed here"),

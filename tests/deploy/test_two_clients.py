@@ -71,7 +71,7 @@ def test_of_two_programs_at_the_same_moment_one_runs_and_the_other_is_told(robot
     if old:
         without(monkeypatch, "output_int_register_24", "output_int_register_25")
     won, start = [], HOME
-    for turn in range(4):
+    for turn in range(3):
         (left, at_left), (right, at_right) = (to(change, start) for change in (0.4, -0.4))
         ends = both(robot, [left, right])
         failed = [isinstance(end, RobotError) for end in ends]
@@ -86,18 +86,25 @@ def test_of_two_programs_at_the_same_moment_one_runs_and_the_other_is_told(robot
             start = watch.read().actual_q
             np.testing.assert_allclose(start, goal, atol=1e-3)
         won.append(failed.index(False))
-    assert len(won) == 4
+    assert len(won) == 3
     assert not any("kinreach_stop" in line for line in robot.log)  # the loser does not stop the other's program
 
 
 def test_where_nothing_tells_them_apart_the_end_does(robot, monkeypatch):
-    """An old controller, and a port that announces no program."""
+    """An old controller, and a port that announces no program: what did not end where it should stops the robot."""
     without(monkeypatch, "output_int_register_24", "output_int_register_25")
     monkeypatch.setattr(SimulatedUR, "_announce", lambda self: None)
-    ends = both(robot, [to(0.4)[0], to(-0.4)[0]])
+    programs = [to(0.4), to(-0.4)]
+    ends = both(robot, [program for program, _ in programs])
     failed = [isinstance(end, RobotError) for end in ends]
-    assert sorted(failed) == [False, True]
-    assert "does not stand where the program ends: shoulder_pan_joint is 0.8" in str(ends[failed.index(True)])
+    assert any(failed)
+    for end, (_, goal) in zip(ends, programs, strict=True):
+        if isinstance(end, RobotError):
+            assert "does not stand where the program ends: shoulder_pan_joint is " in str(end)
+        else:
+            np.testing.assert_allclose(end.measured.q[-1], goal, atol=1e-3)
+    with connected(robot) as watch:
+        assert watch.read().runtime_state == 1
 
 
 @pytest.mark.parametrize("script", [
@@ -180,5 +187,5 @@ def test_a_trajectory_for_another_controllers_cycle_is_not_sent():
                 assert done.missing == 0
                 np.testing.assert_allclose(done.commanded.q[-1], motion.q[-1], atol=1e-3)
                 client.send(f"movej({home.tolist()}, a=20, v=3)\n")
-                while np.abs(client.read().actual_q - home).max() > 1e-3 or client.read().runtime_state != 1:
+                while np.abs(client.read().actual_q - home).max() > 2e-4 or client.read().runtime_state != 1:
                     pass
