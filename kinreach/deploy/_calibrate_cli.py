@@ -10,7 +10,7 @@ import numpy as np
 
 from kinreach._checks import Floats, check_count, check_path, printable
 from kinreach._files import replacing
-from kinreach.cli import Parser, complain, say
+from kinreach.cli import Parser, complain, in_flags, say
 from kinreach.deploy._client import URClient
 from kinreach.deploy._primary import PRIMARY_PORT
 from kinreach.deploy._rtde import RTDE_PORT
@@ -49,7 +49,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     source: PosePairs | list[Path] = sources if not addresses else _read(addresses[0], arguments.ports, arguments.rows)
     result = calibrate(source, arm=arguments.arm, tool=tool, robot=arguments.robot)
     for line in result.statement():
-        print(printable(line), flush=True)
+        say(in_flags(line))
     if picture is not None:
         if result.fit is None:
             raise InputError("--picture shows the errors of a fit, and these figures were read")
@@ -72,7 +72,11 @@ def _read(address: str, ports: str, rows: int) -> PosePairs:
     wanted = check_count("--rows", rows, least=3, most=10_000)
     rtde, script = (int(number) for number in numbers_of("--ports", ports, 2))
     kept: list[tuple[Floats, Floats, Floats | None]] = []
-    with URClient(address, rtde_port=rtde, script_port=script) as client:
+    try:
+        robot = URClient(address, rtde_port=rtde, script_port=script)
+    except RobotError as error:
+        raise RobotError(f"{address} is no file here, and as an address: {error}") from None
+    with robot as client:
         say(
             f"{address}: move the arm, by hand or by a program, to {wanted} postures in which every joint differs; "
             "Ctrl-C ends"

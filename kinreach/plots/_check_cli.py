@@ -26,6 +26,8 @@ from kinreach.robots import PosePairs
 from kinreach.robots._flags import add_arm_flags, arm_of, print_notes, tool_of
 from kinreach.robots._ur import JOINTS
 
+#: Part of the data sheet's error that the calibration of a recording's robot leaves at most, and another's at least.
+TELLING, OTHER = 0.5, 1.2
 #: Poses to solve by default, and the most singular ones.
 POSES, MAX_SINGULAR = 200, 60
 
@@ -173,11 +175,13 @@ def _explained(subject: Subject, arguments: argparse.Namespace) -> Iterator[str]
     yield f"{kin.arm.name}: {len(pairs)} rows of {pairs.source}"
     for note in pairs.notes:
         yield f"note         {note}"
+    medians = []
     for name, arm in (("data sheet", subject.believed), ("calibrated" if subject.believed else "arm", kin)):
         if arm is None:
             continue
         tip, base = ("tool0", "base") if arm.arm.joints == JOINTS else (arm.arm.default_tip, arm.base)
         found = check.explained(ArmKinematics(arm.arm, tip=tip, base=base), pairs, None if tool is None else tool.T)
+        medians.append(1e3 * float(np.median(found.position)))
         if found.recovered:
             six = ",".join(f"{number:.6g}" for number in pose_vector(found.tool).round(7) + 0.0)
             yield f"{name:<12} tool {six}, found: the recording has none"
@@ -190,6 +194,20 @@ def _explained(subject: Subject, arguments: argparse.Namespace) -> Iterator[str]
             if len(values):
                 median, late, most = (f"{scale * value:.3g}" for value in check.quantiles(values))
                 yield f"{name:<12} {what}: {median} {unit} in the median, p95 {late}, most {most}"
+    if subject.believed is not None:
+        yield f"verdict      {_verdict(*medians)}"
+
+
+def _verdict(sheet: float, own: float) -> str:
+    """Say whether a calibration is that of a recording's robot, by the median errors [mm] without and with it."""
+    if own < TELLING * sheet:
+        return f"the calibration is that of this robot: {own:.3g} mm are left of {sheet:.3g}"
+    if own > OTHER * sheet:
+        return f"the calibration is not that of this robot: {own:.3g} mm off, the data sheet {sheet:.3g}"
+    return (
+        f"undecided: {own:.3g} mm are left of {sheet:.3g}; it is another robot's, the tool centre point is another, or "
+        "joint angles and poses are of different moments"
+    )
 
 
 def _singular(kin: ArmKinematics, found: check.Singular) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from kinreach.robots._calibration import (
     from_program,
     is_calibration,
     models_that_fit,
+    nominal_dh,
     read_calibration,
 )
 from kinreach.robots._calibration_fit import CalibrationFit, Fitted, fitted_chain, fitted_ur, listed_pose, millimetres
@@ -28,11 +30,13 @@ from kinreach.robots._pairs import PosePairs, read_pairs
 from kinreach.robots._polyscope import is_program, read_program
 from kinreach.robots._registry import FILES, arm_named, get_arm
 from kinreach.robots._rotations import as_frame, pose
-from kinreach.robots._ur import UR_LENGTHS
+from kinreach.robots._ur import JOINTS, UR_LENGTHS, ur_model
 from kinreach.robots._urdf_chain import UrdfChain
 
 #: Dropped rows that a statement names.
 SHOWN = 8
+#: Figures nearer to the data sheet than this are the data sheet's [m], [rad]; a real robot's are farther off.
+SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,11 +155,10 @@ def calibrate(
             raise InputError(f"{paths[0].name} carries the figures of a UR, not of {own.title}")
         return _read(paths[0], contents[0], own, tcp, robot) if programs[0] else _converted(paths[0], own, tcp)
     joints = own.joints if isinstance(own, ArmDescription) else ()
-    pairs = source if isinstance(source, PosePairs) else read_pairs(paths[0], joints=joints)
-    for path in paths[1:]:
-        pairs = pairs.joined(read_pairs(path, joints=joints))
+    each = [source] if isinstance(source, PosePairs) else [read_pairs(path, joints=joints) for path in paths]
     if tcp is not None:
-        pairs = pairs.with_tcp(tcp)
+        each = [one.with_tcp(tcp) for one in each]
+    pairs = reduce(PosePairs.joined, each)
     if isinstance(own, ArmDescription):
         return _other_arm(own, pairs)
     return _ur(fitted_ur(own, pairs), pairs)
@@ -175,7 +178,7 @@ def _ur(found: Fitted, pairs: PosePairs) -> CalibratedArm:
 def _other_arm(arm: ArmDescription, pairs: PosePairs) -> CalibratedArm:
     """An arm that is no UR, with its joints where they were found."""
     chain = UrdfChain.of(arm.urdf, arm.joints, base=arm.base, tip=arm.tips[arm.default_tip])
-    found = fitted_chain(arm.name, chain, pairs)
+    found = fitted_chain(arm.name, arm.joints, chain, pairs)
     notes = (*found.notes, f"the poses are in a frame in which {arm.base} is at {listed_pose(found.base)}")
     if not found.missing:
         title = f"{arm.title}, calibrated by {pairs.source}"
@@ -191,7 +194,8 @@ def _own_arm(arm: str | Path | ArmDescription | None) -> str | ArmDescription | 
     if isinstance(arm, Path) or (isinstance(arm, str) and (arm.lower().endswith(FILES) or ":" in arm)):
         return arm_named(str(arm))
     description = get_arm(arm)
-    return description.name if description.name in UR_LENGTHS else description
+    model = ur_model(description.name) if isinstance(arm, str) and description.joints == JOINTS else description.name
+    return model if model in UR_LENGTHS else description
 
 
 def _read(path: Path, content: bytes, model: str | None, tcp: Floats | None, robot: int | None) -> CalibratedArm:
@@ -214,6 +218,11 @@ def _read(path: Path, content: bytes, model: str | None, tcp: Floats | None, rob
         raise InputError(f"the figures of {path.name} fit no model of UR")
     calibration = from_program(figures, model or names[0], path)
     notes = [f"{path.name} has the data sheet's figures beside: {line}" for line in program.unusable]
+    if np.abs(figures - nominal_dh(calibration.model)).max() < SAME:
+        notes.append(
+            f"the figures are those of the data sheet to {SAME:g} m and rad: the robot has no calibration, or "
+            f"{path.name} was saved in a simulator"
+        )
     if tcp is None and len(program.tcps) == 1:
         tcp = pose(program.tcps[0])
     elif tcp is None and len(program.tcps) > 1:
@@ -231,7 +240,7 @@ def _of_waypoints(names: Sequence[str]) -> str:
 
 
 def _converted(path: Path, model: str | None, tcp: Floats | None) -> CalibratedArm:
-    """A calibration that is one already."""
+    """A calibration that is one already; of the models that it fits the nearest, unless it says only differences."""
     found = []
     for name in [model] if model else UR_LENGTHS:
         try:
@@ -240,5 +249,15 @@ def _converted(path: Path, model: str | None, tcp: Floats | None) -> CalibratedA
             reason = error
     if not found:
         raise reason
+    nearest = min(float(calibration.offsets.max()) for calibration in found)
+    names = [calibration.model for calibration in found]
+    if any(calibration.note for calibration in found):  # differences from a data sheet that the file does not name
+        if len({UR_LENGTHS[name] for name in names}) > 1:
+            raise InputError(
+                f"{path.name} says how far a robot is off its data sheet, but not which robot it is: it fits "
+                f"{listed(names)}; name yours with arm="
+            )
+    else:
+        found = [calibration for calibration in found if calibration.offsets.max() <= nearest + 1e-9]
     models = tuple(calibration.model for calibration in found)
     return CalibratedArm(get_arm(found[0].model).calibrated(found[0]), models, found[0], tcp)

@@ -216,8 +216,8 @@ def fitted_ur(model: str | None, pairs: PosePairs) -> Fitted:
     start, spread = _ur_start(best)
     fit = _fit(start, best.rows, spread, pairs)
     found = not best.rows.tool_known
-    tcp = np.linalg.inv(nominal[-1]) @ fit.arm.placements[-1] if found else None if pairs.tcp is None else pairs.tcp[0]
-    errors, missing = _judged(fit)
+    tcp = np.linalg.inv(nominal[-1]) @ fit.arm.placements[-1] if found else pairs.only_tcp
+    errors, missing = _judged(fit, JOINTS)
     notes = (*pairs.notes, *[best.note] * bool(best.note))
     if found and tcp is not None:
         notes += (f"the tool is fitted, too, and is only known together with the flange: use tool={listed_pose(tcp)}",)
@@ -487,8 +487,8 @@ def _refuse_two(
         return
     found: list[tuple[float, int, list[tuple[IdentifiedArm, tuple[float, float]]]]] = []
     for row in sorted({int(count * part / 10) for part in range(2, 9)}, key=lambda row: abs(row - count / 2)):
-        if found and found[0][0] > noise[0] / 2.0:
-            return  # two halves are hardly better than the whole
+        if found and min(part[1][0] for part in found[0][2]) > noise[0] / 2.0:
+            return  # one half lies before or after a change, and would be better than the whole
         parts = [_identified(start, rows.part(side), spread, least) for side in (slice(0, row), slice(row, None))]
         found.append((max(part[1][0] for part in parts), row, parts))
     least_noise, row, parts = min(found, key=lambda each: each[0])
@@ -507,7 +507,7 @@ def _refuse_two(
     raise InputError(f"{pairs.source} has the rows of two robots or tools, one up to {place}: give those of one")
 
 
-def _judged(fit: _Fit) -> tuple[CalibrationFit, str]:
+def _judged(fit: _Fit, names: Sequence[str]) -> tuple[CalibrationFit, str]:
     """The errors of a fit at the rows and over the workspace, and what the rows do not determine."""
     rows, joints = fit.rows, fit.rows.q.shape[1]
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (WORKSPACE, joints))
@@ -525,14 +525,14 @@ def _judged(fit: _Fit) -> tuple[CalibrationFit, str]:
         expected=expected,
         covariance=fit.arm.covariance,
     )
-    return errors, _missing(rows, float(np.median(expected)), float(np.median(correction)))
+    return errors, _missing(rows, names, float(np.median(expected)), float(np.median(correction)))
 
 
-def _missing(rows: _Rows, expected: float, correction: float) -> str:
+def _missing(rows: _Rows, names: Sequence[str], expected: float, correction: float) -> str:
     """Say what the rows do not determine; empty if the calibration is better than the data sheet."""
     if expected < max(BETTER * min(correction, USUAL), GOOD):
         return ""
-    still = [f"joint {joint + 1}" for joint, turn in enumerate(np.ptp(rows.q, axis=0)) if turn < STILL]
+    still = [name for name, turn in zip(names, np.ptp(rows.q, axis=0), strict=True) if turn < STILL]
     if len(rows.q) < 6:
         remedy = f"add rows: {len(rows.q)} are too few, six or more are needed"
     elif still:
@@ -545,7 +545,7 @@ def _missing(rows: _Rows, expected: float, correction: float) -> str:
     )
 
 
-def fitted_chain(name: str, chain: UrdfChain, pairs: PosePairs) -> Fitted:
+def fitted_chain(name: str, joints: Sequence[str], chain: UrdfChain, pairs: PosePairs) -> Fitted:
     """Fit the joint placements of any arm, with its base in the frame of the poses, and its tool."""
     if pairs.q.shape[1] != chain.joints:
         raise InputError(f"arm {name!r} has {chain.joints} joints, {pairs.source} has {pairs.q.shape[1]}")
@@ -571,9 +571,9 @@ def fitted_chain(name: str, chain: UrdfChain, pairs: PosePairs) -> Fitted:
     fit = _fit(start, rows, spread, pairs)
     placements = fit.arm.placements
     base = placements[0] @ np.linalg.inv(nominal[0])
-    tool = pairs.tcp[0] if rows.tool_known and pairs.tcp is not None else np.linalg.inv(nominal[-1]) @ placements[-1]
-    errors, missing = _judged(fit)
-    return Fitted(placements, (), tool, not rows.tool_known, errors, missing, pairs.notes, base)
+    tcp = pairs.only_tcp if rows.tool_known else np.linalg.inv(nominal[-1]) @ placements[-1]
+    errors, missing = _judged(fit, joints)
+    return Fitted(placements, (), tcp, not rows.tool_known, errors, missing, pairs.notes, base)
 
 
 def _seen_from(p: Floats, seen: Floats) -> Floats:

@@ -15,12 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kinreach._checks import Floats, check_path, shown
+from kinreach._checks import Floats, check_path, listed, shown
 from kinreach._files import decoded, read_bytes
 from kinreach._tables import Table, table_of
 from kinreach.errors import InputError
-from kinreach.robots._polyscope import read_export
+from kinreach.robots._polyscope import is_program, read_export
 from kinreach.robots._rotations import pose
+from kinreach.robots._ur import JOINTS
 
 #: Largest file [bytes].
 MAX_BYTES = 2**28
@@ -28,14 +29,18 @@ MAX_BYTES = 2**28
 MAX_TURN, MAX_REACH = 2 * np.pi + 0.1, 8.0
 #: A rotation vector may be a turn and a half long; a longer one is in degrees [rad].
 MAX_ROTATION = 3 * np.pi
-#: Rows whose rotations are tried as the tool's, and how far others may be off to count [rad].
-CANDIDATES, ALIKE = 60, 0.05
+#: Rows whose rotations are tried as the tool's, and how far others may be off to count: [rad], and in medians.
+CANDIDATES, ALIKE, TORN = 60, 0.05, 3.0
 _MILLIMETRES, _DEGREES = "mm", "deg"
 _POSE = ("x", "y", "z", "rx", "ry", "rz")
 _RPY = ("roll", "pitch", "yaw")
-_PENDANT = [["base", "shoulder", "elbow", *(f"wrist{gap}{n}" for n in (1, 2, 3))] for gap in (" ", "", "_")]
-#: A column's name and the unit that may follow it: q1_deg, x [mm], rx(rad).
-_HEADING = re.compile(r"^(.*?)[\s_]*[\[(]?(mm|m|deg|degrees|°|rad)?[\])]?$")
+_PENDANT = ["base", "shoulder", "elbow", "wrist1", "wrist2", "wrist3"]
+_ROS = [joint.removesuffix("_joint") for joint in JOINTS]
+#: Units as people write them.
+_UNITS = dict.fromkeys(("mm", "millimetres", "millimeters"), "mm") | dict.fromkeys(("m", "metres", "meters"), "m")
+_UNITS |= dict.fromkeys(("deg", "degree", "degrees", "°"), "deg") | dict.fromkeys(("rad", "radians"), "rad")
+#: A column's name and the unit that may follow it: q1_deg, x [mm], rx(rad), base in °.
+_HEADING = re.compile(rf"^(.*?)(?:[\s_]+in\s+|[\s_]*)[\[(]?({'|'.join(sorted(_UNITS, key=len, reverse=True))})?[\])]?$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +81,11 @@ class PosePairs:
     @property
     def has_rotations(self) -> bool:
         return self.seen.ndim == 3
+
+    @property
+    def only_tcp(self) -> Floats | None:
+        """The tool centre point if it is known and the same in all rows, shape (4, 4)."""
+        return None if self.tcp is None or np.abs(self.tcp - self.tcp[0]).max() > 1e-9 else self.tcp[0]
 
     def rows(self, chosen: Sequence[int] | np.ndarray) -> PosePairs:
         """Return some of the rows."""
@@ -118,8 +128,11 @@ class PosePairs:
         X = np.linalg.inv(flange) @ self.seen
         turns = Rotation.from_matrix(X[:, :3, :3])
         middle = turns[int(np.argmin([np.median((turns * one.inv()).magnitude()) for one in turns[:CANDIDATES]]))]
-        near = (turns * middle.inv()).magnitude() < ALIKE
-        tool[:3, :3] = (turns[near].mean() if near.any() else middle).as_matrix()
+        for _ in range(2):  # rows of two moments are off by more than the others
+            apart = (turns * middle.inv()).magnitude()
+            near = apart <= min(ALIKE, max(TORN * float(np.median(apart)), 1e-9))
+            middle = turns[near].mean() if near.any() else middle
+        tool[:3, :3] = middle.as_matrix()
         tool[:3, 3] = np.median(X[:, :3, 3], axis=0)
         return tool
 
@@ -149,6 +162,10 @@ class PosePairs:
 def read_pairs(file: Path, *, joints: Sequence[str] = ()) -> PosePairs:
     """As `PosePairs.read`."""
     content = read_bytes(file, "the recording", most=MAX_BYTES)
+    if is_program(content):
+        raise InputError(
+            f"{file.name} has joint angles and a robot's figures, but no poses: needed is its export, a .script"
+        )
     text = decoded(content, otherwise="latin-1")
     if "\0" in text:
         raise InputError(f"{file.name} is no text: it must be a .urp, a .script or a table of numbers")
@@ -176,15 +193,22 @@ def _from_export(text: str, name: str) -> PosePairs:
     export = read_export(text)
     if not export.names:
         raise InputError(f"{name} has no waypoint with joint angles and a pose (NAME_q=[...] and NAME_p=p[...])")
-    q, numbers = np.array(export.q, dtype=float), np.array(export.poses, dtype=float)
-    tcp: Floats | None = None
-    notes: tuple[str, ...] = ()
-    if len(export.tcps) == 1:
-        tcp = np.tile(pose(np.array(export.tcps[0].split(","), dtype=float)), (len(q), 1, 1))
-    elif len(export.tcps) > 1:
-        notes = (f"{name} sets {len(export.tcps)} tool centre points: which one a waypoint has is not known",)
     steps = _last_digit(export.q), *(_last_digit([row[part] for row in export.poses]) for part in _PARTS)
-    return PosePairs(name, q, pose(numbers), tcp, export.names, steps, notes)  # type: ignore[arg-type]
+    known = [row for row, tcp in enumerate(export.tcps) if tcp is not None]
+    tcps = {tcp for tcp in export.tcps if tcp is not None}
+    kept = known or list(range(len(export.names)))
+    q, numbers = (np.array([rows[row] for row in kept], dtype=float) for rows in (export.q, export.poses))
+    names = tuple(export.names[row] for row in kept)
+    notes = []
+    if len(tcps) > 1:
+        notes.append(
+            f"{name} sets {len(tcps)} tool centre points: each waypoint has the one that is set before its use"
+        )
+    if known and len(known) < len(export.names):
+        left = listed([name for name, tcp in zip(export.names, export.tcps, strict=True) if tcp is None])
+        notes.append(f"{left} of {name} are left out: which tool centre point they have is not known")
+    tcp = pose(np.array([export.tcps[row].split(",") for row in known], dtype=float)) if known else None  # type: ignore[union-attr]
+    return PosePairs(name, q, pose(numbers), tcp, names, steps, tuple(notes))  # type: ignore[arg-type]
 
 
 _PARTS = (slice(0, 3), slice(3, 6))
@@ -194,32 +218,48 @@ class _Columns:
     """Numbers of a table by the names that their columns may have."""
 
     def __init__(self, table: Table, name: str) -> None:
-        self._table, self._name = table, name
-        self._header = [title.lower() for title in table.header]
-        headings = [_HEADING.match(title) for title in self._header]
-        self._titles = [match[1].strip() if match else "" for match in headings]
-        self._units = [(match[2] or "") if match else "" for match in headings]
+        self.table, self._name = table, name
+        titles = [title.strip().lower() for title in table.header]
+        headings = [_HEADING.match(title) for title in titles]
+        self._header = [_plain(title) for title in titles]
+        self._titles = [_plain(match[1]) if match else "" for match in headings]
+        self._units = [_UNITS.get(match[2] or "", "") if match else "" for match in headings]
+        if titles and table.cells and any(table.cells[0]):  # a line of units below that of the names
+            below = [cell.strip(" []()").lower() for cell in table.cells[0]]
+            if all(not cell or cell in _UNITS or cell in _OTHER_UNITS for cell in below):
+                self._units = [_UNITS.get(cell, unit) for cell, unit in zip(below, self._units, strict=True)]
+                self.table = replace(table, cells=table.cells[1:], lines=table.lines[1:])
 
     def find(self, *choices: Sequence[str]) -> list[int] | None:
         """Return the places of the first set of columns that is complete."""
         for names in choices:
-            wanted = [name.lower() for name in names]
+            wanted = [_plain(name.lower()) for name in names]
             for titles in (self._header, self._titles):
                 if all(name in titles for name in wanted):
-                    if twice := [name for name in wanted if titles.count(name) > 1]:
-                        raise InputError(f"{self._name} has {titles.count(twice[0])} columns {twice[0]}")
+                    for place in map(titles.index, wanted):
+                        if (count := titles.count(titles[place])) > 1:
+                            raise InputError(f"{self._name} has {count} columns {self.table.header[place].lower()}")
                     return [titles.index(name) for name in wanted]
         return None
 
     def text(self, places: Sequence[int]) -> list[list[str]]:
-        return [[row[place] for place in places] for row in self._table.cells]
+        return [[row[place] for place in places] for row in self.table.cells]
 
     def numbers(self, places: Sequence[int]) -> Floats:
-        return self._table.numbers(places)
+        return self.table.numbers(places)
 
     def unit(self, places: Sequence[int]) -> str:
-        units = {self._units[place] for place in places} if self._table.header else {""}
+        units = {self._units[place] for place in places} if self.table.header else {""}
         return units.pop() if len(units) == 1 else ""
+
+
+#: Units of columns that are not needed.
+_OTHER_UNITS = ("s", "ms", "-", "#", "rad/s", "deg/s", "°/s", "m/s", "mm/s", "n", "nm", "a", "kg")
+
+
+def _plain(title: str) -> str:
+    """A title without what people put between its words and digits."""
+    return re.sub(r"[\s_.\-]+", "", title)
 
 
 def _indexed(name: str, count: int = 6, first: int = 0) -> list[str]:
@@ -257,21 +297,26 @@ def _places_by_width(width: int, count: int, name: str) -> _Places:
 
 def _places_by_name(columns: _Columns, header: Sequence[str], joints: Sequence[str], name: str) -> _Places:
     count = len(joints) or 6
-    own = [list(joints), [joint.removesuffix("_joint") for joint in joints]] if joints else []
+    own = [list(joints), [joint.removesuffix("_joint") for joint in joints]] if joints else [JOINTS, _ROS, _PENDANT]
     angles = columns.find(
-        _indexed("actual_q_", count), _indexed("q", count, 1), _indexed("q_", count), _indexed("q", count),
-        _indexed("j", count, 1), _indexed("joint", count, 1), _indexed("joint_", count, 1), *own, *_PENDANT,
+        _indexed("actual_q_", count), _indexed("q", count, 1), _indexed("q", count), _indexed("j", count, 1),
+        _indexed("joint", count, 1), _indexed("theta", count, 1), _indexed("axis", count, 1), *own,
     )  # fmt: skip
     tool = columns.find(_indexed("actual_tcp_pose_"))
     position = tool[:3] if tool else columns.find(_POSE[:3])
     turn, rpy = tool[3:] if tool else columns.find(_POSE[3:]), columns.find(_RPY)
+    of_tcp = [f"tcp_{part}" for part in _POSE]  # the tool's pose where there is no other, else its offset
+    if position is None and (found := columns.find(of_tcp)):
+        position, turn, of_tcp = found[:3], found[3:], []
+    elif position is None and (found := columns.find(of_tcp[:3])):
+        position, of_tcp = found, []
     for what, found, example in (("joint angles", angles, "actual_q_0 or q1"), ("positions", position, "x or X (mm)")):
         if found is None:
             raise InputError(
                 f"{name} has no columns of {what} ({example}, ...); its first line must name them, got "
                 f"{shown(', '.join(header))}"
             )
-    offset = columns.find(_indexed("tcp_offset_"), [f"tcp_{part}" for part in _POSE])
+    offset = columns.find(_indexed("tcp_offset_"), *[of_tcp] * bool(of_tcp))
     return _Places(angles or [], position or [], turn or rpy, turn is None, offset)
 
 
@@ -282,6 +327,9 @@ def _from_table(table: Table, name: str, joints: Sequence[str]) -> PosePairs:
         places = _places_by_name(columns, table.header, joints, name)
     else:
         places = _places_by_width(len(table.cells[0]), count, name)
+    table = columns.table
+    if not table.cells:
+        raise InputError(f"{name} has no rows of numbers")
     q, q_note = _in_radians(columns, places.angles, name, "joint angles", MAX_TURN)
     seen, p_note = _in_metres(columns, places.position, name)
     r_note, last_turn = "", 1e-12
@@ -322,7 +370,7 @@ def _in_radians(columns: _Columns, places: Sequence[int], name: str, what: str, 
     if unit in ("", "rad") and beyond.any():
         _refuse_mixed(columns, beyond, name, what, "degrees", "radians")
         return np.radians(values), f"the {what} of {name} are larger than radians can be: read as degrees"
-    if unit in (_DEGREES, "degrees", "°"):
+    if unit == _DEGREES:
         return np.radians(values), f"the {what} of {name} are degrees, by its header"
     return values, ""
 
@@ -343,7 +391,7 @@ def _refuse_mixed(columns: _Columns, beyond: np.ndarray, name: str, what: str, o
     """Refuse rows of two units: where most are beyond the bound, a row that is not may be at home."""
     if beyond.all():
         return
-    lines = [columns._table.lines[row] for row in np.flatnonzero(beyond if beyond.mean() < 0.5 else ~beyond)]
+    lines = [columns.table.lines[row] for row in np.flatnonzero(beyond if beyond.mean() < 0.5 else ~beyond)]
     shown_lines = ", ".join(map(str, lines[:5])) + (", ..." if len(lines) > 5 else "")
     few, many = (one, other) if beyond.mean() < 0.5 else (other, one)
     raise InputError(f"{name} mixes units: the {what} of line {shown_lines} look like {few}, the others like {many}")

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 import zlib
-from collections.abc import Mapping
+from bisect import bisect
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, NoReturn
 from xml.parsers import expat
 
@@ -27,7 +28,11 @@ _FIGURES = ("deltaTheta", "a", "d", "alpha")
 _NUMBERS = re.compile(r"[-+\d.eE,\s]*")
 _PAIR = r"\b(\w+)_{}\s*=\s*{}\[([^\]]*)\]"
 _QS, _PS = re.compile(_PAIR.format("q", "")), re.compile(_PAIR.format("p", "p"))
-_SET_TCP = re.compile(r"\bset_tcp\s*\(\s*p\[([^\]]*)\]")
+#: A tool centre point that is set, by numbers or by a variable; a variable's pose; where a waypoint is used.
+_SET_TCP = re.compile(r"\bset_tcp\s*\(\s*(?:p\[([^\]]*)\]|(\w*))")
+_POSE_OF = re.compile(r"\b(\w+)\s*=\s*p\[([^\]]*)\]")
+_USE = re.compile(r"\b(\w+)_[pq]\b(?!\s*=[^=])")
+_COMMENT = re.compile(r"^\s*#.*$", re.MULTILINE)
 
 
 class Kinematics(NamedTuple):
@@ -182,13 +187,13 @@ class Export(NamedTuple):
         names: Of the waypoints.
         q: Numbers of `NAME_q=[...]`, as text, six a row.
         poses: Numbers of `NAME_p=p[...]`, as text, six a row.
-        tcps: Arguments of `set_tcp` that are numbers, without repetitions, as text.
+        tcps: Tool centre point of each waypoint, as text; None where the program does not say it.
     """
 
     names: tuple[str, ...]
     q: list[list[str]]
     poses: list[list[str]]
-    tcps: tuple[str, ...]
+    tcps: list[str | None]
 
 
 def read_export(text: str) -> Export:
@@ -202,8 +207,26 @@ def read_export(text: str) -> Export:
         if name in poses and (key := (*angles[name], *poses[name])) not in seen:
             names.append(name)
             seen.add(key)
-    tcps = tuple(dict.fromkeys(numbers for numbers in _SET_TCP.findall(text) if _are_numbers(numbers)))
+    tcps = _tcps_of(text, names)
     return Export(tuple(names), [angles[name] for name in names], [poses[name] for name in names], tcps)
+
+
+def _tcps_of(text: str, names: Sequence[str]) -> list[str | None]:
+    """The tool centre point that is set last before each waypoint's first use; if there is just one, that of all."""
+    text = _COMMENT.sub("", text)
+    variables = {name: numbers for name, numbers in _POSE_OF.findall(text) if _are_numbers(numbers)}
+    places, tcps = [], []
+    for found in _SET_TCP.finditer(text):
+        numbers = found[1] if found[1] is not None else variables.get(found[2], "")
+        places.append(found.start())
+        tcps.append(",".join(repr(float(word)) for word in numbers.split(",")) if _are_numbers(numbers) else None)
+    if len(set(tcps)) < 2:
+        return [tcps[0] if tcps else None] * len(names)
+    first: dict[str, int] = {}
+    for use in _USE.finditer(text):
+        first.setdefault(use[1], use.start())
+    before = [bisect(places, first.get(name, 0)) for name in names]
+    return [tcps[count - 1] if count else None for count in before]
 
 
 def _are_numbers(text: str) -> bool:

@@ -142,3 +142,30 @@ def test_a_calibration_is_converted(tmp_path, capsys):
     with pytest.raises(InputError, match="it fits"):
         read_calibration(tmp_path / "my.conf", "ur10")
     assert off(tmp_path / "my.conf") < 1e-9
+
+
+def test_a_log_is_held_against_the_right_robot_and_another(tmp_path, recording, capsys):
+    other = tmp_path / "other.yaml"
+    other.write_text(CALIBRATION.read_text().replace("x: -0.42510", "x: -0.42910"))
+    for file, said in ((CALIBRATION, "is that of this robot"), (other, "is not that of this robot")):
+        assert check("ur5e", "--calibration", file, "--log", recording) == 0
+        assert f"verdict      the calibration {said}: " in capsys.readouterr().out
+    assert check("ur5e", "--calibration", CALIBRATION, "--log", recording, "--tool", "0,0,0.4,0,0,0") == 0
+    assert "the tool centre point is another" in capsys.readouterr().out
+    program = tmp_path / "program.urp"
+    program.write_text("<URProgram/>")
+    assert check("ur5e", "--log", program) == 2
+    assert "no poses: needed is its export, a .script" in capsys.readouterr().err
+
+
+def test_what_it_says_names_flags(recording, capsys):
+    recording.write_text("\n".join(" ".join(line.split()[:12]) for line in recording.read_text().splitlines()))
+    assert calibrate(recording) == 0
+    said = capsys.readouterr().out
+    assert "use --tool 0.0" in said
+    assert "tool=" not in said
+
+
+def test_a_mistyped_file_is_not_only_called_a_robot(capsys):
+    assert calibrate("no_such_folder/program") == 2
+    assert "no_such_folder/program is no file here" in capsys.readouterr().err

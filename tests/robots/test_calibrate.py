@@ -108,7 +108,7 @@ def test_what_the_rows_do_not_determine_is_said_and_not_written(tmp_path):
     q = postures(40, 2)
     q[:, 3:] = (-1.7, -1.5, 0.0)  # the wrist stands still
     result = calibrate(pairs_of(true, q, known=False, noise=(1e-5, 1e-5)), arm="ur5e")
-    assert "joint 4, joint 5 and joint 6" in result.missing
+    assert "wrist_1_joint, wrist_2_joint and wrist_3_joint" in result.missing
     with pytest.raises(InputError, match="nothing is written"):
         result.save(tmp_path / "robot.yaml")
     assert not list(tmp_path.iterdir())
@@ -259,6 +259,85 @@ def test_a_bomb_and_a_torn_file_are_refused(tmp_path):
             calibrate(file)
 
 
+def test_figures_of_the_data_sheet_are_said_to_be_no_calibration(tmp_path):
+    for model in ("ur3", "ur5e", "ur10"):
+        assert "the robot has no calibration" in calibrate(saved(tmp_path, urp(nominal_dh(model), ["A"]))).notes[0]
+        assert not calibrate(saved(tmp_path, urp(figures_of(model, 1), ["A"]))).notes
+
+
+def test_differences_from_a_data_sheet_are_not_taken_for_those_of_another(tmp_path):
+    """A .conf does not name its model, and a wrong data sheet below it makes an arm that is centimetres off."""
+    messages = []
+    for seed, model in enumerate(("ur3", "ur5", "ur10", "ur3e", "ur5e", "ur10e", "ur16e", "ur20")):
+        file, absolute = tmp_path / f"{model}.conf", tmp_path / f"{model}.yaml"
+        true = made_up(model, seed)
+        saved_once = calibrate(pairs_of(true, postures(12, seed)), arm=model)
+        saved_once.save(file)
+        saved_once.save(absolute)
+        assert model in calibrate(absolute).models
+        assert left(calibrate(file, arm=model), true).max() < 2e-6
+        try:
+            assert left(calibrate(file), true).max() < 2e-6
+        except InputError as error:
+            messages.append((model, str(error)))
+    assert len(messages) >= 3
+    assert all(re.search(rf"\b{model}\b.*name yours with arm=", message) for model, message in messages)
+
+
+def test_the_name_of_a_thesis_arm_means_its_model(tmp_path):
+    true = made_up("ur5", 1)
+    pairs = pairs_of(true, postures(12, 1))
+    for source in (pairs, saved(tmp_path, urp(figures_of("ur5", 2), ["A"]))):
+        result = calibrate(source, arm="ur5-thesis")
+        assert result.models == ("ur5",)
+        assert result.calibration.model == "ur5"
+    assert left(calibrate(pairs, arm="ur5-thesis"), true).max() < 2e-6
+
+
+def test_a_given_tool_is_that_of_every_file(tmp_path):
+    true, q = made_up("ur10", 2), postures(24, 2)
+    T = frames_of(true, q)[-1] @ TCP
+    typed, program = tmp_path / "typed.csv", tmp_path / "program.script"
+    typed.write_text(table(q[:12], T[:12], PLAIN))
+    program.write_text(script(q[12:], T[12:], [pose_vector(TCP).tolist()]))
+    result = calibrate([typed, program], tool=TCP)
+    assert result.fit.rows == 24
+    assert left(result, true).max() < 2e-6
+    with pytest.raises(InputError, match=r"typed.csv does not say its tool centre point.*tool="):
+        calibrate([typed, program])
+
+
+def test_a_program_that_changes_its_tool_is_followed(tmp_path):
+    other = pose([0.0, 0.03, 0.25, 0.0, 0.4, 0.0])
+    file = tmp_path / "two_tools.script"
+    for seed in range(6):
+        true, q = made_up("ur5", seed), postures(20, seed)
+        change = 5 + 2 * seed
+        T = frames_of(true, q)[-1] @ np.where((np.arange(20) < change)[:, None, None], TCP, other)
+        one, two = (script(q[part], T[part]).splitlines()[1:-1] for part in (slice(0, change), slice(change, None)))
+        two = [line.replace("W", "V") for line in two]
+        tools = [f"  set_tcp(p{pose_vector(tool).tolist()})" for tool in (TCP, other)]
+        if seed % 2:  # by a variable, and with waypoints before their use, as PolyScope exports them
+            tools[1:] = [
+                f"  my_tool=p{pose_vector(other).tolist()}",
+                "  # set_tcp(p[0,0,0,0,0,0])",
+                "  set_tcp(my_tool)",
+            ]
+            moves = [line for line in two if "movej" in line]
+            one, two = [*(line for line in two if "movej" not in line), *one], moves
+        file.write_text("\n".join(["def made_up():", tools[0], *one, *tools[1:], *two, "end"]))
+        result = calibrate(file)
+        assert result.fit.rows == 20
+        assert not result.tcp_found
+        assert result.tcp is None  # there are two
+        assert "2 tool centre points" in result.notes[0]
+        assert left(result, true).max() < 2e-6
+    file.write_text(file.read_text().replace("my_tool=", "my_tool=tool_of("))  # only the first ones are known
+    result = calibrate(file)
+    assert result.fit.rows == change
+    assert "which tool centre point they have is not known" in " ".join(result.notes)
+
+
 def script(q, T, tcps=()):
     lines = ["def made_up():", *(f"  set_tcp(p{list(tcp)})" for tcp in tcps)]
     for row, (angles, numbers) in enumerate(zip(q.tolist(), pose_vector(T).tolist(), strict=True)):
@@ -323,6 +402,54 @@ def test_every_source_is_read(tmp_path, text, known):
     assert result.tcp_found != known
     tip = frames_of(result.calibration.placements, WORKSPACE)[-1] @ result.tcp
     assert np.linalg.norm((tip - frames_of(true, WORKSPACE)[-1] @ TCP)[:, :3, 3], axis=1).max() < 2e-6
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint"],
+        ["Shoulder Pan", "Shoulder Lift", "Elbow", "Wrist 1", "Wrist 2", "Wrist 3"],
+        ["Base", "Shoulder", "Elbow", "Wrist 1", "Wrist 2", "Wrist 3"],
+        *([f"{name}{n}" for n in range(1, 7)] for name in ("theta", "Theta_", "J ", "Joint ", "Axis ", "q.", "joint-")),
+        [f"q_{n}" for n in range(6)],
+    ],
+)
+def test_columns_are_known_by_the_names_and_units_that_people_write(tmp_path, names):
+    true, q = made_up("ur10", 5), postures(20, 5)
+    T = frames_of(true, q)[-1] @ TCP
+    file = tmp_path / "rows.csv"
+    read = 0
+    for position in (["X", "Y", "Z"], ["TCP X", "TCP Y", "TCP Z"], ["tcp_x", "tcp_y", "tcp_z"]):
+        turn = [title.replace("X", "RX").replace("Y", "RY").replace("Z", "RZ") for title in position]
+        turn = [re.sub("_(.)", r"_r\1", title) for title in turn]
+        for unit in ("{} in {}", "{} [{}]", "{}_{}", "{} ({})", "{}"):
+            for angle in ("deg", "°", "degrees"):
+                units = [angle] * 6 + ["mm"] * 3 + ["rad"] * 3
+                header = [unit.format(name, what) for name, what in zip([*names, *position, *turn], units, strict=True)]
+                rows = table(q, T, ["t", *header], degrees=True, millimetres=True).splitlines()
+                rows[1:] = [f"{number},{row}" for number, row in enumerate(rows[1:])]
+                if unit == "{}":  # the units are a line of their own
+                    rows.insert(1, ",".join(["s", *units]))
+                file.write_text("\n".join(rows))
+                pairs = PosePairs.read(file)
+                np.testing.assert_allclose(pairs.q, q, atol=1e-10)
+                np.testing.assert_allclose(pairs.seen, T, atol=1e-10)
+                assert pairs.tcp is None
+                assert pairs.places[0] == f"line {3 if unit == '{}' else 2}"
+                read += 1
+    assert read == 45
+
+
+def test_the_tool_of_a_recording_is_found_beside_torn_rows():
+    for seed in range(10):
+        q = postures(300, seed)
+        F = frames_of(made_up("ur5e", seed), q)[-1]
+        late = postures(300, seed) + np.random.default_rng(seed).uniform(0.001, 0.02, (300, 1))
+        torn = np.arange(300) % 10 == 0
+        seen = frames_of(made_up("ur5e", seed), np.where(torn[:, None], late, q))[-1] @ TCP
+        np.testing.assert_allclose(PosePairs("", q, seen).tool_on(F), TCP, atol=1e-9)
+        numbers = pose_vector(seen) + np.random.default_rng(seed).normal(size=(300, 6)) * 1e-3
+        assert np.abs(PosePairs("", q, pose(numbers)).tool_on(F) - TCP).max() < 6e-4
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -395,6 +522,9 @@ def test_rows_that_cannot_be_right_are_refused_with_the_remedy(tmp_path):
     said = refused(replace(pairs, tcp=None).joined(replace(later, tcp=None)))
     assert "the tool changes" in said
     assert "0.01" in said
+    for count in (12, 20, 28):  # at any part of the rows
+        first, rest = replace(pairs, tcp=None).rows(range(count)), replace(later, tcp=None).rows(range(count, 40))
+        assert "the tool changes" in refused(first.joined(rest))
 
 
 def in_degrees(row):
@@ -416,6 +546,8 @@ def with_cell(row, place, text):
         (lambda rows: [*rows[:3], rows[3] + ",1", *rows[4:]], "line 4: 12 cells are needed"),
         (lambda rows: ["a,b," + rows[0][6:], *rows[1:]], "no columns of joint angles"),
         (lambda rows: rows[:1], "no rows of numbers"),
+        (lambda rows: [rows[0], ",".join(6 * ["deg"] + 3 * ["mm"] + 3 * ["rad"])], "no rows of numbers"),
+        (lambda rows: [rows[0], ",".join(6 * ["deg"] + 6 * ["inch"]), *rows[1:]], "line 2: 'deg' is no number"),
     ],
 )
 def test_tables_that_cannot_be_read_name_the_line(tmp_path, change, said):
