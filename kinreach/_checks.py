@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import re
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import inf
 from numbers import Real
 from pathlib import Path
@@ -22,6 +22,8 @@ Floats = NDArray[np.float64]
 
 #: Upper bound of a number of threads.
 MAX_THREADS = 1024
+#: Gymnasium's option of every environment: the steps after which an episode is truncated.
+STEP_LIMIT = "max_episode_steps"
 
 #: Other characters than ASCII's printable ones and ends of lines.
 _UNUSUAL = re.compile(r"[^\n\t -~]")
@@ -74,6 +76,12 @@ def check_flag(name: str, value: object) -> None:
     """
     if not isinstance(value, bool | np.bool_):
         raise InputError(f"{name} must be true or false, got {shown(value)}")
+
+
+def check_step_limit(options: Mapping[str, Any]) -> None:
+    """Check Gymnasium's limit of steps among the options of an environment, where its episodes have to end."""
+    if STEP_LIMIT in options:
+        check_count(STEP_LIMIT, options[STEP_LIMIT])
 
 
 def check_number(name: str, value: object, *, least: float = -inf, most: float = inf, above: float = -inf) -> float:

@@ -25,7 +25,7 @@ SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinre
 
 _SINGLE = (f"{_REACH}.env:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step")
 _MULTI = (f"{_REACH}.env:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step")
-#: Environment id -> entry points of the single environment and of its native batch. Steps are limited inside.
+#: Environment id -> entry points of the single environment and of its native batch.
 ENVIRONMENTS = {
     SINGLE: _SINGLE,
     MULTI: _MULTI,
@@ -47,6 +47,14 @@ TRAINING_ENVIRONMENTS = {
         "kinreach.baselines._random_arms:RandomArmEnv",
         "kinreach.baselines._random_arms:RandomArmVectorEnv",
     ),
+}
+#: Environment id -> steps after which Gymnasium truncates an episode, unless `max_episode_steps` says otherwise. Where
+#: a task ends its episodes itself, they are shorter: an end is then not a truncation, too.
+MAX_EPISODE_STEPS = {
+    **dict.fromkeys((SINGLE, MULTI, SPACE, SINGLE_KINEMATIC, MULTI_KINEMATIC, MOVING, RANDOM_ARM, OBSTACLES), 100),
+    LIFT: 150,
+    REAL_ARM: 200,
+    BUTTON: 1000,
 }
 
 
@@ -87,7 +95,13 @@ def _register() -> None:
     ):
         for name, (entry_point, vector_entry_point) in environments.items():
             if name not in registry:
-                register(name, entry_point=entry_point, vector_entry_point=vector_entry_point, kwargs=options)
+                register(
+                    name,
+                    entry_point=entry_point,
+                    vector_entry_point=vector_entry_point,
+                    max_episode_steps=MAX_EPISODE_STEPS[name],
+                    kwargs=options,
+                )
     for name, entry_point in SINGLE_ENVIRONMENTS.items():
         if name not in registry:
-            register(name, entry_point=entry_point)
+            register(name, entry_point=entry_point, max_episode_steps=MAX_EPISODE_STEPS[name])

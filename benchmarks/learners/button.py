@@ -16,7 +16,7 @@ from kinreach.kinematics import Arm3Kinematics
 from kinreach.kinematics._angles import wrapped
 
 #: 4 s, as in the course project's test; its steps are a tenth as long.
-REPORT_OPTIONS = {"actuation": "report", "max_steps": 1000}
+REPORT_OPTIONS = {"actuation": "report", "max_episode_steps": 1000}
 #: Rewards of a step that ends near the target and of a wrong press in the default world.
 NEAR, WRONG = TUNED.near, TUNED.wrong_press
 

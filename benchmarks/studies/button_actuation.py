@@ -19,6 +19,7 @@ from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
 from kinreach._jobs import add_options
 from kinreach._registration import BUTTON
+from kinreach.baselines._batch import last_step
 from kinreach.baselines._button_controller import ButtonController
 from kinreach.cli import Parser, finish
 from kinreach.envs._button import ACTUATIONS, Actuation
@@ -59,7 +60,7 @@ def random_actions(actuation: Actuation, count: int, seed: int) -> dict[str, Any
             fastest[going] = np.maximum(fastest, np.abs(seen[:, SPEEDS]))[going]
             near |= going & (np.linalg.norm(seen[:, DIFFERENCE], axis=1) < PRESS_RADIUS)
             pressed |= going & terminated
-            diverged += int((going & info["impossible"]).sum())
+            diverged += int((going & last_step(info)["impossible"]).sum())
             over |= terminated | truncated
     return {"fastest": fastest, "near": near.mean(), "pressed": pressed.mean(), "diverged": diverged}
 
@@ -75,7 +76,8 @@ def analytic(actuation: Actuation, count: int, seed: int) -> dict[str, Any]:
             ended = terminated | truncated
             controller.restart(ended)
             first = ended & ~over
-            steps[first], wrong[first] = info["steps"][first], info["wrong_presses"][first]
+            told = last_step(info)
+            steps[first], wrong[first] = told["steps"][first], told["wrong_presses"][first]
             pressed |= first & terminated
             over |= ended
     return {"pressed": pressed.mean(), "steps": steps[pressed], "wrong": wrong.sum()}

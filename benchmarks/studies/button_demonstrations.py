@@ -41,7 +41,7 @@ def demonstrations(count: int, seed: int) -> tuple[Floats, Array]:
     Returns:
         Observations of four steps with controls, shape (n, 4 * 22), and actions, shape (n,).
     """
-    options = {"actuation": "report", "max_steps": STEPS, "controls": True, "frames": FRAMES}
+    options = {"actuation": "report", "max_episode_steps": STEPS, "controls": True, "frames": FRAMES}
     seen, actions = [], []
     playing, controller = np.ones(count, dtype=np.bool_), ButtonController("report", count=count)
     with closing(make_batch(BUTTON, count, options)) as env:

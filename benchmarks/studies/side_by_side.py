@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from kinreach.baselines._batch import make_batch
+from kinreach.baselines._batch import last_step, make_batch
 from kinreach.baselines._policies import LearnedPolicy
 from kinreach.baselines._policy_file import Network, PolicyCard
 from kinreach.baselines._ppo2 import ppo2_loss
@@ -343,13 +343,14 @@ def train_stack(
                     after, own_rewards, terminated, truncated, info = env.step(
                         actions[t].flatten(0, 1).clamp(-1, 1).numpy().astype(np.float64)
                     )
+                    told = last_step(info)
                     paid[t], impossible[t], reached[t] = (
-                        per_training(values) for values in (own_rewards, info["impossible"], info["reached"])
+                        per_training(values) for values in (own_rewards, told["impossible"], told["reached"])
                     )
                     for reward, members in groups:
-                        rewards[t, members] = per_training(reward(own_rewards, info))[members]
+                        rewards[t, members] = per_training(reward(own_rewards, told))[members]
                     ended[t], seen = per_training(terminated | truncated), per_training(after)
-                    cut = per_training(truncated) & bootstrapped[:, None]
+                    cut = per_training(truncated & ~terminated) & bootstrapped[:, None]
                     if cut.any():
                         final = torch.from_numpy(per_training(info["final_obs"])).float()
                         added[t] = np.where(cut, stack.gamma * networks.values(final).numpy(), 0.0)

@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 
+from kinreach._checks import check_step_limit
 from kinreach.errors import InputError
 
 #: Number of observations that scale a network's inputs, and of environments that they come from without native batch.
@@ -51,6 +52,7 @@ def _native(environment: str, num_envs: int, options: Mapping[str, Any]) -> Vect
 
 
 def _make(environment: str, num_envs: int, options: Mapping[str, Any], **how: Any) -> VectorEnv[Any, Any, Any]:
+    check_step_limit(options)
     try:
         return gym.make_vec(environment, num_envs, **how, **options)
     except (gym.error.Error, TypeError) as error:
@@ -60,11 +62,25 @@ def _make(environment: str, num_envs: int, options: Mapping[str, Any], **how: An
 def last_value(info: Mapping[str, Any], name: str) -> Any:
     """Return an entry of each environment's last step, shape (n,); None if `info` lacks it.
 
-    After a reset in the same step, Gymnasium's own batches keep the step's values in `final_info`.
+    After a reset in the same step, `final_info` has the step's values of the environments that were reset.
     """
     final = info.get("final_info", {})
     if name not in final:
         return info.get(name)
-    if name not in info:
-        return final[name]
-    return np.where(info["_final_info"], final[name], info[name])
+    return _of_ended(info["_final_info"], final[name], info.get(name))
+
+
+def last_step(info: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the `info` of each environment's last step, without masks."""
+    names = dict.fromkeys([*info, *info.get("final_info", ())])
+    return {name: last_value(info, name) for name in names if not name.startswith(("_", "final_"))}
+
+
+def _of_ended(ended: Any, final: Any, other: Any) -> Any:
+    """Choose entries of one value where episodes ended, else of another; of the first if there is no other."""
+    if isinstance(final, Mapping):
+        others = other or {}
+        return {name: _of_ended(ended, part, others.get(name)) for name, part in final.items()}
+    if other is None or ended.all():
+        return final
+    return np.where(ended.reshape(-1, *(1,) * (np.ndim(final) - 1)), final, other)

@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from kinreach import _provenance as provenance
-from kinreach._checks import check_count, check_known, check_path
+from kinreach._checks import STEP_LIMIT, check_count, check_known, check_path
 from kinreach._engines import load_extra
 from kinreach._files import make_writable, write_text
 from kinreach._objects import load_module
@@ -24,7 +24,7 @@ from kinreach.baselines._batch import make_batch
 from kinreach.baselines._evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
 from kinreach.baselines._minari_export import check_dataset, record_episodes
 from kinreach.baselines._onnx_export import export_onnx
-from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names
+from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names, trained_options
 from kinreach.baselines._policy_file import read_policy, run_name, save_policy
 from kinreach.cli import Parser, quoted
 from kinreach.errors import InputError
@@ -32,7 +32,7 @@ from kinreach.errors import InputError
 #: Default number of goals.
 SPLIT = "held-out"
 #: Options of the environment that belong to what a policy of the button task was trained for.
-TASK_OPTIONS = ("actuation", "max_steps")
+TASK_OPTIONS = ("actuation", STEP_LIMIT)
 #: Values of `--collisions`.
 TRUTH = ("true", "false")
 
@@ -55,7 +55,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     summaries = {
         names[name]: _evaluate(policy, names[name], arguments, options[name]) for name, policy in policies.items()
     }
-    keys = ("backend", "observation", "exposure", "max_steps", "collisions")
+    keys = ("backend", "observation", "exposure", STEP_LIMIT, "collisions")
     chosen = {"env": environment, **{key: getattr(arguments, key) for key in keys}}
     given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in chosen.items() if value is not None)
     split = "" if arguments.split == SPLIT else f" --split {arguments.split}"
@@ -122,7 +122,7 @@ def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
     The length of an episode and the actuation of the button task belong to what a policy was trained for: they are
     those of its card, if the card has them and no option overrides them.
     """
-    given = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
+    given = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure", STEP_LIMIT)}
     trained: dict[str, Any] = {}
     environment = arguments.env or policy.card.environment
     if arguments.collisions is not None:
@@ -131,13 +131,10 @@ def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
             raise InputError("--collisions is for policies of the moving ball")
         trained["collisions"] = arguments.collisions == TRUTH[0]
     if environment == BUTTON:
-        if any(value is not None for value in given.values()):
+        if any(value is not None for name, value in given.items() if name != STEP_LIMIT):
             raise InputError("--backend, --observation and --exposure are for reach policies")
-        card = policy.card.recipe.get("options")
-        trained = {name: card[name] for name in TASK_OPTIONS if name in card} if isinstance(card, dict) else {}
-        given = {"max_steps": arguments.max_steps}
-    elif arguments.max_steps is not None:
-        raise InputError("--max-steps is for policies of the button task")
+        card = trained_options(policy)
+        trained = {name: card[name] for name in TASK_OPTIONS if name in card}
     return trained | {name: value for name, value in given.items() if value is not None}
 
 
@@ -205,7 +202,10 @@ def _parser(prog: str) -> Parser:
         "--exposure", type=float, metavar="FACTOR", help="pictures are up to so much brighter or darker (default: 1)"
     )
     parser.add_argument(
-        "--max-steps", type=int, metavar="N", help="of an episode of the button task (default: as in training)"
+        "--max-episode-steps",
+        type=int,
+        metavar="N",
+        help="of an episode (default: the environment's; of the button task as in training)",
     )
     parser.add_argument(
         "--collisions",

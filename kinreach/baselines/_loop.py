@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import shown
 from kinreach._statistics import Trial
+from kinreach.baselines._batch import last_step
 from kinreach.errors import InputError
 
 #: Status of a trial whose episode ended without the goal and without anything impossible.
@@ -194,7 +195,7 @@ def rollout_batch(
             if len(ended):
                 seen = np.array(observations)
                 seen[ended] = np.stack(list(info["final_obs"][ended]))
-            watch(seen, rewards, info.get("final_info", info), pending.copy())
+            watch(seen, rewards, last_step(info), pending.copy())
         over = np.flatnonzero((terminated | truncated) & pending)
         for index in over:
             trials[index] = {

@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium import spaces
 
 import kinreach
+from kinreach._checks import check_step_limit
 from kinreach._engines import load_extra
 from kinreach.baselines._evaluation import Evaluation
 from kinreach.baselines._loop import rollout
@@ -47,6 +48,7 @@ def record_episodes(
     Its name was checked by `check_dataset`. It has the policy's card in its description, and every episode its seed.
     Actions are in double precision, as they were executed, even where the environment's space is of single precision.
     """
+    check_step_limit(options)
     try:
         env = gym.make(environment, **{**needed_options(policy), **options})
     except (gym.error.Error, TypeError) as error:

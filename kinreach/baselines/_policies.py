@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import as_floats, check_entries, check_path, shown
+from kinreach._checks import STEP_LIMIT, as_floats, check_entries, check_path, shown
 from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 from kinreach.baselines._eyes import picture_names
 from kinreach.baselines._policy_file import Network, PolicyCard, read_policy
@@ -38,6 +38,8 @@ def paced(way: Array) -> Array:
 
 
 _SUFFIX = ".safetensors"
+#: Options of environments that have another name in the cards of version 0.3.
+RENAMED: Mapping[str, str] = {"max_steps": STEP_LIMIT}
 
 
 class LearnedPolicy:
@@ -186,10 +188,14 @@ def pretrained_names() -> list[str]:
     return sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX))
 
 
-def _options(card: PolicyCard) -> Mapping[str, Any]:
+def trained_options(policy: LearnedPolicy) -> Mapping[str, Any]:
     """Return the options of the environment that a policy was trained in, if its card has them."""
+    return _options(policy.card)
+
+
+def _options(card: PolicyCard) -> Mapping[str, Any]:
     options = card.recipe.get("options")
-    return options if isinstance(options, Mapping) else {}
+    return {RENAMED.get(name, name): options[name] for name in options} if isinstance(options, Mapping) else {}
 
 
 def _walks(card: PolicyCard) -> bool:

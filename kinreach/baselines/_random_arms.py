@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from kinreach._checks import Floats
+from kinreach._registration import MAX_EPISODE_STEPS, RANDOM_ARM
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, RowStreams, check_batch
 from kinreach.envs._moving import check_actions
@@ -161,18 +162,26 @@ class RandomArmEpisodes:
         self._observed = np.where(acting[:, None], after, self._observed)
         self._distances = np.where(acting, np.linalg.norm(tips - self.balls, axis=1), self._distances)
         over = acting & (self._observed[:, DONE] >= self._moves)
-        info = {**self.start_info(), "is_success": self._distances < NEAR}
-        return Outcome(-np.where(acting, self._distances, 0.0), over, np.zeros_like(over), info)
+        reward = -np.where(acting, self._distances, 0.0)
+        return Outcome(reward, over, np.zeros_like(over), self._info(slice(None), reward))
 
     def observe(self) -> Floats:
         return self._observed.copy()
 
-    def start_info(self) -> dict[str, Any]:
-        impossible = np.zeros(len(self.balls), dtype=np.bool_)
-        return {"distance": self._distances.copy(), "impossible": impossible, **self.goal_info()}
+    def start_info(self, ids: Ids) -> dict[str, Any]:
+        """Return the `info` of a reset; distances are infinite before the first move."""
+        return self._info(ids, np.zeros(len(ids)))
 
-    def goal_info(self) -> dict[str, Any]:
-        return {"goal": self.balls.copy()}
+    def _info(self, rows: Any, reward: Floats) -> dict[str, Any]:
+        distance = np.array(self._distances[rows])
+        return {
+            "goal": np.array(self.balls[rows]),
+            "distance": distance,
+            "reached": distance < NEAR,
+            "is_success": distance < NEAR,
+            "impossible": np.zeros(len(distance), dtype=np.bool_),
+            "reward_terms": {"distance": reward},
+        }
 
     def close(self) -> None:
         """Do nothing: no camera is open."""
@@ -222,13 +231,22 @@ class RandomArmVectorEnv(NativeVectorEnv):
 
     Args:
         num_envs: Number of environments.
+        max_episode_steps: Steps after which episodes are truncated.
         autoreset_mode: As of `NativeVectorEnv`.
 
     Attributes:
         episodes: Of the batch.
     """
 
-    def __init__(self, num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP) -> None:
+    registered_limit = MAX_EPISODE_STEPS[RANDOM_ARM]
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+    ) -> None:
         num_envs = check_batch(num_envs, 1, None)
         self.episodes = RandomArmEpisodes(num_envs)
         super().__init__(
@@ -239,6 +257,7 @@ class RandomArmVectorEnv(NativeVectorEnv):
             check_actions=partial(check_actions, count=num_envs),
             check_start=_no_start,
             autoreset_mode=autoreset_mode,
+            max_episode_steps=max_episode_steps,
         )
 
 

@@ -72,7 +72,7 @@ def _notes(results: Mapping[str, Any]) -> list[str]:
     options = results["settings"]["options"]
     return [
         *(f"The simulation diverged for {name}: {count} episodes." for name, count in diverged.items()),
-        f"At most {options['max_steps']} steps for all methods, actuation {options['actuation']}.",
+        f"At most {options['max_episode_steps']} steps for all methods, actuation {options['actuation']}.",
         f"A press counts at d < {1e3 * PRESS_RADIUS:g} mm; the 95 % interval of the share pressed is Wilson's.",
         "Steps, wrong presses, energy (sum of torque² dt), reward: of whole episodes, pressed or not.",
         "Time: simulated in MuJoCo, of pressed episodes. Decision: wall time of one, on one thread.",
@@ -84,7 +84,7 @@ BUTTON_TASK = Task(
     title="3-DOF arm under torque: press the button",
     environment=BUTTON,
     # 100 steps of the tuned actuation are 4 s, nearly twice what the analytic controller ever needed
-    options={"max_steps": 100, "actuation": "tuned"},
+    options={"max_episode_steps": 100, "actuation": "tuned"},
     variants={"button": BUTTON},
     resets=_resets,
     methods={

@@ -17,7 +17,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator
 
-from kinreach._checks import shown
+from kinreach._checks import STEP_LIMIT, shown
 from kinreach.errors import InputError
 
 #: Both become `--resolution`.
@@ -91,6 +91,11 @@ def flags_of(environment: str, defaults: Mapping[str, Any], *, taken: Sequence[s
         found["resolution"] = Flag(
             "resolution", "WxH", description, "WIDTHxHEIGHT, such as 640x360", _size, width.observation
         )
+    limit = defaults.get(STEP_LIMIT, gym.spec(environment.rpartition(":")[2]).max_episode_steps)
+    if STEP_LIMIT not in taken:
+        default = "" if limit is None else f" (default: {limit})"
+        description = f"steps after which an episode is truncated{default}"
+        found[STEP_LIMIT] = Flag(STEP_LIMIT, "N", description, "a whole number", lambda text: {STEP_LIMIT: int(text)})
     return found
 
 

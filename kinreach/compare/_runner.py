@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 
 from kinreach import _provenance as provenance
 from kinreach import _statistics as statistics
-from kinreach._checks import check_count, check_known, check_path, shown
+from kinreach._checks import check_count, check_known, check_path, check_step_limit, shown
 from kinreach._files import locked, make_writable, open_input, read_bytes, read_text, write_text
 from kinreach._jobs import SERIAL, Engine, Serial, open_engine
 from kinreach._objects import place_of
@@ -342,6 +342,7 @@ class _Environments:
     def _get(self, name: str, options: Mapping[str, Any]) -> gym.Env[Any, Any]:
         key = name, repr(sorted(options.items()))
         if key not in self._made:
+            check_step_limit({**self._task.options, **options})
             try:
                 env = gym.make(name, disable_env_checker=True, **{**self._task.options, **options})
             except gym.error.Error as error:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from gymnasium import spaces
@@ -14,9 +14,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_THREADS, Floats, as_flags, check_count, check_known, is_tensor, shown
-from kinreach.envs._options import check_seed, check_started
+from kinreach.envs._options import check_limit, check_seed, check_started
 from kinreach.errors import InputError
-from kinreach.kinematics._tensors import as_device, on_device, on_host
+from kinreach.kinematics._tensors import as_device, like, on_device, on_host
 from kinreach.sim._picture import FPS, Scene, ScenePicture
 
 #: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
@@ -50,6 +50,29 @@ def numbers_of(info: Mapping[str, Any]) -> dict[str, Any]:
         for name, value in info.items()
         if is_tensor(value) or (not isinstance(value, str | Mapping) and np.asarray(value).dtype.kind in "biuf")
     }
+
+
+def with_rows(info: Mapping[str, Any], ids: Ids, rows: Mapping[str, Any], count: int) -> dict[str, Any]:
+    """Return the `info` of a batch of `count` with the rows of some environments replaced; both have the same keys."""
+    if len(ids) == count:
+        return dict(rows)
+    return {
+        name: with_rows(value, ids, rows[name], count)
+        if isinstance(value, Mapping)
+        else _with_rows(value, ids, rows[name])
+        for name, value in info.items()
+    }
+
+
+def _with_rows(values: Any, ids: Ids, rows: Any) -> Any:
+    changed = values.clone() if is_tensor(values) else values.copy()
+    changed[ids] = like(values, rows)
+    return changed
+
+
+def texts(count: int) -> NDArray[Any]:
+    """Return empty texts, shape (count,); as objects, so that longer ones have the same type."""
+    return np.full(count, "", dtype=object)
 
 
 #: Draws a number of rows of numbers, shape (count, size), such as `Workcell.draw_goals`, with rows of three.
@@ -130,12 +153,11 @@ class Episodes(Protocol):
         """Return the observations of all environments."""
         ...
 
-    def start_info(self) -> dict[str, Any]:
-        """Return the `info` of a reset, as arrays."""
-        ...
+    def start_info(self, ids: Ids) -> dict[str, Any]:
+        """Return the `info` of a reset of some environments, arrays of as many rows.
 
-    def goal_info(self) -> dict[str, Any]:
-        """Return the entries of `info` about the goals of the present episodes, as arrays."""
+        It has the entries of the `info` of a step, of the same types. What only a step knows is NaN, False, 0 or empty.
+        """
         ...
 
     def close(self) -> None:
@@ -149,7 +171,7 @@ class Outcome:
 
     Attributes:
         reward, terminated, truncated: As Gymnasium has them, shape (count,).
-        info: Of the step. It and the reward may be tensors already.
+        info: Of the step. Its arrays and the reward may be tensors already.
     """
 
     reward: Floats
@@ -173,14 +195,16 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
     With `AutoresetMode.SAME_STEP`, the default, an episode that ends starts anew in the same step: the observation
     returned is the first of the new episode, `info["final_obs"]` is the last of the old one where `info["_final_obs"]`
-    is True, and `info["final_info"]` holds the single environment's `info`, as arrays. The other entries of `info` are
-    those of the last step, except those about the goal, which are the new episode's. With `NEXT_STEP` the step after
-    an end starts the next episode and ignores the action: the reward is 0. With `DISABLED` episodes are restarted by
-    `reset(options={"reset_mask": mask})`, bool, shape (num_envs,).
+    is True, and `info["final_info"]` holds the `info` of the last step of every environment, as arrays. The other
+    entries of `info` are those of the new episode's reset where one began, else of the step. With `NEXT_STEP` the step
+    after an end starts the next episode and ignores the action: the reward is 0. With `DISABLED` episodes are restarted
+    by `reset(options={"reset_mask": mask})`, bool, shape (num_envs,).
 
-    As in Gymnasium's own batches, each entry `key` of `info` has a mask `_key`, bool, shape (num_envs,): whether it is
-    of the environment's last step, or of the reset where an episode began. `reward_terms` has none inside, so that its
-    values sum to the reward. The masks of one step share their memory.
+    Episodes are truncated after `max_episode_steps`, as Gymnasium's `TimeLimit` does with single environments.
+
+    As in Gymnasium's own batches, each entry `key` of `info` has a mask `_key`, bool, shape (num_envs,): whether this
+    reset or step is the environment's. `reward_terms` has none inside, so that its values sum to the reward. The masks
+    of one step share their memory.
 
     With `device=`, what `reset` and `step` return are torch tensors on that device, except the texts in `info`;
     actions and options of `reset` may be tensors anyway.
@@ -195,11 +219,19 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         picture: Draws one environment, for `render_mode="rgb_array"`.
         device: Of torch, such as `"cuda"` or `"cpu"`; None for arrays of numpy.
         numbers_only: Whether `info` has numbers only.
+        max_episode_steps: Steps after which episodes are truncated; None for those of `registered_limit`, -1 for none.
+
+    Attributes:
+        max_episode_steps: The same; None without a limit.
 
     Raises:
-        InputError: Unknown mode, or no such device.
+        InputError: Unknown mode, a limit below 1, or no such device.
         InstallationError: Tensors without torch.
     """
+
+    #: Of the ids of a class.
+    registered_limit: ClassVar[int]
+    max_episode_steps: int | None
 
     metadata = {  # noqa: RUF012 (declared by Gymnasium)
         "render_modes": ["rgb_array"],
@@ -220,7 +252,9 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         picture: BatchPicture | None = None,
         device: str | None = None,
         numbers_only: bool = False,
+        max_episode_steps: int | None = None,
     ) -> None:
+        self.max_episode_steps = check_limit(max_episode_steps, self.registered_limit)
         try:
             mode = AutoresetMode(autoreset_mode)
         except ValueError:
@@ -240,8 +274,8 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self.autoreset_mode = mode  # where TorchRL looks for it
         self._everyone = np.arange(num_envs)
         self._started = False
-        self._starting: frozenset[str] = frozenset()
         self._ended = np.zeros(num_envs, dtype=np.bool_)
+        self._elapsed = np.zeros(num_envs, dtype=np.int64)  # steps of the present episodes
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -266,13 +300,12 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             if seeds[index] is not None or not self._started:
                 self._episodes.seed(int(index), seeding.np_random(seeds[index])[0])
         rows = [value if value is None or mask is None else value[ids] for value in start]
-        self._episodes.begin(ids, type(start)(*rows))
+        self._begin(ids, type(start)(*rows))
         self._started = True
         self._ended[ids] = False
-        info = self._selected(self._episodes.start_info())
-        self._starting = frozenset(info)
-        (restarted,) = self._handed_out(np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask.copy())
-        return self._handed_out(self._episodes.observe(), info | {f"_{name}": restarted for name in info})
+        info = self._selected(self._episodes.start_info(self._everyone))
+        restarted = np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask.copy()
+        return self._handed_out(self._episodes.observe(), self._masked(info, restarted))
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
         """Act in all environments.
@@ -289,18 +322,18 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         if self._mode is AutoresetMode.SAME_STEP:
             return self._step_and_restart(checked)
         acting: Flags | None = None
-        if self._ended.any():
+        begun = np.flatnonzero(self._ended)
+        if len(begun):
             if self._mode is AutoresetMode.DISABLED:
                 raise InputError(
                     f"the episodes of environments {shown(np.flatnonzero(self._ended).tolist())} have ended; "
                     'reset(options={"reset_mask": mask}) starts new ones'
                 )
-            self._episodes.begin(np.flatnonzero(self._ended))
+            self._begin(begun)
             acting = ~self._ended
-        outcome = self._episodes.step(checked, acting)
+        outcome = self._act(checked, acting)
         self._ended = outcome.terminated | outcome.truncated
-        info = self._selected(outcome.info | self._episodes.goal_info())
-        info = self._masked(info, restarted=None if acting is None else ~acting)
+        info = self._masked(self._with_starts(self._selected(outcome.info), begun))
         return self._handed_out(self._episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info)
 
     def render(self) -> tuple[Any, ...] | None:
@@ -316,27 +349,48 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             self._picture.close()
 
     def _step_and_restart(self, actions: Any) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
-        outcome = self._episodes.step(actions)
+        outcome = self._act(actions)
         info = self._selected(outcome.info)
         over = outcome.terminated | outcome.truncated
         observation = self._episodes.observe()
         final: dict[str, Any] = {}
         if over.any():
             (mask,) = self._handed_out(over)
-            final_info = info | self._selected(self._episodes.goal_info())
-            final_info |= {f"_{name}": mask for name in final_info}
-            final = {"final_obs": observation, "_final_obs": mask, "final_info": final_info, "_final_info": mask}
-            self._episodes.begin(np.flatnonzero(over))
+            final = {
+                "final_obs": observation,
+                "_final_obs": mask,
+                "final_info": self._masked(info, over),
+                "_final_info": mask,
+            }
+            begun = np.flatnonzero(over)
+            self._begin(begun)
             observation = self._episodes.observe()
-        info |= self._selected(self._episodes.goal_info())
-        info = self._masked(info, restarted=over if final else None) | final
+            info = self._with_starts(info, begun)
+        info = self._masked(info) | final
         return self._handed_out(observation, outcome.reward, outcome.terminated, outcome.truncated, info)
 
-    def _masked(self, info: dict[str, Any], *, restarted: Flags | None) -> dict[str, Any]:
-        """Add Gymnasium's masks to the `info` of a step: where an episode began, only entries of a reset are valid."""
-        everyone = np.ones(self.num_envs, dtype=np.bool_)
-        always, stepped = self._handed_out(everyone, everyone if restarted is None else ~restarted)
-        return info | {f"_{name}": always if name in self._starting else stepped for name in info}
+    def _begin(self, ids: Ids, *start: Any) -> None:
+        self._episodes.begin(ids, *start)
+        self._elapsed[ids] = 0
+
+    def _act(self, actions: Any, acting: Flags | None = None) -> Outcome:
+        """Step, and truncate the episodes that have taken their steps, whether or not they terminate."""
+        outcome = self._episodes.step(actions, acting)
+        self._elapsed += 1 if acting is None else acting
+        if self.max_episode_steps is None:
+            return outcome
+        return replace(outcome, truncated=outcome.truncated | (self._elapsed >= self.max_episode_steps))
+
+    def _with_starts(self, info: dict[str, Any], begun: Ids) -> dict[str, Any]:
+        """Return the `info` of a step with that of the reset where an episode has begun."""
+        if not len(begun):
+            return info
+        return with_rows(info, begun, self._selected(self._episodes.start_info(begun)), self.num_envs)
+
+    def _masked(self, info: Mapping[str, Any], mask: Flags | None = None) -> dict[str, Any]:
+        """Add Gymnasium's masks to an `info`; by default its entries are of all environments."""
+        (mask,) = self._handed_out(np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask)
+        return {**info, **{f"_{name}": mask for name in info}}
 
     def _handed_out(self, *values: Any) -> Any:
         return values if self._device is None else tuple(on_device(value, self._device) for value in values)

@@ -19,6 +19,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_count, check_flag, check_known, check_number, shown
+from kinreach._registration import MAX_EPISODE_STEPS, MOVING
 from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch
 from kinreach.envs._options import about, check_not_over, given_options, options_from, with_options
 from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
@@ -40,6 +41,8 @@ SPEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)
 INSIDE = 0.02
 #: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds, and sights before.
 BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
+#: Terms of the reward.
+TERMS = ("distance", "touch", "collision")
 #: The first joint turns a tip at the far end of the table no faster [m/s].
 MAX_SPEED = 2.0
 
@@ -250,12 +253,9 @@ class MovingEpisodes:
         collided = self._collide(postures, acting)
         touched = acting & (nearest <= TOUCH) & ~collided
         gone = acting & (self.frames * PARTS >= self._ends)
-        terms = {
-            "distance": -np.where(acting, nearest, 0.0),
-            "touch": touched.astype(float),
-            "collision": -collided.astype(float),
-        }
-        info = {**self.start_info(), "is_success": touched, "reward_terms": terms}
+        paid = -np.where(acting, nearest, 0.0), touched.astype(float), -collided.astype(float)
+        terms = dict(zip(TERMS, paid, strict=True))
+        info = self._info(slice(None), touched, terms)
         reward = terms["distance"] + terms["touch"] + terms["collision"]
         return Outcome(reward, touched | collided | gone, np.zeros(len(touched), dtype=np.bool_), info)
 
@@ -288,20 +288,26 @@ class MovingEpisodes:
         moved_by = self._sights[everyone[:, None], before] - seen[:, None]
         return np.concatenate([seen, age[:, None], self.q, self.v, moved_by.reshape(len(seen), -1)], axis=1)
 
-    def start_info(self) -> dict[str, Any]:
+    def start_info(self, ids: Ids) -> dict[str, Any]:
         """Return the `info` of a reset."""
-        info = {"speed": self._speeds.copy(), "path": self._paths.astype(str), "distance": self._nearest.copy()}
-        return {
-            **info,
-            "impossible": self._reasons != "",
-            "impossible_reason": self._reasons.astype(str),
-            **self.goal_info(),
-        }
+        return self._info(ids, np.zeros(len(ids), dtype=np.bool_), {name: np.zeros(len(ids)) for name in TERMS})
 
-    def goal_info(self) -> dict[str, Any]:
-        """Return where balls and arms are now."""
-        now = np.minimum(self.frames * PARTS, self._ends)
-        return {"goal": self.rolls[np.arange(len(now)), now], "q": self.q.copy(), "time": self.frames / FRAMES}
+    def _info(self, rows: Any, touched: Flags, terms: dict[str, Floats]) -> dict[str, Any]:
+        """Return the `info` of some environments, whose results have as many rows."""
+        now, reasons = np.minimum(self.frames * PARTS, self._ends)[rows], np.array(self._reasons[rows])
+        return {
+            "goal": self.rolls[np.arange(len(self.frames))[rows], now],
+            "speed": np.array(self._speeds[rows]),
+            "path": np.array(self._paths[rows]),
+            "q": np.array(self.q[rows]),
+            "time": self.frames[rows] / FRAMES,
+            "distance": np.array(self._nearest[rows]),
+            "reached": touched,
+            "is_success": touched,
+            "impossible": reasons != "",
+            "impossible_reason": reasons,
+            "reward_terms": terms,
+        }
 
     def close(self) -> None:
         """Do nothing: no camera is open."""
@@ -432,6 +438,7 @@ class MovingVectorEnv(NativeVectorEnv):
 
     Args:
         num_envs: Number of environments.
+        max_episode_steps: Steps after which episodes are truncated.
         autoreset_mode: As of `NativeVectorEnv`.
         **options: As in the single environment (`MovingOptions`).
 
@@ -442,8 +449,15 @@ class MovingVectorEnv(NativeVectorEnv):
         InputError: Options that cannot be.
     """
 
+    registered_limit = MAX_EPISODE_STEPS[MOVING]
+
     def __init__(
-        self, num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP, **options: Any
+        self,
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        **options: Any,
     ) -> None:
         given = options_from(MovingOptions, options)
         num_envs = check_batch(num_envs, 1, None)
@@ -456,6 +470,7 @@ class MovingVectorEnv(NativeVectorEnv):
             check_actions=partial(check_actions, count=num_envs),
             check_start=partial(check_start, count=num_envs),
             autoreset_mode=autoreset_mode,
+            max_episode_steps=max_episode_steps,
         )
         self.metadata = {**self.metadata, "render_fps": FRAMES}
 

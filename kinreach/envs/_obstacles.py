@@ -60,6 +60,8 @@ STANDING = 1e-3
 MAX_DRAWS = 1000
 #: Status of a move that ends beside the goal.
 MISSED = "missed"
+#: Terms of the reward.
+TERMS = ("distance", "reached", "collision")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +74,6 @@ class ObstaclesOptions:
         default=PATH_MARGIN,
         metadata=about("distance that `accept`, `clearance` and `goal_postures` keep from everything [m]"),
     )
-    max_steps: int = field(default=100, metadata=about("moves after which an episode is truncated"))
 
     def __post_init__(self) -> None:
         given: Any = self.clutter
@@ -86,7 +87,6 @@ class ObstaclesOptions:
                 f"heights must be above 0 and at most 1 m, the smaller one first, got {shown(self.heights)}"
             )
         check_number("margin [m]", self.margin, least=MIN_MARGIN, most=0.05)
-        check_count("max_steps", self.max_steps, most=10_000)
 
 
 def check_clutter(count: object) -> int:
@@ -112,8 +112,9 @@ def _checker_among(obstacles: tuple[Box, ...], margin: float) -> CollisionChecke
 
 
 def _verdict(
-    reached: bool, impossible: bool, reason: str, status: str, target: Floats, terms: dict[str, float]
+    reached: bool, impossible: bool, reason: str, status: str, target: Floats, paid: Sequence[float]
 ) -> dict[str, Any]:
+    """Return what a move led to, as entries of `info`; `paid` are the rewards of `TERMS`."""
     return {
         "reached": reached,
         "is_success": reached,
@@ -121,7 +122,7 @@ def _verdict(
         "impossible_reason": reason,
         "status": status,
         "target": target,
-        "reward_terms": terms,
+        "reward_terms": dict(zip(TERMS, paid, strict=True)),
     }
 
 
@@ -160,8 +161,8 @@ class ObstaclesEnv(gym.Env[Any, Any]):
 
     ## Episode End
     The episode terminates when the goal is reached (the tip within 10 mm of the ball's centre, the tool within 0.15 rad
-    of straight down), after a collision, and when the arm is sent to where it stands. It is truncated after
-    `max_steps` moves.
+    of straight down), after a collision, and when the arm is sent to where it stands. Gymnasium
+    truncates it after 100 moves (`max_episode_steps`).
 
     ## Info
     From `reset` on:
@@ -309,9 +310,10 @@ class ObstaclesEnv(gym.Env[Any, Any]):
                 break
         else:
             raise InputError(f"none of {MAX_DRAWS} scenes with {count} obstacles has a free goal; choose fewer")
-        self._q, self._steps, self._length, self._time = self._home.copy(), 0, 0.0, 0.0
+        self._q, self._length, self._time = self._home.copy(), 0.0, 0.0
         self._started, self._over, self._simulation = True, False, None
-        return self._observe(), self._state()
+        unknown = _verdict(False, False, "", "", np.full_like(self._q, np.nan), len(TERMS) * (0.0,))
+        return self._observe(), {**self._state(), **unknown}
 
     def _scene(self, count: int) -> tuple[tuple[Box, ...], Floats]:
         rng, cell = self.np_random, get_arm(THESIS_ARM).workcell
@@ -338,16 +340,13 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         target = self.posture_for(action)
         way = float(np.abs(target - self._q).max())
         status, reason = (MISSED, "") if way < STANDING else self._move(target)
-        self._steps += 1
         state = self._state()
         near = state["distance"] < REACHED_DISTANCE and state["posture_error"] < REACHED_POSTURE_ERROR
         reached = near and not reason
-        terms = {"distance": -state["distance"], "reached": float(reached), "collision": -float(bool(reason))}
+        paid = -state["distance"], float(reached), -float(bool(reason))
         self._over = reached or bool(reason) or way < STANDING
-        verdict = _verdict(reached, bool(reason), reason, "completed" if reached else status, target, terms)
-        truncated = not self._over and self._steps >= self.options.max_steps
-        terminated, self._over = self._over, self._over or truncated
-        return self._observe(), sum(terms.values()), terminated, truncated, {**state, **verdict}
+        verdict = _verdict(reached, bool(reason), reason, "completed" if reached else status, target, paid)
+        return self._observe(), sum(paid), self._over, False, {**state, **verdict}
 
     def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """End the episode of an agent that finds no path; the arm stays where it is.
@@ -360,9 +359,9 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         """
         check_started(self._started)
         state, self._over = self._state(), True
-        terms = {"distance": -state["distance"], "reached": 0.0, "collision": 0.0}
-        verdict = _verdict(False, True, str(reason), str(STATUSES[Status.FORFEITED]), self._q.copy(), terms)
-        return self._observe(), sum(terms.values()), True, False, {**state, **verdict}
+        paid = -state["distance"], 0.0, 0.0
+        verdict = _verdict(False, True, str(reason), str(STATUSES[Status.FORFEITED]), self._q.copy(), paid)
+        return self._observe(), sum(paid), True, False, {**state, **verdict}
 
     def _move(self, target: Floats) -> tuple[str, str]:
         """Move to a posture; return a status, and why it was impossible, if it was."""
@@ -407,7 +406,9 @@ class ObstaclesEnv(gym.Env[Any, Any]):
 
     def _state(self) -> dict[str, Any]:
         T = self.kinematics.fk(self._q)
-        boxes = [(*box.position, *box.size) for box in self.obstacles]
+        boxes = np.full((MAX_CLUTTER, 6), np.nan)
+        for row, box in zip(boxes, self.obstacles, strict=False):
+            row[:] = *box.position, *box.size
         return {
             "goal": self._goal.copy(),
             "seen": self._goal.copy(),
@@ -415,8 +416,8 @@ class ObstaclesEnv(gym.Env[Any, Any]):
             "tip": T[:3, 3].copy(),
             "distance": float(np.linalg.norm(T[:3, 3] - self._goal)),
             "posture_error": float(np.arctan2(np.linalg.norm(T[:2, 2]), -T[2, 2])),
-            "clutter": len(boxes),
-            "obstacles": np.array(boxes).reshape(-1, 6),
+            "clutter": len(self.obstacles),
+            "obstacles": boxes,
             "length": self._length,
             "move_s": self._time,
         }

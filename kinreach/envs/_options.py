@@ -38,7 +38,10 @@ def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:
     available = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
     if unknown := [name for name in given if name not in available]:
         names = ", ".join(map(repr, unknown))  # the wording is Python's: TorchRL looks for it
-        raise UnknownOptionError(f"got an unexpected keyword argument {names}; available: {', '.join(available)}")
+        limit = "; the limit of steps is Gymnasium's, max_episode_steps=" if "max_steps" in unknown else ""
+        raise UnknownOptionError(
+            f"got an unexpected keyword argument {names}; available: {', '.join(available)}{limit}"
+        )
     return kind(**given)
 
 
@@ -101,6 +104,19 @@ def option_rows(
 def check_seed(seed: object) -> int | None:
     """Check the seed of an environment; NumPy's integers are valid too."""
     return None if seed is None else check_count("seed", seed, least=0)
+
+
+def check_limit(max_episode_steps: object, registered: int) -> int | None:
+    """Return the steps after which episodes of a batch are truncated, as Gymnasium means them; None for no limit.
+
+    None means the registered limit, and -1 none.
+    """
+    if max_episode_steps is None:
+        return registered
+    steps = check_count("max_episode_steps", max_episode_steps, least=-1)
+    if steps == 0:
+        raise InputError("max_episode_steps must be at least 1, or -1 for episodes without a limit, got 0")
+    return None if steps == -1 else steps
 
 
 def check_started(started: bool) -> None:

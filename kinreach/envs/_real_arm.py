@@ -352,8 +352,24 @@ class RealArmEnv(gym.Env[Any, Any]):
         self._seen = self._observed(self._balls)
         self._looks, self._level, self._moves, self._over = 0, 0, 0, False
         self._scene, self._at = None, np.array(self.believed.home)
-        self._info = {**chosen, "impossible": False, "goal": self._balls[0].copy()}
+        unknown = {f"error_{budget}_{move}": math.nan for budget in self.options.budgets for move in self._turns}
+        self._info = {
+            **chosen,
+            "goal": self._balls[0].copy(),
+            "q": self._at.copy(),
+            "distance": math.nan,
+            **unknown,
+            "reached": False,
+            "is_success": False,
+            "impossible": False,
+            "reward_terms": {"distance": 0.0},
+        }
         return self._observation(), dict(self._info)
+
+    @property
+    def _turns(self) -> range:
+        """Numbers of the moves to every ball with each budget."""
+        return range(1 + self.options.again)
 
     @property
     def looks_left(self) -> int:
@@ -401,7 +417,8 @@ class RealArmEnv(gym.Env[Any, Any]):
         middle = float(np.median(distances))
         self._info[f"error_{self.options.budgets[self._level]}_{self._moves}"] = middle
         reward = -float(distances.mean())
-        self._info |= {"distance": middle, "is_success": middle < NEAR, "reward_terms": {"distance": reward}}
+        near = middle < NEAR
+        self._info |= {"distance": middle, "reached": near, "is_success": near, "reward_terms": {"distance": reward}}
         self._info |= {"goal": self._balls[0].copy(), "q": self._q[0].copy()}
         self._moves += 1
         if self._moves > self.options.again:

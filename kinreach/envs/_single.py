@@ -14,7 +14,7 @@ from gymnasium.wrappers import RecordVideo
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
-from kinreach.envs._batch import Outcome, first_row, numbers_of
+from kinreach.envs._batch import Ids, Outcome, first_row, numbers_of
 from kinreach.envs._options import check_seed, check_started
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
@@ -22,6 +22,9 @@ from kinreach.robots import ArmDescription
 from kinreach.sim._picture import Scene, ScenePicture
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.vision._goal_view import GoalMeasurement
+
+#: The environments of episodes with a count of one.
+ONLY: Ids = np.zeros(1, dtype=np.intp)
 
 
 class SingleEnv(gym.Env[Any, Any]):
@@ -44,10 +47,10 @@ class SingleEnv(gym.Env[Any, Any]):
         super().reset(seed=seed)
         if seed is not None or not self._started:
             self._episodes.seed(0, self.np_random)
-        self._episodes.begin(np.zeros(1, dtype=np.intp), start)
+        self._episodes.begin(ONLY, start)
         self._started, self._over = True, False
         self._follow()
-        return self._observe(), self._info(self._episodes.start_info())
+        return self._observe(), self._info(self._episodes.start_info(ONLY))
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Act once.

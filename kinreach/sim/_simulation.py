@@ -320,8 +320,12 @@ class BatchSimulation:
     @property
     def tip_positions(self) -> Floats:
         """Positions of the arms' default tips [m], shape (count, 3)."""
-        tips = np.empty((self.count, 3))
-        for tip, qpos in zip(tips, self._plant.qpos, strict=True):
+        return self.tip_positions_of(np.arange(self.count))
+
+    def tip_positions_of(self, ids: Ids) -> Floats:
+        """Return positions of the default tips of some arms [m], shape (k, 3)."""
+        tips = np.empty((len(ids), 3))
+        for tip, qpos in zip(tips, self._plant.qpos[ids], strict=True):
             self._scratch.qpos[:] = qpos
             mujoco.mj_kinematics(self.model, self._scratch)
             tip[:] = self._scratch.xpos[self._tip]

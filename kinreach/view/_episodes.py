@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach._checks import Floats
+from kinreach._checks import STEP_LIMIT, Floats
 from kinreach._statistics import Trial
 from kinreach.baselines._loop import rollout
 from kinreach.demo._drawn import arm_of, put, scene_of
@@ -162,7 +162,9 @@ class Recording:
         options = {**self.made_with, **({ARM: self.arm} if ARM in known.choices else {})}
         if known.drawn:
             options["render_mode"] = "rgb_array"
-        env = gym.make(known.name, max_episode_steps=MAX_STEPS, disable_env_checker=True, **options)
+        if gym.spec(known.name).max_episode_steps is None:
+            options = {STEP_LIMIT: MAX_STEPS, **options}
+        env = gym.make(known.name, disable_env_checker=True, **options)
         try:
             player = new_player(self.player, env, seed=self.seed)
             recorder = _Recorder(env, simple=simple, stop=stop or Event())

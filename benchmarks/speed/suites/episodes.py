@@ -162,6 +162,7 @@ def cost(simulation: BatchSimulation, targets: Floats) -> tuple[float, float]:
 
 
 def episode(env: gym.vector.VectorEnv[Any, Any, Any], goals: Floats, actions: Floats) -> dict[str, Any]:
-    """One episode of every environment; what the step says of it."""
+    """One episode of every environment; what its only step says of it."""
     env.reset(options={"goal": goals})
-    return env.step(actions)[-1]
+    info: dict[str, Any] = env.step(actions)[-1]["final_info"]
+    return info

@@ -28,7 +28,7 @@ def _ppo(name: str, summary: str, *, reward: str) -> Recipe:
         name=name,
         summary=summary,
         environment=BUTTON,
-        options={"max_steps": 100},
+        options={"max_episode_steps": 100},
         algorithm="AdaptivePPO",
         steps=1_800_000,
         num_envs=64,

@@ -118,8 +118,8 @@ class ButtonPressEnv(DrawnEnv):
     rest, for one episode.
 
     ## Episode End
-    Terminated when a press counts. Truncated after `max_steps` steps, or when the simulation diverges (a joint faster
-    than 10000 rad/s: `info["impossible"]`, False otherwise; the last good state is observed).
+    Terminated when a press counts. Truncated by Gymnasium after 1000 steps (`max_episode_steps`), or when the simulation
+    diverges (a joint faster than 10000 rad/s: `info["impossible"]`, False otherwise; the last good state is observed).
 
     ## Info
     From `reset` on:

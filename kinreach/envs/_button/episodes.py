@@ -27,7 +27,7 @@ from kinreach.envs._button.task import (
 )
 from kinreach.envs._button.world import Ids, TorqueWorld
 from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
-from kinreach.envs._reach.rewards import OwnReward, RewardFunction, Scorer, check_reward
+from kinreach.envs._reach.rewards import OwnReward, RewardFunction, Scorer, Terms, check_reward
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import ArmDescription, QuadrantRegion, get_arm
@@ -47,7 +47,6 @@ class ButtonOptions:
         default=False,
         metadata=about("keep the first target (`True`), or the target itself, (x, y, z) in the world [m]"),
     )
-    max_steps: int = field(default=1000, metadata=about("steps after which an episode is truncated"))
     reward: RewardFunction | None = field(
         default=None, metadata=about("a function of distance, q and press; by default the environment's own")
     )
@@ -59,7 +58,6 @@ class ButtonOptions:
     def __post_init__(self) -> None:
         check_known("actuation", self.actuation, ACTUATIONS)
         check_known("info", self.info, INFOS)
-        check_count("max_steps", self.max_steps)
         check_reward(self.reward, "distance, q and press")
         check_flag("controls", self.controls)
         check_count("frames", self.frames, most=16)
@@ -147,7 +145,6 @@ class ButtonEpisodes:
         self.world = world
         self._starts = ButtonStarts(options.motors.targets)
         self._streams = RowStreams(self._starts.sample, count, size=SIZE)
-        self._max_steps = options.max_steps
         self._period = options.motors.period
         self._gears = np.array(options.motors.gears)
         self._keep = options.fixed_target is not False
@@ -162,6 +159,7 @@ class ButtonEpisodes:
         self._energy = np.empty(count)
         self._controls = options.controls
         self._seen = np.empty((count, options.frames, options.observation_space.shape[0] // options.frames))
+        self._terms: tuple[str, ...] | None = None  # names of the reward's
         self._fixed = options.target
         if self._fixed is not None:
             self._refuse_unreachable("fixed_target", self._fixed[None])
@@ -226,32 +224,41 @@ class ButtonEpisodes:
         self._steps += 1 if acting is None else acting
         self._wrong_presses += wrong
         self._energy += ((self._control * self._gears) ** 2).sum(axis=1) * self._period
-        truncated = (diverged | (self._steps >= self._max_steps)) & ~pressed
+        self._terms = tuple(score.terms)
+        info = self._info(slice(None), pressed, wrong, diverged, score.terms)
+        outcome = Outcome(score.reward, pressed, diverged & ~pressed, info)
+        return outcome if acting is None else outcome.of(acting)
+
+    def start_info(self, ids: Ids) -> dict[str, Any]:
+        nobody = np.zeros(len(ids), dtype=np.bool_)
+        if self._terms is None:  # of a function of the user's they are known when it was called
+            distance = self.distance[ids]
+            self._terms = tuple(self._scorer.score(distance, self._state[0, ids], nobody, distance).terms)
+        return self._info(ids, nobody, nobody, nobody, {name: np.zeros(len(ids)) for name in self._terms})
+
+    def _info(self, rows: Any, pressed: Flags, wrong: Flags, diverged: Flags, terms: Terms) -> dict[str, Any]:
+        """Return the `info` of some arms, whose results have as many rows."""
         reason = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
-        info = self.start_info() | {
+        q, _, tip = self._state
+        return {
+            "goal": np.array(self.goals[rows]),
+            "distance": self.distance[rows],
+            "q": np.array(q[rows]),
+            "tip": np.array(tip[rows]),
             "reached": pressed,
             "is_success": pressed,
             "pressed": pressed,
             "wrong_press": wrong,
-            "wrong_presses": self._wrong_presses.copy(),
+            "wrong_presses": np.array(self._wrong_presses[rows]),
             "impossible": diverged,
             "impossible_code": diverged.astype(np.uint8),
             "impossible_reason": np.where(diverged, reason, "").astype(object),
-            "energy": self._energy.copy(),
-            "steps": self._steps.copy(),
-            "move_s": self._steps * self._period,
-            "reward_terms": score.terms,
+            "energy": np.array(self._energy[rows]),
+            "steps": np.array(self._steps[rows]),
+            "move_s": self._steps[rows] * self._period,
+            "reward_terms": terms,
+            **{f"reward_{name}": term for name, term in terms.items()},
         }
-        info |= {f"reward_{name}": term for name, term in score.terms.items()}
-        outcome = Outcome(score.reward, pressed, truncated, info)
-        return outcome if acting is None else outcome.of(acting)
-
-    def start_info(self) -> dict[str, Any]:
-        q, _, tip = self._state
-        return self.goal_info() | {"distance": self.distance, "q": q.copy(), "tip": tip.copy()}
-
-    def goal_info(self) -> dict[str, Any]:
-        return {"goal": self.goals.copy()}
 
     def close(self) -> None:
         """Do nothing: no camera is open."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
+from kinreach._registration import BUTTON, MAX_EPISODE_STEPS
 from kinreach.envs._batch import BatchPicture, NativeVectorEnv, check_batch
 from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs._button.task import action_space, check_actions
@@ -25,6 +26,7 @@ class ButtonPressVectorEnv(NativeVectorEnv):
         num_envs: Number of environments.
         threads: Threads that step the dynamics.
         autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
+        max_episode_steps: Steps after which episodes are truncated.
         device: Of torch, for tensors instead of arrays.
         **options: As in the single environment (`ButtonOptions`). `render_mode` is None or `"rgb_array"`, for up to 64
             environments.
@@ -33,11 +35,14 @@ class ButtonPressVectorEnv(NativeVectorEnv):
         InputError: Invalid options.
     """
 
+    registered_limit = MAX_EPISODE_STEPS[BUTTON]
+
     def __init__(
         self,
         num_envs: int = 1,
         *,
         threads: int = 1,
+        max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         device: str | None = None,
         **options: Any,
@@ -56,6 +61,7 @@ class ButtonPressVectorEnv(NativeVectorEnv):
             picture=None if given.render_mode is None else _picture(given, episodes),
             device=device,
             numbers_only=given.info == "numbers",
+            max_episode_steps=max_episode_steps,
         )
         self.metadata = {**self.metadata, "render_fps": round(1 / given.motors.period)}
 

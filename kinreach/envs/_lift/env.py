@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,6 +12,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
+from kinreach._registration import LIFT, MAX_EPISODE_STEPS
 from kinreach.envs._batch import NativeVectorEnv, Outcome, check_batch
 from kinreach.envs._lift.episodes import LiftEpisodes
 from kinreach.envs._lift.task import LiftOptions, LiftStart, LiftTask
@@ -93,8 +93,8 @@ class LiftEnv(ArmEnv):
     Success: the object's lowest point is 0.10 m above the table for 0.5 s, and it touches both fingers and neither the
     table nor anything else that stands around. Single steps: the episode terminates with success or after `attempts`
     actions; before another attempt the arm goes home and looks again. Small steps: it terminates with success, or when
-    the arm collides by more than 1 mm; it is truncated after `max_steps`. A simulation that diverges ends it;
-    `info["impossible_reason"]` then begins with "diverged".
+    the arm collides by more than 1 mm; Gymnasium truncates it after 150 steps (`max_episode_steps`). A simulation that
+    diverges ends it; `info["impossible_reason"]` then begins with "diverged".
 
     ## Info
     From `reset` on:
@@ -179,7 +179,7 @@ class LiftEnv(ArmEnv):
         self._follow()
         if self.render_mode == "human":
             self.render()
-        return super()._answer(replace(outcome, info=outcome.info | self._episodes.goal_info()))
+        return super()._answer(outcome)
 
 
 class LiftVectorEnv(NativeVectorEnv):
@@ -188,6 +188,7 @@ class LiftVectorEnv(NativeVectorEnv):
     Args:
         num_envs: Number of environments.
         threads: Threads that step the dynamics.
+        max_episode_steps: Steps after which episodes are truncated.
         autoreset_mode: As of `NativeVectorEnv`.
         **options: As in the single environment (`LiftOptions`), without a `render_mode`.
 
@@ -198,11 +199,14 @@ class LiftVectorEnv(NativeVectorEnv):
         InputError: Invalid options.
     """
 
+    registered_limit = MAX_EPISODE_STEPS[LIFT]
+
     def __init__(
         self,
         num_envs: int = 1,
         *,
         threads: int = 1,
+        max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         **options: Any,
     ) -> None:
@@ -224,4 +228,5 @@ class LiftVectorEnv(NativeVectorEnv):
             check_start=partial(task.reset_options, count=num_envs),
             autoreset_mode=autoreset_mode,
             numbers_only=given.info == "numbers",
+            max_episode_steps=max_episode_steps,
         )

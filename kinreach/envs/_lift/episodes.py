@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 
 from kinreach._checks import Floats
-from kinreach.envs._batch import Flags, Ids, Outcome, RowStreams
+from kinreach.envs._batch import Flags, Ids, Outcome, RowStreams, texts
 from kinreach.envs._lift.geometry import closes
 from kinreach.envs._lift.task import (
     CLOSING,
@@ -34,11 +35,14 @@ from kinreach.vision._goal_view import GoalMeasurement
 #: How far an episode got, and what stopped it there, by the number of the stage.
 STARTED, REACHED, CLOSED, RAISED, LIFTED = range(5)
 CAUSES = np.array(["reached", "closed", "slipped", "dropped", ""], dtype=object)
+#: Terms of the reward.
+TERMS = ("distance", "closed", "height", "lifted", "impossible")
 #: Of success; more than holding the object all the time could bring.
 LIFTED_REWARD = 20.0
 #: Interval between two checks of a grasp while the object is to be held [s].
 LOOK = 0.1
 ALL_DRAWN = LiftStart()
+_SHAPES = np.array(SHAPES, dtype=object)
 
 
 class LiftEpisodes:
@@ -132,22 +136,23 @@ class LiftEpisodes:
             self.seen, self.yaws, self.kinds, self.q, self._tips(everyone), self._opening, self._others
         )
 
-    def goal_info(self) -> dict[str, Any]:
-        kinds = self.kinds
+    def _goal_info(self, rows: Any) -> dict[str, Any]:
+        kinds = self.kinds.of(rows)
         return {
-            "goal": self.goals.copy(),
-            "seen": self.seen.copy(),
-            "view": np.nan_to_num(self.seen),
-            "yaw": self.yaws.copy(),
-            "shape": np.array(SHAPES)[kinds.shape],
-            "size": kinds.size.copy(),
-            "mass": kinds.mass.copy(),
-            "friction": kinds.friction.copy(),
+            "goal": np.array(self.goals[rows]),
+            "seen": np.array(self.seen[rows]),
+            "view": np.nan_to_num(self.seen[rows]),
+            "yaw": np.array(self.yaws[rows]),
+            "shape": _SHAPES[kinds.shape],
+            "size": np.array(kinds.size),
+            "mass": np.array(kinds.mass),
+            "friction": np.array(kinds.friction),
         }
 
-    def start_info(self) -> dict[str, Any]:
-        return {**self.goal_info(), "q": self.q.copy(), "tip": self._tips(np.arange(self.count)),
-                "distance": self._distance.copy()}  # fmt: skip
+    def start_info(self, ids: Ids) -> dict[str, Any]:
+        nobody = np.zeros(len(ids), dtype=np.bool_)
+        info = self._info(ids, nobody, {name: np.zeros(len(ids)) for name in TERMS})
+        return info | {"status": texts(len(ids)), "cause": texts(len(ids))}
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
         acting = np.ones(self.count, dtype=np.bool_) if acting is None else acting
@@ -168,8 +173,8 @@ class LiftEpisodes:
         over = acting & ((self._stage == LIFTED) | (self._steps >= self.task.options.attempts) | self._lost)
         again = np.flatnonzero(acting & ~over)
         outcome = self._outcome(acting, over, np.zeros_like(over))
-        self._go_home(again)
-        return outcome
+        self._go_home(again)  # which looks again
+        return replace(outcome, info={**outcome.info, **self._goal_info(slice(None))})
 
     @property
     def _lost(self) -> Flags:
@@ -322,53 +327,61 @@ class LiftEpisodes:
         hit = ids[now.collides & ~lost]
         self._reasons[hit] = self._status[hit] = "collision"
         ended = acting & ((self._stage == LIFTED) | (self._status == "collision"))
-        over = acting & (self._lost | (self._steps >= task.options.max_steps)) & ~ended
-        return self._outcome(acting, ended, over)
+        return self._outcome(acting, ended, acting & self._lost & ~ended)
 
     def _outcome(self, acting: Flags, terminated: Flags, truncated: Flags) -> Outcome:
         lifted = acting & (self._stage == LIFTED) & (self._status != "collision")
         impossible = acting & (self._reasons != "")
         share = np.clip(self._clearance / HEIGHT, 0.0, 1.0) * self._gripped
         weight = STEP_S if self.task.options.steps == MULTI else 1.0
-        terms = {
-            "distance": -weight * self._distance,
-            "closed": weight * self._gripped,
-            "height": weight * share,
-            "lifted": LIFTED_REWARD * lifted,
-            "impossible": -1.0 * impossible,
-        }
-        terms = {name: np.where(acting, term, 0.0) for name, term in terms.items()}
+        paid = (
+            -weight * self._distance,
+            weight * self._gripped,
+            weight * share,
+            LIFTED_REWARD * lifted,
+            -1.0 * impossible,
+        )
+        terms = {name: np.where(acting, term, 0.0) for name, term in zip(TERMS, paid, strict=True)}
         reward = np.zeros(self.count)
         for term in terms.values():
             reward += term
         words = np.where(self._status != "", self._status, np.where(lifted, "lifted", "missed"))
         cause = np.where(lifted, "", CAUSES[np.minimum(self._stage, RAISED)])
         cause = np.where(np.isnan(self.seen).any(axis=1), "seen", cause)
-        info = {
-            **self.start_info(),
-            "posture_error": self._misalignment(),
-            "held": self._gripped.copy(),
-            "clearance": self._clearance.copy(),
-            "opening": self._opening.copy(),
-            "reached": lifted,
-            "is_success": lifted,
-            "impossible": impossible,
-            "impossible_reason": self._reasons.astype(str),
-            "status": words.astype(str),
-            "cause": cause.astype(str),
-            "move_s": self._time.copy(),
-            "attempts": self._steps.copy(),
-            "reward_terms": terms,
-        }
-        info |= {f"reward_{name}": term for name, term in terms.items()}
+        info = self._info(slice(None), lifted, terms)
+        info |= {"impossible": impossible, "status": words.astype(object), "cause": cause.astype(object)}
         return Outcome(reward, terminated, truncated, info)
 
-    def _misalignment(self) -> Floats:
+    def _info(self, rows: Any, lifted: Flags, terms: dict[str, Floats]) -> dict[str, Any]:
+        """Return the `info` of some arms, whose results have as many rows, without what an action led to."""
+        ids = np.arange(self.count)[rows]
+        return {
+            **self._goal_info(rows),
+            "q": np.array(self.q[rows]),
+            "tip": self._tips(ids),
+            "distance": np.array(self._distance[rows]),
+            "posture_error": self._misalignment(ids),
+            "held": np.array(self._gripped[rows]),
+            "clearance": np.array(self._clearance[rows]),
+            "opening": np.array(self._opening[rows]),
+            "reached": lifted,
+            "is_success": lifted,
+            "impossible": np.zeros(len(ids), dtype=np.bool_),
+            "impossible_reason": np.array(self._reasons[rows]),
+            "status": np.array(self._status[rows]),
+            "cause": texts(len(ids)),
+            "move_s": np.array(self._time[rows]),
+            "attempts": np.array(self._steps[rows]),
+            "reward_terms": terms,
+            **{f"reward_{name}": term for name, term in terms.items()},
+        }
+
+    def _misalignment(self, ids: Ids) -> Floats:
         """Angle between tool and vertical, and of the fingers to the nearest faces of a cube [rad], summed."""
-        axes = self.task.poses(self.q)[:, :3, :3]
+        axes = self.task.poses(self.q[ids])[:, :3, :3]
         tilt = np.arccos(np.clip(-axes[:, 2, 2], -1.0, 1.0))
-        off = np.abs(face_angle(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]) - self.yaws))
-        return np.asarray(tilt + np.where(self.kinds.shape == SHAPES.index(CUBE), off, 0.0))
+        off = np.abs(face_angle(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]) - self.yaws[ids]))
+        return np.asarray(tilt + np.where(self.kinds.shape[ids] == SHAPES.index(CUBE), off, 0.0))
 
     def close(self) -> None:
         for observer in (self._camera, self._pixels):

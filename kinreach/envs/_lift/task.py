@@ -61,7 +61,7 @@ MIN_SIZE, MIN_MASS, MAX_MASS, MAX_FRICTION, MAX_SHIFT = 0.01, 1e-3, 1.0, 3.0, 0.
 CLEARANCE = 0.01
 #: Distance between the middles of two objects [m], and how often a second one is drawn until it is kept.
 APART, DRAWS = 0.13, 100
-MAX_ATTEMPTS, MAX_STEPS = 10, 10_000
+MAX_ATTEMPTS = 10
 #: Where an observation has the object's place, the turn of its faces, its size, and whether it is a cube; where its
 #: goal block ends.
 SEEN, FACES, SIZE, IS_CUBE, KIND_END = slice(0, 3), 3, 4, 6, 8
@@ -105,7 +105,6 @@ class LiftOptions:
         default=(0.0, 0.0, 0.0), metadata=about("how far the table is moved, x, y and z [m], within 0.05")
     )
     attempts: int = field(default=1, metadata=about("grasps that may be tried in an episode of single steps"))
-    max_steps: int = field(default=150, metadata=about("steps after which an episode of small steps is truncated"))
     margin: float = field(
         default=MARGIN,
         metadata=about(
@@ -145,7 +144,6 @@ class LiftOptions:
         as_vector("table [m]", self.table, 3, most=MAX_SHIFT)
         check_flag("clutter", self.clutter)
         check_count("attempts", self.attempts, most=MAX_ATTEMPTS)
-        check_count("max_steps", self.max_steps, most=MAX_STEPS)
         check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, 1.0)
         if self.observation != "geometric":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -176,7 +175,7 @@ class ReachEnv(ArmEnv):
         self._follow()
         if self.render_mode == "human":
             self.render()
-        return super()._answer(replace(outcome, info=self._episodes.goal_info() | outcome.info))
+        return super()._answer(outcome)
 
     def _follow(self) -> None:
         """Update the drawn scene where the world has no scene of its own."""
@@ -338,10 +337,10 @@ class UR5MultiStepEnv(ReachEnv):
     As in `kinreach/UR5SingleStep-v0`.
 
     ## Episode End
-    Terminated when the goal is reached (d < 0.01 m and r_e < 0.15), unless `end_on_reached=False`; truncated after
-    100 steps, or when the simulation diverges (`info["impossible_reason"]` begins with "diverged"). In the
-    thesis an episode has 100 actions (section 3.4.5), or may end when the goal is reached (section 5.3); the default is
-    the latter.
+    Terminated when the goal is reached (d < 0.01 m and r_e < 0.15), unless `end_on_reached=False`; truncated by
+    Gymnasium after 100 steps (`max_episode_steps`), or when the simulation diverges (`info["impossible_reason"]` begins
+    with "diverged"). In the thesis an episode has 100 actions (section 3.4.5), or may end when the goal is reached
+    (section 5.3); the default is the latter.
 
     ## Info
     As in `kinreach/UR5SingleStep-v0`.

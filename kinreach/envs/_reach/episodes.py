@@ -9,7 +9,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.envs._batch import Outcome
+from kinreach.envs._batch import Outcome, texts
 from kinreach.envs._reach.observers import PixelObserver, goal_observer, measured
 from kinreach.envs._reach.rewards import Score
 from kinreach.envs._reach.task import CAMERA_RANGE, IMAGE, TOOL_DOWN, ReachTask, Start, joint_limits
@@ -49,8 +49,8 @@ class ReachEpisodes:
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._observation = np.empty((count, task.layout.size))
         self._observation[:, task.layout.gripper] = task.gripper_opening
-        self._steps = np.empty(count, dtype=np.int64)
         self._move_time = np.empty(count)
+        self._terms: tuple[str, ...] | None = None  # names of the reward's
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an arm its own generators, for goals and for noise."""
@@ -71,7 +71,6 @@ class ReachEpisodes:
         else:
             rows, self.goals, self.found, self.seen = ids, self.goals.copy(), self.found.copy(), self.seen.copy()
             self.goals[rows], self.found[rows], self.seen[rows] = goals, found, seen
-        self._steps[rows] = 0
         self._changed[rows] = True
         self._move_time[rows] = 0.0
         self._observation[rows, self.task.layout.goal] = views
@@ -109,21 +108,19 @@ class ReachEpisodes:
         self._changed[:] = False
         return {name: part.copy() for name, part in self._pictures.items()}
 
-    def goal_info(self) -> dict[str, Any]:
-        view = self._observation[:, self.task.layout.goal].copy()
-        info = {"goal": self.goals.copy(), "seen": self.seen.copy(), "view": view, "ball_found": self.found.copy()}
-        return info | {"direction": self.directions.copy()} if self.task.directed else info
-
-    def start_info(self) -> dict[str, Any]:
-        q, tip = self.world.snapshot()
-        error = self.task.posture_error(q, like(q, self.directions))
-        return {
-            **self.goal_info(),
-            "q": q,
-            "tip": tip,
-            "distance": self._distance(tip),
-            "posture_error": error,
-        }
+    def start_info(self, ids: Ids) -> dict[str, Any]:
+        count = len(ids)
+        q, tip = self.world.snapshot(ids)
+        directions, distance = like(q, self.directions[ids]), self._distance(tip, self.goals[ids])
+        nobody = np.zeros(count, dtype=np.bool_)
+        if self._terms is None:  # of a function of the user's they are known when it was called
+            self._terms = tuple(self.task.score(distance, q, flags_like(distance, nobody), directions).terms)
+        terms = {name: np.zeros(count) for name in self._terms}
+        score = Score(np.zeros(count), terms, self.task.posture_error(q, directions), nobody)
+        nothing = Executed(nobody, np.zeros(count, dtype=np.uint8), [""] * count if self.world.explains else None)
+        info = self._info(ids, nothing, score, q, tip, distance)
+        info |= {"status": texts(count), "target": np.full(q.shape, np.nan)}
+        return info | {"target_tip": np.full(tip.shape, np.nan)} if self.world.explains else info
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
         """Act with every arm, or where `acting` is True; actions are in [-1, 1], shape (count, n)."""
@@ -136,16 +133,14 @@ class ReachEpisodes:
         if executed.durations is not None:
             self._move_time += executed.durations
         score, info = self._judge(targets, executed)
-        self._steps += 1 if acting is None else acting
         self._changed |= True if acting is None else acting
-        over = self._steps >= variant.max_steps
-        if variant.max_steps == 1:
-            outcome = Outcome(score.reward, over, np.zeros_like(over), info)
+        everyone = np.ones(self.world.count, dtype=np.bool_)
+        if variant.one_action:
+            outcome = Outcome(score.reward, everyone, ~everyone, info)
         else:
             terminated = on_host(score.reached) & self.task.options.end_on_reached
-            if self.world.dynamic:
-                over |= executed.status == Status.DIVERGED
-            outcome = Outcome(score.reward, terminated, over & ~terminated, info)
+            lost = executed.status == Status.DIVERGED
+            outcome = Outcome(score.reward, terminated, lost & ~terminated, info)
         return outcome if acting is None else outcome.of(acting)
 
     def _ends(self, targets: Floats, acting: Flags | None) -> Floats:
@@ -167,11 +162,24 @@ class ReachEpisodes:
 
     def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
         q, tip = self.world.snapshot()
-        distance = self._distance(tip)
+        distance = self._distance(tip, self.goals)
         score = self.task.score(distance, q, flags_like(distance, executed.impossible), like(distance, self.directions))
-        status = STATUSES[executed.status]
+        self._terms = tuple(score.terms)
+        info = self._info(slice(None), executed, score, q, tip, distance) | {"target": targets}
+        if self.world.explains:  # not in large kinematic batches, where it would take long
+            info["target_tip"] = self._target_tips(targets, tip, executed.impossible)
+        return score, info
+
+    def _info(
+        self, rows: Any, executed: Executed, score: Score, q: Floats, tip: Floats, distance: Floats
+    ) -> dict[str, Any]:
+        """Return the `info` of some arms, whose results have as many rows, without the target."""
         reasons = executed.reasons
         info = {
+            "goal": np.array(self.goals[rows]),
+            "seen": np.array(self.seen[rows]),
+            "view": np.array(self._observation[rows, self.task.layout.goal]),
+            "ball_found": np.array(self.found[rows]),
             "q": q,
             "tip": tip,
             "distance": distance,
@@ -181,15 +189,14 @@ class ReachEpisodes:
             "impossible": executed.impossible,
             "impossible_code": executed.status,
             "impossible_reason": _PHRASES[executed.status] if reasons is None else np.array(reasons, dtype=object),
-            "status": status,
-            "target": targets,
-            "move_s": self._move_time.copy(),
+            "status": STATUSES[executed.status],
+            "move_s": np.array(self._move_time[rows]),
             "reward_terms": score.terms,
         }
         info |= {f"reward_{name}": term for name, term in score.terms.items()}
-        if self.world.dynamic or reasons is not None:  # not in large kinematic batches, where it would take long
-            info["target_tip"] = self._target_tips(targets, tip, executed.impossible)
-        return score, info
+        if self.task.directed:
+            info["direction"] = np.array(self.directions[rows])
+        return info
 
     def _target_tips(self, targets: Floats, tip: Floats, impossible: Flags) -> Floats:
         """Where the tips would be in the targets [m], shape (count, 3)."""
@@ -200,8 +207,8 @@ class ReachEpisodes:
             tips[impossible] = self.task.kinematics.positions(targets[impossible])
         return tips
 
-    def _distance(self, tip: Floats) -> Floats:
-        goals = like(tip, self.goals)
+    def _distance(self, tip: Floats, goals: Floats) -> Floats:
+        goals = like(tip, goals)
         x, y, z = (tip[:, axis] - goals[:, axis] for axis in range(3))
         distance: Floats = namespace(tip).sqrt(x * x + y * y + z * z)
         return distance

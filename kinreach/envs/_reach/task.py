@@ -185,20 +185,20 @@ class ReachVariant:
         relative: Whether an action changes the joint angles (else it sets them).
         scale: What an action of 1 means [rad]; where it sets a joint, that of one with the limits ±pi.
         two_phase: Whether the arm's `moves_last` (shoulder_lift of a UR) wait for the other joints.
-        max_steps: Steps after which an episode is truncated.
+        one_action: Whether an episode is over after its first action.
     """
 
     name: str
     relative: bool
     scale: float
     two_phase: bool
-    max_steps: int
+    one_action: bool
 
 
 #: One action sets all joints, shoulder_lift last; the episode is over (thesis, section 3.4.5).
-SINGLE_STEP = ReachVariant("single", relative=False, scale=math.pi, two_phase=True, max_steps=1)
-#: Up to 100 actions of -5 ... 5 degrees, all joints at once.
-MULTI_STEP = ReachVariant("multi", relative=True, scale=STEP_SIZE, two_phase=False, max_steps=100)
+SINGLE_STEP = ReachVariant("single", relative=False, scale=math.pi, two_phase=True, one_action=True)
+#: Actions of -5 ... 5 degrees, all joints at once.
+MULTI_STEP = ReachVariant("multi", relative=True, scale=STEP_SIZE, two_phase=False, one_action=False)
 
 
 class Layout(NamedTuple):

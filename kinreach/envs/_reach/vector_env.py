@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from kinreach._checks import check_count
+from kinreach._registration import MAX_EPISODE_STEPS, MULTI
 from kinreach.envs._batch import BatchPicture, NativeVectorEnv, check_batch
 from kinreach.envs._options import options_from
 from kinreach.envs._reach.episodes import ReachEpisodes
@@ -42,6 +43,7 @@ class ReachVectorEnv(NativeVectorEnv):
         variant: Which of the thesis's tasks; None for reaching in space, whose variant is an option.
         threads: Threads that step the dynamics (`backend="mujoco"`).
         autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
+        max_episode_steps: Steps after which episodes are truncated.
         device: Of torch, for tensors instead of arrays. With `backend="warp"` it is Warp's device too, and rewards are
             computed on it; else they are computed in numpy and handed over.
         **options: As in the single environments (`ReachOptions`, `SpaceOptions`). `render_mode` is None or
@@ -54,12 +56,15 @@ class ReachVectorEnv(NativeVectorEnv):
         InputError: Invalid options.
     """
 
+    registered_limit = MAX_EPISODE_STEPS[MULTI]
+
     def __init__(
         self,
         num_envs: int = 1,
         *,
         variant: ReachVariant | None = None,
         threads: int = 1,
+        max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         device: str | None = None,
         **options: Any,
@@ -96,6 +101,7 @@ class ReachVectorEnv(NativeVectorEnv):
             picture=None if given.render_mode is None else _picture(episodes),
             device=device,
             numbers_only=given.info == "numbers",
+            max_episode_steps=max_episode_steps,
         )
 
 

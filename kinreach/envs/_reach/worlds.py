@@ -82,10 +82,12 @@ class ReachWorld(Protocol):
     Attributes:
         count: How many.
         dynamic: Whether they are simulated.
+        explains: Whether there is a reason for each impossible target.
     """
 
     count: int
     dynamic: bool
+    explains: bool
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         """Put arms into postures [rad], shape (k, n), or the start pose, and balls to goals [m], shape (k, 3)."""
@@ -98,8 +100,8 @@ class ReachWorld(Protocol):
         """
         ...
 
-    def snapshot(self) -> tuple[Any, Any]:
-        """Copy `q` and `tip`, as tensors if the world has a device."""
+    def snapshot(self, ids: Ids | None = None) -> tuple[Any, Any]:
+        """Copy `q` and `tip` of all arms or of some, as tensors if the world has a device."""
         ...
 
     @property
@@ -126,7 +128,7 @@ class KinematicWorld:
 
     def __init__(self, task: ReachTask, count: int, *, explain: bool = False) -> None:
         self.count = count
-        self._explain = explain
+        self.explains = explain
         self._kinematics = task.kinematics
         self._checker = task.checker
         self._home = task.home[:, None]
@@ -150,13 +152,15 @@ class KinematicWorld:
         for array, values in ((self._q, q), (self._tip, self._kinematics.positions(q.T).T)):
             for row, new in zip(array, values, strict=True):
                 row[moved] = new
-        if not self._explain:
+        if not self.explains:
             return Executed(impossible, status)
         reasons = [self._checker.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
         return Executed(impossible, status, reasons)
 
-    def snapshot(self) -> tuple[Floats, Floats]:
-        return self.q.copy(order="K"), self.tip.copy(order="K")
+    def snapshot(self, ids: Ids | None = None) -> tuple[Floats, Floats]:
+        if ids is None or len(ids) == self.count:
+            return self.q.copy(order="K"), self.tip.copy(order="K")
+        return self._q[:, ids].T, self._tip[:, ids].T
 
     @property
     def q(self) -> Floats:
@@ -177,7 +181,7 @@ class SingleDynamicWorld:
     """One arm under MuJoCo's dynamics; what draws or films its simulation may share it."""
 
     count = 1
-    dynamic = True
+    dynamic = explains = True
 
     def __init__(self, simulation: ArmSimulation) -> None:
         self.simulation = simulation
@@ -190,7 +194,7 @@ class SingleDynamicWorld:
         """Move by dynamics; a target that is not attained is impossible, and the arm stays where it got to."""
         return _executed([self.simulation.move(targets[0], two_phase=two_phase)])
 
-    def snapshot(self) -> tuple[Floats, Floats]:
+    def snapshot(self, ids: Ids | None = None) -> tuple[Floats, Floats]:
         return self.q, self.tip
 
     @property
@@ -209,7 +213,7 @@ class BatchDynamicWorld:
         device: Of Warp and of the tensors that `snapshot` gives; with None those are arrays.
     """
 
-    dynamic = True
+    dynamic = explains = True
 
     def __init__(
         self,
@@ -239,11 +243,12 @@ class BatchDynamicWorld:
             moves[index] = move
         return _executed(moves)
 
-    def snapshot(self) -> tuple[Any, Any]:
+    def snapshot(self, ids: Ids | None = None) -> tuple[Any, Any]:
         """Return postures and tips; as tensors, tips are computed on the device."""
+        rows = np.arange(self.count) if ids is None else ids
         if self._device is None:
-            return self.q, self.tip
-        q = on_device(self.q, self._device)
+            return self.q[rows], self._batch.tip_positions_of(rows)
+        q = on_device(self.q[rows], self._device)
         return q, self._kinematics.positions(q)
 
     @property
