@@ -34,6 +34,10 @@ class UnknownOptionError(UnknownNameError, TypeError):
     """An unknown keyword of an environment; a `TypeError` too, as libraries expect."""
 
 
+class NoDynamicsError(KinreachError, AttributeError):
+    """An environment without dynamics was asked for MuJoCo's model or state; so `hasattr(env, "model")` is False."""
+
+
 class PathError(KinreachError):
     """No path was found, or a motion cannot be made; the message gives the place and the reason.
 

@@ -172,10 +172,13 @@ class RandomArmEpisodes:
         """Return the `info` of a reset; distances are infinite before the first move."""
         return self._info(ids, np.zeros(len(ids)))
 
+    def goal_info(self, rows: Any) -> dict[str, Any]:
+        return {"goal": np.array(self.balls[rows])}
+
     def _info(self, rows: Any, reward: Floats) -> dict[str, Any]:
         distance = np.array(self._distances[rows])
         return {
-            "goal": np.array(self.balls[rows]),
+            **self.goal_info(rows),
             "distance": distance,
             "reached": distance < NEAR,
             "is_success": distance < NEAR,

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach._checks import MAX_THREADS, Floats, as_flags, check_count, check_known, is_tensor, shown
 from kinreach.envs._options import check_limit, check_seed, check_started
 from kinreach.errors import InputError
-from kinreach.kinematics._tensors import as_device, like, on_device, on_host
+from kinreach.kinematics._tensors import as_device, copied, like, on_device, on_host
 from kinreach.sim._picture import FPS, Scene, ScenePicture
 
 #: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
@@ -52,20 +52,17 @@ def numbers_of(info: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def with_rows(info: Mapping[str, Any], ids: Ids, rows: Mapping[str, Any], count: int) -> dict[str, Any]:
-    """Return the `info` of a batch of `count` with the rows of some environments replaced; both have the same keys."""
-    if len(ids) == count:
-        return dict(rows)
-    return {
-        name: with_rows(value, ids, rows[name], count)
-        if isinstance(value, Mapping)
-        else _with_rows(value, ids, rows[name])
-        for name, value in info.items()
-    }
+def with_rows(info: Mapping[str, Any], ids: Ids, rows: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the `info` of a batch with entries of some environments replaced by rows."""
+    return {**info, **{name: _with_rows(info[name], ids, value) for name, value in rows.items()}}
 
 
 def _with_rows(values: Any, ids: Ids, rows: Any) -> Any:
-    changed = values.clone() if is_tensor(values) else values.copy()
+    if isinstance(values, Mapping):
+        return with_rows(values, ids, rows)
+    if len(values) == len(rows):
+        return rows
+    changed = copied(values)
     changed[ids] = like(values, rows)
     return changed
 
@@ -156,8 +153,12 @@ class Episodes(Protocol):
     def start_info(self, ids: Ids) -> dict[str, Any]:
         """Return the `info` of a reset of some environments, arrays of as many rows.
 
-        It has the entries of the `info` of a step, of the same types. What only a step knows is NaN, False, 0 or empty.
+        It has the entries of the `info` of a step, of the same types. What only a step knows is False, 0 or empty.
         """
+        ...
+
+    def goal_info(self, ids: Ids) -> dict[str, Any]:
+        """Return the entries of it about the goals."""
         ...
 
     def close(self) -> None:
@@ -195,10 +196,10 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
     With `AutoresetMode.SAME_STEP`, the default, an episode that ends starts anew in the same step: the observation
     returned is the first of the new episode, `info["final_obs"]` is the last of the old one where `info["_final_obs"]`
-    is True, and `info["final_info"]` holds the `info` of the last step of every environment, as arrays. The other
-    entries of `info` are those of the new episode's reset where one began, else of the step. With `NEXT_STEP` the step
-    after an end starts the next episode and ignores the action: the reward is 0. With `DISABLED` episodes are restarted
-    by `reset(options={"reset_mask": mask})`, bool, shape (num_envs,).
+    is True, and `info["final_info"]` holds the single environment's `info`, as arrays. The other entries of `info` are
+    those of the last step, except those about the goal, which are the new episode's. With `NEXT_STEP` the step after
+    an end starts the next episode and ignores the action: the reward is 0, and `info` is that of a reset. With
+    `DISABLED` episodes are restarted by `reset(options={"reset_mask": mask})`, bool, shape (num_envs,).
 
     Episodes are truncated after `max_episode_steps`, as Gymnasium's `TimeLimit` does with single environments.
 
@@ -333,7 +334,10 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             acting = ~self._ended
         outcome = self._act(checked, acting)
         self._ended = outcome.terminated | outcome.truncated
-        info = self._masked(self._with_starts(self._selected(outcome.info), begun))
+        info = self._selected(outcome.info)
+        if len(begun):
+            info = with_rows(info, begun, self._selected(self._episodes.start_info(begun)))
+        info = self._masked(info)
         return self._handed_out(self._episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info)
 
     def render(self) -> tuple[Any, ...] | None:
@@ -365,7 +369,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             begun = np.flatnonzero(over)
             self._begin(begun)
             observation = self._episodes.observe()
-            info = self._with_starts(info, begun)
+            info = with_rows(info, begun, self._selected(self._episodes.goal_info(begun)))
         info = self._masked(info) | final
         return self._handed_out(observation, outcome.reward, outcome.terminated, outcome.truncated, info)
 
@@ -380,12 +384,6 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         if self.max_episode_steps is None:
             return outcome
         return replace(outcome, truncated=outcome.truncated | (self._elapsed >= self.max_episode_steps))
-
-    def _with_starts(self, info: dict[str, Any], begun: Ids) -> dict[str, Any]:
-        """Return the `info` of a step with that of the reset where an episode has begun."""
-        if not len(begun):
-            return info
-        return with_rows(info, begun, self._selected(self._episodes.start_info(begun)), self.num_envs)
 
     def _masked(self, info: Mapping[str, Any], mask: Flags | None = None) -> dict[str, Any]:
         """Add Gymnasium's masks to an `info`; by default its entries are of all environments."""

@@ -292,15 +292,22 @@ class MovingEpisodes:
         """Return the `info` of a reset."""
         return self._info(ids, np.zeros(len(ids), dtype=np.bool_), {name: np.zeros(len(ids)) for name in TERMS})
 
-    def _info(self, rows: Any, touched: Flags, terms: dict[str, Floats]) -> dict[str, Any]:
-        """Return the `info` of some environments, whose results have as many rows."""
-        now, reasons = np.minimum(self.frames * PARTS, self._ends)[rows], np.array(self._reasons[rows])
+    def goal_info(self, rows: Any) -> dict[str, Any]:
+        """Return where balls and arms are now."""
+        now = np.minimum(self.frames * PARTS, self._ends)[rows]
         return {
             "goal": self.rolls[np.arange(len(self.frames))[rows], now],
-            "speed": np.array(self._speeds[rows]),
-            "path": np.array(self._paths[rows]),
             "q": np.array(self.q[rows]),
             "time": self.frames[rows] / FRAMES,
+        }
+
+    def _info(self, rows: Any, touched: Flags, terms: dict[str, Floats]) -> dict[str, Any]:
+        """Return the `info` of some environments, whose results have as many rows."""
+        reasons = np.array(self._reasons[rows])
+        return {
+            **self.goal_info(rows),
+            "speed": np.array(self._speeds[rows]),
+            "path": np.array(self._paths[rows]),
             "distance": np.array(self._nearest[rows]),
             "reached": touched,
             "is_success": touched,
@@ -389,7 +396,8 @@ class MovingBallEnv(SingleEnv):
     not count. With `collisions=False` the arm moves through everything, and every touch counts.
 
     ## Info
-    From `reset` on:
+    `reset` and `step` give the same entries, each of one type and shape. After a reset `distance` is infinite,
+    nothing is touched or impossible, `impossible_reason` is empty, and rewards are 0.
 
     | Key | Value |
     |-----|-------|
@@ -397,12 +405,7 @@ class MovingBallEnv(SingleEnv):
     | `q`, `time` | joint angles [rad], after a collision the first that collide; time in the episode [s] |
     | `distance` | least distance of tip and ball so far [m] |
     | `impossible`, `impossible_reason` | whether the arm collided, and with what, such as `finger_left - table` |
-
-    From `step` on also:
-
-    | Key | Value |
-    |-----|-------|
-    | `is_success` | the ball was touched, and that counts |
+    | `reached`, `is_success` | the ball was touched, and that counts |
     | `reward_terms` | terms of the reward |
 
     ## Arguments

@@ -37,11 +37,13 @@ from kinreach.envs._reach.task import (
     tool_goal,
 )
 from kinreach.envs._reach.worlds import STATUS_OF_CAUSE, STATUSES, Status
+from kinreach.envs._single import WithModel
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, CollisionChecker, URKinematics
 from kinreach.kinematics._collision import PATH_MARGIN
 from kinreach.kinematics._motion_check import MIN_MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription, Box, get_arm
+from kinreach.sim._movable_boxes import box_names, spare_boxes
 from kinreach.sim._picture import Scene
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
@@ -100,7 +102,7 @@ def _kinematics() -> URKinematics:
 
 @lru_cache(maxsize=4)
 def _arm_among(obstacles: tuple[Box, ...]) -> ArmDescription:
-    """Return the UR5 with more obstacles on its table; cached, because scenes are cached by the arm."""
+    """Return the UR5 with more obstacles on its table."""
     arm = get_arm(THESIS_ARM)
     return replace(arm, workcell=replace(arm.workcell, obstacles=(*arm.workcell.obstacles, *obstacles)))
 
@@ -127,7 +129,7 @@ def _verdict(
 
 
 @with_options(ObstaclesOptions)
-class ObstaclesEnv(gym.Env[Any, Any]):
+class ObstaclesEnv(WithModel, gym.Env[Any, Any]):
     """A UR5 reaches a ball on a table with obstacles, from waypoint to waypoint.
 
     ## Description
@@ -165,20 +167,16 @@ class ObstaclesEnv(gym.Env[Any, Any]):
     truncates it after 100 moves (`max_episode_steps`).
 
     ## Info
-    From `reset` on:
+    `reset` and `step` give the same entries, each of one type and shape. After a reset `reached` and `impossible`
+    are False, `impossible_reason` and `status` are empty, rewards are 0, and the target is where the arm stands.
 
     | Key | Value |
     |-----|-------|
     | `goal`, `seen` | where the ball is [m] |
     | `q`, `tip` | joint angles [rad], after a collision the first that collide; tip [m] |
     | `distance`, `posture_error` | from the tip to the ball [m]; angle between the tool and straight down [rad] |
-    | `clutter`, `obstacles` | number of obstacles; centre and edges of each [m], shape (clutter, 6) |
+    | `clutter`, `obstacles` | how many; centre and edges of each [m], shape (20, 6), the spare ones far below |
     | `length`, `move_s` | of the way so far, the Euclidean norm over joints [rad]; simulated time [s] |
-
-    From `step` on also:
-
-    | Key | Value |
-    |-----|-------|
     | `reached`, `is_success` | the goal is reached |
     | `impossible` | whether the arm touched something or was held off |
     | `impossible_reason` | what it touched, such as `wrist_1_link - box 3`; else empty |
@@ -213,7 +211,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
 
     @property
     def arm(self) -> ArmDescription:
-        """The arm, among the obstacles of this episode."""
+        """The arm, in its work cell with the obstacles of this episode."""
         return _arm_among(self.obstacles)
 
     @property
@@ -228,15 +226,26 @@ class ObstaclesEnv(gym.Env[Any, Any]):
 
     @property
     def scene(self) -> Scene:
-        """The simulation that is drawn."""
-        return self._simulated(visual=True)
+        """The simulation that is drawn; it looks good if it is asked for before the first move."""
+        return self._moving(visual=True)
 
-    def _simulated(self, *, visual: bool) -> ArmSimulation:
-        """The simulation of this episode, with visuals only if it was drawn before the first move."""
+    @property
+    def _dynamics(self) -> Scene:
+        return self._moving(visual=False)
+
+    def _moving(self, *, visual: bool) -> ArmSimulation:
+        """The simulation, with visuals only if it is drawn before anything else needs it."""
         if self._simulation is None:
-            self._simulation = ArmSimulation(self.arm, visual=visual)
-            self._simulation.place_ball(self._goal)
+            self._simulation = ArmSimulation(ARM, visual=visual, boxes=MAX_CLUTTER)
+            self._follow(self._simulation)
         return self._simulation
+
+    def _follow(self, simulation: ArmSimulation) -> None:
+        """Put a simulation into the start of the episode, if there is one."""
+        simulation.reset()
+        if self._started:
+            simulation.put_boxes(self.obstacles)
+            simulation.place_ball(self._goal)
 
     @property
     def home(self) -> Floats:
@@ -311,8 +320,10 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         else:
             raise InputError(f"none of {MAX_DRAWS} scenes with {count} obstacles has a free goal; choose fewer")
         self._q, self._length, self._time = self._home.copy(), 0.0, 0.0
-        self._started, self._over, self._simulation = True, False, None
-        unknown = _verdict(False, False, "", "", np.full_like(self._q, np.nan), len(TERMS) * (0.0,))
+        self._started, self._over = True, False
+        if self._simulation is not None:
+            self._follow(self._simulation)
+        unknown = _verdict(False, False, "", "", self._q.copy(), len(TERMS) * (0.0,))
         return self._observe(), {**self._state(), **unknown}
 
     def _scene(self, count: int) -> tuple[tuple[Box, ...], Floats]:
@@ -326,7 +337,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
             wide, deep, height = rng.uniform(*EDGE), rng.uniform(*EDGE), rng.uniform(*self.options.heights)
             beside = np.abs(goal[:2] - (x, y)) - (wide / 2, deep / 2)
             if np.linalg.norm(beside.clip(0.0)) >= FROM_BALL:
-                boxes.append(Box(f"box {len(boxes) + 1}", (wide, deep, height), (x, y, top + height / 2)))
+                boxes.append(Box(box_names(count)[len(boxes)], (wide, deep, height), (x, y, top + height / 2)))
         return tuple(boxes), goal
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -365,7 +376,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
 
     def _move(self, target: Floats) -> tuple[str, str]:
         """Move to a posture; return a status, and why it was impossible, if it was."""
-        simulation = self._simulated(visual=False)
+        simulation = self._moving(visual=False)
         taken, shown = [self._q], simulation.watch
 
         def watch() -> None:
@@ -406,9 +417,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
 
     def _state(self) -> dict[str, Any]:
         T = self.kinematics.fk(self._q)
-        boxes = np.full((MAX_CLUTTER, 6), np.nan)
-        for row, box in zip(boxes, self.obstacles, strict=False):
-            row[:] = *box.position, *box.size
+        boxes = [*self.obstacles, *spare_boxes(MAX_CLUTTER)[len(self.obstacles) :]]
         return {
             "goal": self._goal.copy(),
             "seen": self._goal.copy(),
@@ -417,7 +426,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
             "distance": float(np.linalg.norm(T[:3, 3] - self._goal)),
             "posture_error": float(np.arctan2(np.linalg.norm(T[:2, 2]), -T[2, 2])),
             "clutter": len(self.obstacles),
-            "obstacles": boxes,
+            "obstacles": np.array([(*box.position, *box.size) for box in boxes]),
             "length": self._length,
             "move_s": self._time,
         }

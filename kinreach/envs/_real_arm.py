@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import zip_longest
@@ -30,6 +31,7 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, as_floats, check_count, check_known, check_number, check_path, shown
 from kinreach.envs._options import about, check_not_over, check_seed, given_options, options_from, with_options
+from kinreach.envs._single import WithModel
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._chain import SerialChain
@@ -193,7 +195,7 @@ class Workplace:
 
     def scene(self) -> PosedScene:
         """Return the arm as it truly stands in its work cell, its tool where it truly is; without what is not rigid."""
-        return PosedScene(self.arm, model=_true_model(self.arm, tuple(self.tool.tolist()), self.base))
+        return PosedScene(self.arm, model=copy(_true_model(self.arm, tuple(self.tool.tolist()), self.base)))
 
 
 @lru_cache(maxsize=4)
@@ -238,7 +240,7 @@ def _direction(rng: np.random.Generator) -> Floats:
 
 
 @with_options(RealArmOptions)
-class RealArmEnv(gym.Env[Any, Any]):
+class RealArmEnv(WithModel, gym.Env[Any, Any]):
     """A UR5 that differs from its data sheet reaches a tray of balls, after a few looks at its own tip.
 
     ## Description
@@ -272,20 +274,16 @@ class RealArmEnv(gym.Env[Any, Any]):
     episode terminates after the last move of the last budget.
 
     ## Info
-    From `reset` on:
+    `reset` and `step` give the same entries, each of one type and shape. After a reset `distance` and the errors of
+    moves to come are infinite, `is_success` is False, `q` is where the arm stands, and the reward is 0.
 
     | Key | Value |
     |-----|-------|
     | `calibration`, `errors` | which arm it truly is, and what is wrong with it |
     | `goal`, `impossible` | where the first ball is [m]; always `False` |
-
-    From `step` on also:
-
-    | Key | Value |
-    |-----|-------|
     | `distance` | median distance of this move [m] |
-    | `error_BUDGET_AGAIN` | the same of each move so far, such as `error_5_0` |
-    | `is_success` | the median is below 0.5 mm |
+    | `error_BUDGET_AGAIN` | the same of each move, such as `error_5_0` |
+    | `reached`, `is_success` | the median is below 0.5 mm |
     | `q` | posture of the last move to the first ball [rad] |
     | `reward_terms` | terms of the reward |
 
@@ -352,12 +350,12 @@ class RealArmEnv(gym.Env[Any, Any]):
         self._seen = self._observed(self._balls)
         self._looks, self._level, self._moves, self._over = 0, 0, 0, False
         self._scene, self._at = None, np.array(self.believed.home)
-        unknown = {f"error_{budget}_{move}": math.nan for budget in self.options.budgets for move in self._turns}
+        unknown = {f"error_{budget}_{move}": math.inf for budget in self.options.budgets for move in self._turns}
         self._info = {
             **chosen,
             "goal": self._balls[0].copy(),
             "q": self._at.copy(),
-            "distance": math.nan,
+            "distance": math.inf,
             **unknown,
             "reached": False,
             "is_success": False,

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from kinreach._checks import Floats
 from kinreach.envs._batch import Ids, Outcome, first_row, numbers_of
 from kinreach.envs._options import check_seed, check_started
-from kinreach.errors import InputError
+from kinreach.errors import InputError, NoDynamicsError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription
 from kinreach.sim._picture import Scene, ScenePicture
@@ -27,7 +27,41 @@ from kinreach.vision._goal_view import GoalMeasurement
 ONLY: Ids = np.zeros(1, dtype=np.intp)
 
 
-class SingleEnv(gym.Env[Any, Any]):
+class WithModel:
+    """MuJoCo's model and state, where users of Gymnasium's MuJoCo environments look for them."""
+
+    @property
+    def _dynamics(self) -> Scene | None:
+        """What is simulated; None without dynamics."""
+        return None
+
+    @property
+    def model(self) -> Any:
+        """MuJoCo's model (`mujoco.MjModel`), of this environment only: what is written to it acts in the next step.
+
+        Raises:
+            NoDynamicsError: The environment has no dynamics.
+        """
+        return self._simulated("model").model
+
+    @property
+    def data(self) -> Any:
+        """MuJoCo's state (`mujoco.MjData`).
+
+        Raises:
+            NoDynamicsError: The environment has no dynamics.
+        """
+        return self._simulated("data").data
+
+    def _simulated(self, attribute: str) -> Scene:
+        if (simulated := self._dynamics) is not None:
+            return simulated
+        backend = getattr(getattr(self, "options", None), "backend", None)
+        what = "is kinematics only" if backend is None else f'has backend={backend!r}; backend="mujoco" has dynamics'
+        raise NoDynamicsError(f"there is no `{attribute}` of MuJoCo without dynamics: {type(self).__name__} {what}")
+
+
+class SingleEnv(WithModel, gym.Env[Any, Any]):
     """One environment of a task; a subclass sets `_episodes`, with a count of one, and the spaces."""
 
     _episodes: Any
@@ -126,6 +160,10 @@ class ArmEnv(DrawnEnv):
 
     _task: Any
     _simulation: ArmSimulation
+
+    @property
+    def _dynamics(self) -> Scene | None:
+        return self._simulation if self.options.backend == "mujoco" else None
 
     @property
     def arm(self) -> ArmDescription:

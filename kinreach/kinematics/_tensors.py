@@ -48,6 +48,10 @@ def empty(values: Any, *shape: int, flags: bool = False) -> Any:
     return np.empty(shape, dtype=np.bool_ if flags else np.float64)
 
 
+def copied(values: Any) -> Any:
+    return values.clone() if is_tensor(values) else values.copy()
+
+
 def on_host(values: Any) -> Any:
     return values.detach().cpu().numpy() if is_tensor(values) else values
 

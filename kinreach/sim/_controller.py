@@ -24,6 +24,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription
 from kinreach.sim._engine import mujoco
+from kinreach.sim._movable_boxes import box_names
 from kinreach.sim._plants import Ids, Plant, rows_and_columns
 from kinreach.sim._setpoints import ARRIVED, DIVERGED, LATE, MOVING, Following, SetpointPlanner
 
@@ -149,7 +150,13 @@ class JointController:
     """
 
     def __init__(
-        self, arm: ArmDescription, model: Any, *, tolerance: float = TOLERANCE, encoder_noise: float = 0.0
+        self,
+        arm: ArmDescription,
+        model: Any,
+        *,
+        tolerance: float = TOLERANCE,
+        encoder_noise: float = 0.0,
+        boxes: int = 0,
     ) -> None:
         self.arm = arm
         self.model = model
@@ -160,7 +167,7 @@ class JointController:
         self.ctrl = as_index([model.actuator(name).id for name in arm.joints])
         free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         self.objects = frozenset(model.body(model.jnt_bodyid[joint]).name for joint in free)
-        self.obstacles = frozenset(box.name for box in arm.workcell.obstacles) | self.objects
+        self.obstacles = frozenset(box.name for box in arm.workcell.obstacles) | self.objects | {*box_names(boxes)}
         dof = as_index([joint.dofadr[0] for joint in joints])
         self._following = Following(self.qpos, dof, self.ctrl, tolerance, model.opt.timestep, encoder_noise)
         self._planner = SetpointPlanner(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from functools import lru_cache
 from typing import Any
 
@@ -23,6 +24,7 @@ from kinreach.robots._meshes import collision_mesh
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import add_free_objects
 from kinreach.sim._imperfections import IDEAL, Imperfections
+from kinreach.sim._movable_boxes import add_movable_boxes
 from kinreach.sim._visuals import DRAWN_ONLY, HIDDEN_GROUP, add_camera, add_visual_meshes, add_visuals
 
 #: Step of the simulation [s]. From 0.002 on, 400 of 400 random targets get the same verdict; at 0.01 an arm that runs
@@ -47,12 +49,14 @@ def build_scene(
     visual: bool = True,
     imperfections: Imperfections = IDEAL,
     objects: int = 0,
+    boxes: int = 0,
 ) -> Any:
     """Return the scene of an arm, a `mujoco.MjSpec`, ready to compile or to edit further.
 
     With `visual` it draws the links by the URDF's visual meshes, the table's legs and camera housings, without mass or
     contact; otherwise links by their collision shapes, which is faster. With one of `objects`, free ones
-    (`kinreach.sim._free_objects`), the ball that marks a goal is hidden.
+    (`kinreach.sim._free_objects`), the ball that marks a goal is hidden. `boxes` can be put elsewhere
+    (`kinreach.sim._movable_boxes`).
 
     Raises:
         InputError: An unusable or missing mesh, or an arm that MuJoCo refuses.
@@ -75,6 +79,7 @@ def build_scene(
             add_visual_meshes(spec, arm)
         add_visuals(spec, arm.workcell.obstacles, visual=visual)
         add_free_objects(spec, objects, spec.body(BALL).pos)
+        add_movable_boxes(spec, boxes)
         _add_home(spec, arm)
     return spec
 
@@ -94,22 +99,18 @@ def _refusals_of(arm: ArmDescription) -> Iterator[None]:
         raise InputError(f"MuJoCo cannot make a scene of arm {arm.name!r}: {' '.join(str(error).split())}") from None
 
 
-@lru_cache(maxsize=16)
-def scene_model(
-    arm: ArmDescription,
-    *,
-    timestep: float = TIMESTEP,
-    visual: bool = True,
-    imperfections: Imperfections = IDEAL,
-    objects: int = 0,
-) -> Any:
-    """Return the compiled scene (`mujoco.MjModel`), which is shared: do not change it.
+def scene_model(arm: ArmDescription, **options: Any) -> Any:
+    """Return a compiled scene (`mujoco.MjModel`) that nobody else has, so that it may be changed.
 
-    Arguments and errors are those of `build_scene`.
+    A scene is compiled once and copied. Arguments and errors are those of `build_scene`.
     """
+    return copy(_compiled(arm, **options))
+
+
+@lru_cache(maxsize=16)
+def _compiled(arm: ArmDescription, **options: Any) -> Any:
     with _refusals_of(arm):
-        spec = build_scene(arm, timestep=timestep, visual=visual, imperfections=imperfections, objects=objects)
-        return spec.compile()
+        return build_scene(arm, **options).compile()
 
 
 def _import_urdf(arm: ArmDescription) -> Any:

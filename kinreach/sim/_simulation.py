@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
-from copy import copy
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,11 +22,12 @@ from kinreach._checks import (
     shown,
 )
 from kinreach.errors import InputError, raise_unknown
-from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, Box, get_arm
 from kinreach.sim._controller import TOLERANCE, JointController, MoveResult, Touch, touches
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import OBJECTS
 from kinreach.sim._imperfections import Imperfections, as_imperfections, in_scene
+from kinreach.sim._movable_boxes import MAX_BOXES, put_boxes, spare_boxes
 from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, rows_and_columns
 from kinreach.sim._scene import BALL, TIMESTEP, check_timestep, scene_model
 
@@ -50,10 +50,11 @@ class ArmSimulation:
         tolerance: How far from its target a joint may come to rest [rad].
         imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
         objects: Number of free objects, up to two; `kinreach.sim._grasping` puts them somewhere and grasps them.
+        boxes: Number of boxes for `put_boxes`.
 
     Attributes:
         arm: The description.
-        model: MuJoCo's model; without objects shared between simulations of the same scene: do not change it.
+        model: MuJoCo's model, of this simulation only: what is written to it acts in the next step.
         data: MuJoCo's state.
         controller: Executes moves.
 
@@ -71,17 +72,23 @@ class ArmSimulation:
         tolerance: float = TOLERANCE,
         imperfections: Imperfections | Mapping[str, float] | None = None,
         objects: int = 0,
+        boxes: int = 0,
     ) -> None:
         self.arm = get_arm(arm)
         check_timestep(timestep)
         check_count("objects", objects, least=0, most=len(OBJECTS))
         flaws = as_imperfections(imperfections)
-        scene = scene_model(self.arm, timestep=timestep, visual=visual, imperfections=in_scene(flaws), objects=objects)
-        self.model: Any = copy(scene) if objects else scene
+        check_count("boxes", boxes, least=0, most=MAX_BOXES)
+        self.model: Any = scene_model(
+            self.arm, timestep=timestep, visual=visual, imperfections=in_scene(flaws), objects=objects, boxes=boxes
+        )
         self.data: Any = mujoco.MjData(self.model)
-        self.controller = JointController(self.arm, self.model, tolerance=tolerance, encoder_noise=flaws.encoder_noise)
+        self.controller = JointController(
+            self.arm, self.model, tolerance=tolerance, encoder_noise=flaws.encoder_noise, boxes=boxes
+        )
         self._plant = SinglePlant(self.model, self.data)
         self._only = np.zeros(1, dtype=np.intp)
+        self._boxes = boxes
         self._ball = int(self.model.body(BALL).mocapid[0])
         self.reset()
 
@@ -107,6 +114,16 @@ class ArmSimulation:
             InputError: Wrong shape, not finite, or further away.
         """
         self.data.mocap_pos[self._ball] = as_vector("position", position, 3, most=MAX_DISTANCE)
+
+    def put_boxes(self, boxes: Sequence[Box]) -> None:
+        """Put the movable boxes where these are, with their edges, and those that are left over out of the way.
+
+        Raises:
+            InputError: More than there are.
+        """
+        if len(boxes) > self._boxes:
+            raise InputError(f"the scene has {self._boxes} movable boxes, got {len(boxes)}")
+        put_boxes(self.model, [*boxes, *spare_boxes(self._boxes)[len(boxes) :]])
 
     def open_gripper(self, opening: float) -> None:
         """Put the fingers of the arm's gripper where it is open by `opening` [m], at once."""
@@ -200,7 +217,7 @@ class BatchSimulation:
     Attributes:
         arm: The description.
         count: As given.
-        model: MuJoCo's model, shared with other simulations of the same scene: do not change it.
+        model: MuJoCo's model of the scene. The batch steps a copy of it.
         batch: MuJoCo's batch (`mujoco.batch.Batch`); None with Warp.
         controller: Executes moves.
 

@@ -21,7 +21,7 @@ HIDDEN_GROUP = 3
 #: What makes a geom a drawing: no mass, no contact.
 DRAWN_ONLY: Mapping[str, Any] = {"group": 2, "contype": 0, "conaffinity": 0, "mass": 0.0}
 _LEG = 0.05  # edge of a table leg [m]
-_DEFAULT_MATERIAL = "metal"
+DEFAULT_MATERIAL = "metal"
 #: Colour, shininess and reflectance of the materials; obstacles of other names are metal.
 _MATERIALS = {
     "floor": ((0.80, 0.82, 0.85, 1.0), 0.1, 0.03),
@@ -44,7 +44,7 @@ def add_visuals(spec: Any, boxes: Sequence[Box], *, visual: bool) -> None:
     _add_light(spec)
     _add_materials(spec)
     for box in boxes:
-        spec.geom(box.name).material = box.name if box.name in _MATERIALS else _DEFAULT_MATERIAL
+        spec.geom(box.name).material = box.name if box.name in _MATERIALS else DEFAULT_MATERIAL
         if visual and box.name == "floor":
             _draw_endless(spec, box)
         if visual and box.legs > 0:
@@ -112,7 +112,7 @@ def _draw_legs(spec: Any, box: Box) -> None:
                 type=mujoco.mjtGeom.mjGEOM_BOX,
                 size=(_LEG / 2, _LEG / 2, box.legs / 2),
                 pos=(sx * (x - _LEG), sy * (y - _LEG), -z - box.legs / 2),
-                material=_DEFAULT_MATERIAL,
+                material=DEFAULT_MATERIAL,
                 **DRAWN_ONLY,
             )
 

@@ -45,7 +45,7 @@ def test_held_out_targets_are_pressed(actuation, count, median):
 @pytest.mark.parametrize("actuation", list(ACTUATIONS))
 def test_one_at_a_time_it_does_what_it_does_for_many(actuation):
     count = 4
-    env = make(actuation=actuation, max_steps=LONGEST[actuation])
+    env = make(actuation=actuation, max_episode_steps=LONGEST[actuation])
     policy = AnalyticButtonPolicy(actuation)
     together = analytic(ACTUATIONS[actuation], count, 5)
     assert together["pressed"] == 1
@@ -96,7 +96,7 @@ def test_episodes_after_the_first_start_with_a_clean_slate():
 def test_it_starts_from_any_posture():
     """Also with the first joint near the end of its range, where the observed angle jumps."""
     rng = np.random.default_rng(8)
-    env = make(max_steps=150)
+    env = make(max_episode_steps=150)
     policy = AnalyticButtonPolicy()
     pressed = 0
     for episode in range(40):

@@ -38,7 +38,7 @@ def small(name):
         settings |= {"learning_starts": 64, "batch_size": 32, "buffer_size": 1000, "target_update_interval": 128}
     else:
         settings |= {"n_steps": 10, "n_epochs": 2}
-    options = {**recipe.options, "max_steps": 20}
+    options = {**recipe.options, "max_episode_steps": 20}
     return replace(recipe, num_envs=16, steps=480, segments=3, window=80, settings=settings, options=options)
 
 
@@ -87,8 +87,8 @@ def test_the_guided_reward_has_the_values_that_it_documents():
 
 def test_the_learner_sees_the_reward_of_where_the_step_led():
     """Also in the step that ends an episode: there the observation returned is of the next episode already."""
-    env = SB3VecEnv(LearningCurve(batch(8, max_steps=7), window=8), reward=REWARDS["guided"])
-    single = batch(8, max_steps=7)
+    env = SB3VecEnv(LearningCurve(batch(8, max_episode_steps=7), window=8), reward=REWARDS["guided"])
+    single = batch(8, max_episode_steps=7)
     env.seed(3)
     env.reset()
     single.reset(seed=3)
@@ -110,7 +110,7 @@ def test_the_learner_sees_the_reward_of_where_the_step_led():
 
 
 def test_the_curve_tells_rewards_how_far_the_training_is():
-    env = LearningCurve(batch(4, max_steps=4), window=16)
+    env = LearningCurve(batch(4, max_episode_steps=4), window=16)
     env.reset(seed=0)
     assert env.reached_lately == 0.0
     q = goal_postures(np.tile(GOAL, (4, 1)))
@@ -147,16 +147,16 @@ def test_recipes_train_go_on_and_export_what_they_trained(name, tmp_path):
 def test_an_evaluation_observes_what_the_training_did(name, size, tmp_path):
     policy = train(small(name), tmp_path, seed=0).policy
     assert policy.inputs == size
-    assert len(evaluate(policy, goals=5, options={"max_steps": 10}).reached) == 5
+    assert len(evaluate(policy, goals=5, options={"max_episode_steps": 10}).reached) == 5
 
 
 @pytest.mark.parametrize("name", ["button", "button-dqn-report-actuation"])
 def test_evaluation_knows_nothing_of_the_training_reward(name, tmp_path):
     """Two policies of equal numbers, one said to be trained with another reward: every figure is the same."""
     run = train(small(name), tmp_path, seed=0)
-    first = evaluate(run.policy, goals=20, options={"max_steps": 20})
+    first = evaluate(run.policy, goals=20, options={"max_episode_steps": 20})
     rewards = np.zeros(20)
-    env = batch(20, max_steps=20)
+    env = batch(20, max_episode_steps=20)
     observation, _ = env.reset(seed=2**41)
     pending = np.ones(20, dtype=bool)
     for _ in range(20):

@@ -58,8 +58,14 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
         (["evaluate", "nothing.safetensors"], "cannot read the policy nothing.safetensors: No such file"),
         (["evaluate", "ranked-single", "--goals", "0"], "--goals must be at least 1"),
         (["evaluate", "ranked-single", "--backend", "magic"], "unknown backend 'magic'; available: kinematic, mujoco"),
-        (["evaluate", "ranked-single", "--max-steps", "3"], "--max-steps is for policies of the button task"),
-        (["evaluate", "ranked-single", "--max-steps", "0"], "--max-steps is for policies of the button task"),
+        (
+            ["evaluate", "ranked-single", "--max-episode-steps", "3"],
+            "--max-episode-steps is for policies of the button task",
+        ),
+        (
+            ["evaluate", "ranked-single", "--max-episode-steps", "0"],
+            "--max-episode-steps is for policies of the button task",
+        ),
         (["evaluate", "ranked-single", "--collisions", "true"], "--collisions is for policies of the moving ball"),
         (["evaluate", "gradient-moving", "--collisions", "no"], "unknown --collisions 'no'; available: false, true"),
         (
@@ -169,17 +175,22 @@ def test_a_policy_of_the_button_task_is_evaluated_as_it_was_trained(monkeypatch,
 
     def note(policy, *, options, **settings):
         played.append(options)
-        return evaluate(policy, options={**options, "max_steps": 2}, **settings)
+        return evaluate(policy, options={**options, "max_episode_steps": 2}, **settings)
 
     monkeypatch.setattr(evaluate_cli, "evaluate", note)
     card, network = read_policy(SHIPPED / "button.safetensors")
-    for options in ({"max_steps": 100}, {"actuation": "report", "max_steps": 500, "end_on_reached": False}, {}, None):
+    for options in (
+        {"max_episode_steps": 100},
+        {"actuation": "report", "max_episode_steps": 500, "end_on_reached": False},
+        {},
+        None,
+    ):
         file = tmp_path / f"{len(played)}.safetensors"
         save_policy(file, replace(card, recipe={**card.recipe, "options": options}), network)
         assert main(["evaluate", str(file), "--goals", "1"]) == 0
-        assert main(["evaluate", str(file), "--goals", "1", "--max-steps", "7"]) == 0
-    tuned, report = {"max_steps": 100}, {"actuation": "report", "max_steps": 500}
-    seven = {"max_steps": 7}
+        assert main(["evaluate", str(file), "--goals", "1", "--max-episode-steps", "7"]) == 0
+    tuned, report = {"max_episode_steps": 100}, {"actuation": "report", "max_episode_steps": 500}
+    seven = {"max_episode_steps": 7}
     assert played == [tuned, seven, report, {**report, **seven}, {}, seven, {}, seven]
 
 
@@ -197,7 +208,9 @@ def test_the_collision_rule_is_that_of_training_unless_said(monkeypatch, capsys)
     assert played == [{}, {"collisions": False}, {"collisions": True}]
 
 
-@pytest.mark.parametrize("options", [{"max_steps": "many"}, {"max_steps": None}, {"actuation": ["report"]}])
+@pytest.mark.parametrize(
+    "options", [{"max_episode_steps": "many"}, {"max_episode_steps": None}, {"actuation": ["report"]}]
+)
 def test_a_card_with_options_that_nothing_takes_is_one_line(options, tmp_path, capsys):
     card, network = read_policy(SHIPPED / "button.safetensors")
     save_policy(tmp_path / "odd.safetensors", replace(card, recipe={"options": options}), network)

@@ -78,7 +78,7 @@ def button_batch(count, **options):
 
 
 def test_an_environment_without_a_posture_error_is_reported_too():
-    env = button_batch(3, max_steps=5)
+    env = button_batch(3, max_episode_steps=5)
     env.reset()
     infos = [env.step(np.full(3, 40))[3] for _ in range(5)]
     assert infos[:4] == [[{}, {}, {}]] * 4
@@ -92,7 +92,7 @@ def test_an_environment_without_a_posture_error_is_reported_too():
 
 
 def test_ppo_trains_on_discrete_actions():
-    model = PPO("MlpPolicy", button_batch(16, max_steps=10), n_steps=8, batch_size=64, n_epochs=1, device="cpu")
+    model = PPO("MlpPolicy", button_batch(16, max_episode_steps=10), n_steps=8, batch_size=64, n_epochs=1, device="cpu")
     model.learn(256)
     assert model.num_timesteps == 256
 

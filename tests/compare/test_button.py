@@ -47,9 +47,11 @@ def test_chance_is_the_same_whoever_is_compared(results):
 
 
 def test_the_environments_options_are_the_tasks():
-    (found,) = compare("button", ["random"], goals=2, options={"max_steps": 7})["methods"]
+    (found,) = compare("button", ["random"], goals=2, options={"max_episode_steps": 7})["methods"]
     assert found["steps"]["p95"] <= 7
-    (report,) = compare("button", ["analytic"], goals=2, options={"actuation": "report", "max_steps": 500})["methods"]
+    (report,) = compare("button", ["analytic"], goals=2, options={"actuation": "report", "max_episode_steps": 500})[
+        "methods"
+    ]
     assert report["pressed"] == 1.0
 
 

@@ -66,11 +66,11 @@ def test_no_number_of_a_table_is_cut(tmp_path, monkeypatch, capsys):
     (["--observation", "camera", "--pipeline", "best"], "available: hybrid, thesis"),
     (["--observation", "camera", "--resolution", "wide"], "WIDTHxHEIGHT"),
     (["--observation", "camera", "--depth-noise", "-1"], "depth_noise"),
-    (["--max-steps", "5"], "unrecognized arguments: --max-steps 5"),
+    (["--max-episode-steps", "5"], "unrecognized arguments: --max-episode-steps 5"),
     (["--margin", "thick"], "--margin must be a number, got 'thick'"),
     (["--end-on-reached", "maybe"], "--end-on-reached must be true or false, got 'maybe'"),
-    (["--task", "button", "--max-steps", "1.5"], "--max-steps must be a whole number, got '1.5'"),
-    (["--task", "button", "--max-steps", "0"], "max_steps"),
+    (["--task", "button", "--max-episode-steps", "1.5"], "--max-episode-steps must be a whole number, got '1.5'"),
+    (["--task", "button", "--max-episode-steps", "0"], "max_episode_steps"),
     (["--task", "button", "--actuation", "strong"], "available: report, tuned"),
     (["--arm", "ur6"], "unknown arm 'ur6'"),
     (["--task", "button", "--arm", "ur10"], "arm"),
@@ -121,8 +121,8 @@ OTHER_SETTINGS = [
     ["--methods", "closed-form", "--arm", "ur3"],
     ["--methods", "closed-form", "--arm", "ur3", "--goals", "2"],
     ["--task", "button", "--methods", "random"],
-    ["--task", "button", "--methods", "random", "--max-steps", "7"],
-    ["--task", "button", "--methods", "random", "--max-steps", "8"],
+    ["--task", "button", "--methods", "random", "--max-episode-steps", "7"],
+    ["--task", "button", "--methods", "random", "--max-episode-steps", "8"],
 ]
 
 
@@ -148,7 +148,7 @@ def test_no_default_folder_is_that_of_other_settings(tmp_path, monkeypatch, caps
         kept = now
     names = {path.name for path in results.iterdir()}
     assert {"compare-ur5-closed-form+lm", "compare-ur5-goals2", "compare-ur5-closed-form-goals2-seed7"} < names
-    assert {"compare-ur5-seed7", "compare-ur5-ur3-closed-form", "compare-button-random-max_steps7"} < names
+    assert {"compare-ur5-seed7", "compare-ur5-ur3-closed-form", "compare-button-random-max_episode_steps7"} < names
     assert call("--methods", "lm") == 0  # the same again is measured again, in its own folder
     assert {path.name for path in results.iterdir()} == names
     capsys.readouterr()
@@ -319,7 +319,7 @@ def test_options_of_a_foreign_task_come_from_its_dataclass(foreign, tmp_path, ca
 @pytest.mark.parametrize(("task", "flags"), [
     ("ur5", ["--pipeline", "--resolution WxH", "--rgb-noise", "--depth-noise", "--margin", "[px]"]),
     ("space", ["--tilt", "[degrees]", "(default: 30)", "--start-spread", "[rad]", "--resolution"]),
-    ("button", ["--max-steps", "(default: 100)", "--actuation"]),
+    ("button", ["--max-episode-steps", "(default: 100)", "--actuation"]),
     ("real-arm", ["--looks", "--again", "--calibrations", "--noise", "[m]"]),
     ("moving", ["--speeds", "[m/s]", "--paths", "--delay", "[s]"]),
     ("obstacles", ["--clutter", "--heights", "--margin", "[m]"]),

@@ -241,7 +241,7 @@ def test_results_name_the_arm(toy):
         ("ur5", "closed-form", {}, "ur5-thesis"),
         ("ur5", "closed-form", {"arm": "ur10"}, "ur10"),
         ("arm3", "closed-form", {}, "arm3"),
-        ("button", "random", {"max_steps": 2}, "arm3"),
+        ("button", "random", {"max_episode_steps": 2}, "arm3"),
         ("moving", "first-sight", {}, "ur5-thesis"),
         ("real-arm", "data-sheet", {"budgets": (0,)}, "ur5-thesis"),
         ("obstacles", "closed-form", {}, "ur5-thesis"),

@@ -280,7 +280,7 @@ def test_a_policy_of_ones_own(capsys):
 @pytest.mark.parametrize(("env", "flags"), [
     ("single", ["--observation", "--backend", "--resolution", "--margin"]),
     ("moving", ["--speeds", "--paths", "[m/s]"]),
-    ("button", ["--actuation", "--max-steps"]),
+    ("button", ["--actuation", "--max-episode-steps"]),
 ])  # fmt: skip
 def test_help_lists_the_options_of_the_environment(env, flags, capsys):
     with pytest.raises(SystemExit):

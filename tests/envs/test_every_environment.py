@@ -26,15 +26,15 @@ TASKS = {
     "single, dynamics": (SINGLE, {}),
     "multi": (MULTI, {"backend": "kinematic"}),
     "space": (SPACE, {"backend": "kinematic", "tilt": 30.0, "start_spread": 0.3}),
-    "button": (BUTTON, {"max_steps": 7}),
+    "button": (BUTTON, {"max_episode_steps": 7}),
     "moving": (MOVING, {}),
     "lift": (LIFT, {"attempts": 2, "clutter": True, **OBJECTS}),
     "judged": (LIFT, {"backend": "kinematic", **OBJECTS}),
-    "small steps": (LIFT, {"steps": "multi", "max_steps": 4, **OBJECTS}),
+    "small steps": (LIFT, {"steps": "multi", "max_episode_steps": 4, **OBJECTS}),
 }
 ALONE = {
     "real arm": (REAL_ARM, {"balls": 2, "budgets": (0, 5), "again": 1}),
-    "obstacles": (OBSTACLES, {"clutter": (2,), "max_steps": 2}),
+    "obstacles": (OBSTACLES, {"clutter": (2,), "max_episode_steps": 2}),
 }
 #: Other spaces, and other ways of going on.
 FORMS = (
@@ -46,7 +46,7 @@ FORMS = (
         "space, dynamics": (SPACE, {}),
         "button, as in the report": (BUTTON, {"actuation": "report"}),
         "moving, free": (MOVING, {"collisions": False}),
-        "lift, small steps": (LIFT, {"steps": "multi", "max_steps": 12}),
+        "lift, small steps": (LIFT, {"steps": "multi", "max_episode_steps": 12}),
     }
 )
 COUNT = 3
@@ -58,8 +58,13 @@ SHORTENED = {"target_tip", "impossible_reason"}
 
 
 def single(task):
+    return limited(task).unwrapped
+
+
+def limited(task):
+    """With Gymnasium's limit of steps."""
     name, options = (TASKS | ALONE)[task]
-    return gym.make(name, disable_env_checker=True, **options).unwrapped
+    return gym.make(name, disable_env_checker=True, **options)
 
 
 def batch(task, **more):
@@ -126,7 +131,7 @@ def test_a_copy_is_the_same_after_the_same_seed(task):
 @pytest.mark.parametrize("task", [*(task for task in TASKS if task not in COSTLY), *slow(*COSTLY)])
 def test_a_batch_says_all_that_single_environments_say(task):
     """Every entry of `info`, from reset to reset."""
-    many, singles = batch(task, autoreset_mode="Disabled"), [single(task) for _ in range(COUNT)]
+    many, singles = batch(task, autoreset_mode="Disabled"), [limited(task) for _ in range(COUNT)]
     atol = ROUNDED.get(task, 0.0)
     observations, told = many.reset(seed=3)
     many.action_space.seed(0)

@@ -28,7 +28,7 @@ RANGE = {
     "masses": (0.02, 0.3),
     "frictions": (0.3, 1.5),
 }
-FORMS = {"single": {}, "multi": {"steps": "multi", "max_steps": 12}, "kinematic": {"backend": "kinematic"}}
+FORMS = {"single": {}, "multi": {"steps": "multi", "max_episode_steps": 12}, "kinematic": {"backend": "kinematic"}}
 
 
 def make(**options):
@@ -192,7 +192,7 @@ def test_the_table_can_stand_elsewhere(shift):
 @pytest.mark.parametrize(("rise", "lifts"), [(0.15, True), (0.08, False)])
 def test_small_steps_lift_what_is_held_high_for_half_a_second(rise, lifts):
     """A script of small steps: above, down, close, up, and still."""
-    env = make(steps="multi", max_steps=140)
+    env = make(steps="multi", max_episode_steps=140)
     kinematics = env.unwrapped.kinematics
     for seed in range(2):
         observation, info = env.reset(seed=seed)

@@ -31,9 +31,11 @@ def test_a_scene_is_as_described(env):
         exact = CollisionChecker("ur5-thesis", obstacles=world.arm.workcell.obstacles)
         assert exact.distance(world.home).distance >= world.options.margin
         assert info["clutter"] == len(world.obstacles) == 2 * seed
-        np.testing.assert_array_equal(
-            info["obstacles"], np.array([(*b.position, *b.size) for b in world.obstacles]).reshape(-1, 6)
-        )
+        boxes = np.array([(*b.position, *b.size) for b in world.obstacles]).reshape(-1, 6)
+        assert info["obstacles"].shape == (20, 6)
+        np.testing.assert_array_equal(info["obstacles"][: 2 * seed], boxes)
+        assert (info["obstacles"][2 * seed :, 2] <= -20.0).all()  # out of the way
+        assert (info["obstacles"][:, 3:] > 0.0).all()
         for box in world.obstacles:
             assert box.position[2] - box.size[2] / 2 == pytest.approx(-0.2)
             assert 0.1 <= box.size[2] <= 0.4
@@ -79,7 +81,7 @@ def test_a_move_is_straight_and_drawn_as_it_goes(env):
     world, _ = begun(env, 0, clutter=0)
     assert world.waypoints_to(world.home, world.home + 1.0)[0][0] == world.home[0] + 1.0
     shown = []
-    scene = world._simulated(visual=False)
+    scene = world._moving(visual=False)
     scene.watch = mine = lambda: shown.append(scene.q)
     way = 0.3 * np.array([1.0, -1.0, 0.5, 0.0, 0.2, 0.4])
     env.step(world.action_for(world.home + way))
@@ -153,7 +155,7 @@ def test_an_arm_that_is_sent_to_where_it_stands_ends_the_episode(env):
 
 
 def test_episodes_are_truncated():
-    env = gym.make(NAME, disable_env_checker=True, max_steps=2, clutter=(0,))
+    env = gym.make(NAME, disable_env_checker=True, max_episode_steps=2, clutter=(0,))
     world, _ = begun(env, 0, clutter=0)
     for count, turn in enumerate((0.1, 0.2)):
         _, _, terminated, truncated, _ = env.step(world.action_for(world.home + turn * FIRST))

@@ -23,7 +23,7 @@ TASKS = {
     "multi": ("kinreach/UR5MultiStep-v0", {"backend": "kinematic", "info": "numbers"}),
     "dynamics": ("kinreach/UR5SingleStep-v0", {}),
     "space": ("kinreach/Reach-v0", {"backend": "kinematic", "tilt": 30.0, "start_spread": 0.3}),
-    "button": ("kinreach/ButtonPress-v0", {"max_steps": 7}),
+    "button": ("kinreach/ButtonPress-v0", {"max_episode_steps": 7}),
 }
 COUNT = 5
 
@@ -114,7 +114,7 @@ def test_episodes_compute_with_what_their_world_gives(name, reward, device):
         for index in everyone:
             episodes.seed(index, np.random.default_rng(index))
         episodes.begin(everyone)
-        start, outcome = episodes.start_info(), episodes.step(actions, acting)
+        start, outcome = episodes.start_info(everyone), episodes.step(actions, acting)
         assert isinstance(start["distance"], np.ndarray if where is None else torch.Tensor)
         ended = (outcome.terminated, outcome.truncated)
         assert all(isinstance(flags, np.ndarray) for flags in ended)

@@ -19,7 +19,7 @@ TASKS = {
     "multi": (MULTI, {"backend": "kinematic"}),
     "single, dynamics": (SINGLE, {}),
     "multi, dynamics": (MULTI, {}),
-    "button": (BUTTON, {"max_steps": 7}),
+    "button": (BUTTON, {"max_episode_steps": 7}),
 }
 OTHERS = {
     "space": ("kinreach/Reach-v0", {"backend": "kinematic", "tilt": 30.0}),

@@ -15,10 +15,12 @@ from tests.cases import slow
 OPTIONS = {
     "compare": [
         "--task", "--methods", "--goals", "--seed", "--observation", "--out", "--fresh", "--pipeline", "--resolution",
-        "--rgb-noise", "--depth-noise", "--max-steps", "--actuation", "--help", "--", "--nonsense",
+        "--rgb-noise", "--depth-noise", "--max-episode-steps", "--actuation", "--help", "--", "--nonsense",
     ],
     "train": ["--seed", "--seeds", "--steps", "--out", "--resume", "--export", "--threads", "--help", "single", "-h"],
-    "evaluate": ["--goals", "--backend", "--observation", "--max-steps", "--out", "--record", "single", "button", "-h"],
+    "evaluate": [
+        "--goals", "--backend", "--observation", "--max-episode-steps", "--out", "--record", "single", "button", "-h",
+    ],
     "demo": [
         "--env", "--policy", "--steps", "--reset-every", "--seed", "--backend", "--observation", "--actuation",
         "--print", "--video", "--help",

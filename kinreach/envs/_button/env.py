@@ -118,21 +118,18 @@ class ButtonPressEnv(DrawnEnv):
     rest, for one episode.
 
     ## Episode End
-    Terminated when a press counts. Truncated by Gymnasium after 1000 steps (`max_episode_steps`), or when the simulation
-    diverges (a joint faster than 10000 rad/s: `info["impossible"]`, False otherwise; the last good state is observed).
+    Terminated when a press counts. Truncated by Gymnasium after 1000 steps (`max_episode_steps`), or when the
+    simulation diverges (a joint faster than 10000 rad/s: `info["impossible"]`, False otherwise; the last good state is
+    observed).
 
     ## Info
-    From `reset` on:
+    `reset` and `step` give the same entries, each of one type and shape. After a reset nothing is pressed or
+    impossible, `impossible_reason` is empty, and counts and rewards are 0.
 
     | Key | Value |
     |-----|-------|
     | `goal`, `tip` | target and end effector in the world [m] |
     | `distance`, `q` | between them [m]; joint angles [rad] |
-
-    From `step` on also:
-
-    | Key | Value |
-    |-----|-------|
     | `reached`, `is_success`, `pressed` | the press counts |
     | `wrong_press`, `wrong_presses`, `steps` | whether this press cost its penalty; numbers in this episode |
     | `impossible`, `impossible_reason`, `impossible_code` | whether the simulation diverged; why, else empty; 1 or 0 |
@@ -165,6 +162,10 @@ class ButtonPressEnv(DrawnEnv):
         self._picture = None if mode is None else ScenePicture(self._world, mode=mode)
         self.action_space = action_space()
         self.observation_space: spaces.Space[Any] = self.options.observation_space
+
+    @property
+    def _dynamics(self) -> Scene:
+        return self._world
 
     @property
     def scene(self) -> Scene:

@@ -27,7 +27,7 @@ from kinreach.envs._button.task import (
 )
 from kinreach.envs._button.world import Ids, TorqueWorld
 from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
-from kinreach.envs._reach.rewards import OwnReward, RewardFunction, Scorer, Terms, check_reward
+from kinreach.envs._reach.rewards import OwnReward, RewardFunction, Scorer, Terms, check_reward, term_names
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import ArmDescription, QuadrantRegion, get_arm
@@ -229,11 +229,14 @@ class ButtonEpisodes:
         outcome = Outcome(score.reward, pressed, diverged & ~pressed, info)
         return outcome if acting is None else outcome.of(acting)
 
+    def goal_info(self, rows: Any) -> dict[str, Any]:
+        return {"goal": np.array(self.goals[rows])}
+
     def start_info(self, ids: Ids) -> dict[str, Any]:
         nobody = np.zeros(len(ids), dtype=np.bool_)
-        if self._terms is None:  # of a function of the user's they are known when it was called
+        if self._terms is None:
             distance = self.distance[ids]
-            self._terms = tuple(self._scorer.score(distance, self._state[0, ids], nobody, distance).terms)
+            self._terms = term_names(self._scorer.score, distance, self._state[0, ids], nobody, distance)
         return self._info(ids, nobody, nobody, nobody, {name: np.zeros(len(ids)) for name in self._terms})
 
     def _info(self, rows: Any, pressed: Flags, wrong: Flags, diverged: Flags, terms: Terms) -> dict[str, Any]:
@@ -241,7 +244,7 @@ class ButtonEpisodes:
         reason = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
         q, _, tip = self._state
         return {
-            "goal": np.array(self.goals[rows]),
+            **self.goal_info(rows),
             "distance": self.distance[rows],
             "q": np.array(q[rows]),
             "tip": np.array(tip[rows]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from copy import copy
 from enum import IntEnum
 from functools import lru_cache
 from typing import Any, Protocol
@@ -76,9 +77,13 @@ def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: boo
     return spec
 
 
-@lru_cache(maxsize=8)
 def torque_model(arm: ArmDescription, actuation: Actuation, *, visual: bool = True) -> Any:
-    """Return the compiled scene (`mujoco.MjModel`), shared: do not change it."""
+    """Return the compiled scene (`mujoco.MjModel`), one that nobody else has."""
+    return copy(_compiled(arm, actuation, visual=visual))
+
+
+@lru_cache(maxsize=8)
+def _compiled(arm: ArmDescription, actuation: Actuation, *, visual: bool) -> Any:
     return build_torque_scene(arm, actuation, visual=visual).compile()
 
 

@@ -97,7 +97,8 @@ class LiftEnv(ArmEnv):
     diverges ends it; `info["impossible_reason"]` then begins with "diverged".
 
     ## Info
-    From `reset` on:
+    `reset` and `step` give the same entries, each of one type and shape. After a reset nothing is held, lifted or
+    impossible, texts are empty except `shape`, and rewards are 0.
 
     | Key | Value |
     |-----|-------|
@@ -106,11 +107,6 @@ class LiftEnv(ArmEnv):
     | `yaw`, `shape`, `size`, `mass`, `friction` | of the object [rad, m, kg] |
     | `q`, `tip` | joint angles [rad], place of the tip [m] |
     | `distance` | of tip and object [m] |
-
-    From `step` on also:
-
-    | Key | Value |
-    |-----|-------|
     | `is_success`, `reached` | whether the object was lifted |
     | `cause` | what failed: `seen`, `reached`, `closed`, `slipped`, `dropped`; empty after success |
     | `held`, `clearance` | whether it touches both fingers; height of its lowest point above the table [m] |

@@ -136,7 +136,7 @@ class LiftEpisodes:
             self.seen, self.yaws, self.kinds, self.q, self._tips(everyone), self._opening, self._others
         )
 
-    def _goal_info(self, rows: Any) -> dict[str, Any]:
+    def goal_info(self, rows: Any) -> dict[str, Any]:
         kinds = self.kinds.of(rows)
         return {
             "goal": np.array(self.goals[rows]),
@@ -174,7 +174,7 @@ class LiftEpisodes:
         again = np.flatnonzero(acting & ~over)
         outcome = self._outcome(acting, over, np.zeros_like(over))
         self._go_home(again)  # which looks again
-        return replace(outcome, info={**outcome.info, **self._goal_info(slice(None))})
+        return replace(outcome, info={**outcome.info, **self.goal_info(slice(None))})
 
     @property
     def _lost(self) -> Flags:
@@ -356,7 +356,7 @@ class LiftEpisodes:
         """Return the `info` of some arms, whose results have as many rows, without what an action led to."""
         ids = np.arange(self.count)[rows]
         return {
-            **self._goal_info(rows),
+            **self.goal_info(rows),
             "q": np.array(self.q[rows]),
             "tip": self._tips(ids),
             "distance": np.array(self._distance[rows]),

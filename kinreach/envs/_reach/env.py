@@ -250,7 +250,8 @@ class UR5SingleStepEnv(ReachEnv):
     Every episode terminates after its only action.
 
     ## Info
-    From `reset` on:
+    `reset` and `step` give the same entries, each of one type and shape. After a reset `reached` and `impossible`
+    are False, `impossible_reason` and `status` are empty, rewards are 0, and the target is where the arm stands.
 
     | Key | Value |
     |-----|-------|
@@ -258,11 +259,6 @@ class UR5SingleStepEnv(ReachEnv):
     | `view`, `ball_found` | goal block of the observation; whether each camera found the ball |
     | `q`, `tip` | joint angles [rad], tip in the world [m] |
     | `distance`, `posture_error` | d [m] and r_e [rad] |
-
-    From `step` on also:
-
-    | Key | Value |
-    |-----|-------|
     | `reached`, `is_success` | the goal is reached |
     | `impossible`, `impossible_reason` | the action could not be executed, and why; empty where it could |
     | `status`, `impossible_code` | how the move ended, as a word and as a number |
@@ -404,7 +400,7 @@ class SpaceReachEnv(ReachEnv):
     As in the thesis's two tasks.
 
     ## Info
-    As in `kinreach/UR5SingleStep-v0`, where `posture_error` is the angle a, and from `reset` on:
+    As in `kinreach/UR5SingleStep-v0`, where `posture_error` is the angle a, and:
 
     | Key | Value |
     |-----|-------|

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.envs._batch import Outcome, texts
 from kinreach.envs._reach.observers import PixelObserver, goal_observer, measured
-from kinreach.envs._reach.rewards import Score
+from kinreach.envs._reach.rewards import Score, term_names
 from kinreach.envs._reach.task import CAMERA_RANGE, IMAGE, TOOL_DOWN, ReachTask, Start, joint_limits
 from kinreach.envs._reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
-from kinreach.kinematics._tensors import flags_like, like, namespace, on_host
+from kinreach.kinematics._tensors import copied, flags_like, like, namespace, on_host
 from kinreach.vision._goal_view import GoalMeasurement, in_image
 
 Flags = NDArray[np.bool_]
@@ -108,19 +108,28 @@ class ReachEpisodes:
         self._changed[:] = False
         return {name: part.copy() for name, part in self._pictures.items()}
 
+    def goal_info(self, rows: Any) -> dict[str, Any]:
+        info = {
+            "goal": np.array(self.goals[rows]),
+            "seen": np.array(self.seen[rows]),
+            "view": np.array(self._observation[rows, self.task.layout.goal]),
+            "ball_found": np.array(self.found[rows]),
+        }
+        return info | {"direction": np.array(self.directions[rows])} if self.task.directed else info
+
     def start_info(self, ids: Ids) -> dict[str, Any]:
         count = len(ids)
         q, tip = self.world.snapshot(ids)
         directions, distance = like(q, self.directions[ids]), self._distance(tip, self.goals[ids])
         nobody = np.zeros(count, dtype=np.bool_)
-        if self._terms is None:  # of a function of the user's they are known when it was called
-            self._terms = tuple(self.task.score(distance, q, flags_like(distance, nobody), directions).terms)
+        if self._terms is None:
+            self._terms = term_names(self.task.score, distance, q, flags_like(distance, nobody), directions)
         terms = {name: np.zeros(count) for name in self._terms}
         score = Score(np.zeros(count), terms, self.task.posture_error(q, directions), nobody)
         nothing = Executed(nobody, np.zeros(count, dtype=np.uint8), [""] * count if self.world.explains else None)
         info = self._info(ids, nothing, score, q, tip, distance)
-        info |= {"status": texts(count), "target": np.full(q.shape, np.nan)}
-        return info | {"target_tip": np.full(tip.shape, np.nan)} if self.world.explains else info
+        info |= {"status": texts(count), "target": copied(q)}
+        return info | {"target_tip": copied(tip)} if self.world.explains else info
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
         """Act with every arm, or where `acting` is True; actions are in [-1, 1], shape (count, n)."""
@@ -176,10 +185,7 @@ class ReachEpisodes:
         """Return the `info` of some arms, whose results have as many rows, without the target."""
         reasons = executed.reasons
         info = {
-            "goal": np.array(self.goals[rows]),
-            "seen": np.array(self.seen[rows]),
-            "view": np.array(self._observation[rows, self.task.layout.goal]),
-            "ball_found": np.array(self.found[rows]),
+            **self.goal_info(rows),
             "q": q,
             "tip": tip,
             "distance": distance,
@@ -194,8 +200,6 @@ class ReachEpisodes:
             "reward_terms": score.terms,
         }
         info |= {f"reward_{name}": term for name, term in score.terms.items()}
-        if self.task.directed:
-            info["direction"] = np.array(self.directions[rows])
         return info
 
     def _target_tips(self, targets: Floats, tip: Floats, impossible: Flags) -> Floats:

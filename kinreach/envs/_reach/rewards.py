@@ -13,9 +13,9 @@ A reward of your own is any callable of stacks of k steps:
     impossible  whether the action could not be executed, bool, shape (k,)
 
 It returns the reward, shape (k,), and its terms by name, each of shape (k,), which add up to it. A single environment
-calls it with k = 1 and a native batch with k = num_envs, so that it has to work on stacks. The arm's own
-reward still decides when a goal is reached, unless the callable has a method `reached(distance, q, impossible)` that
-returns truth values, shape (k,).
+calls it with k = 1 and a native batch with k = num_envs, so that it has to work on stacks. The first reset calls it
+with the start, for the names of the terms. The arm's own reward still decides when a goal is reached, unless the
+callable has a method `reached(distance, q, impossible)` that returns truth values, shape (k,).
 
 In a batch with tensors (`device=`) the arm's own reward is computed on the device, and yours on the host, in numpy.
 
@@ -214,6 +214,17 @@ def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
     if isinstance(reward, ThesisReward | DistanceReward | DirectedReward):
         return reward
     return OwnReward(reward, default)
+
+
+def term_names(scorer: Callable[..., Score], *arguments: Any) -> tuple[str, ...]:
+    """Return the names of a reward's terms, from what it says of a start.
+
+    Return none if it fails there. A function of the user's may need what only a step has; else it fails again there.
+    """
+    try:
+        return tuple(scorer(*arguments).terms)
+    except Exception:  # of the user's function
+        return ()
 
 
 def nothing(q: Floats) -> Floats:

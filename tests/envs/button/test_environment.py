@@ -100,7 +100,7 @@ def test_a_press_elsewhere_costs_and_changes_nothing_else(actuation):
 
 @both
 def test_the_reward_is_the_sum_of_its_terms(actuation):
-    env = make(actuation=actuation, max_steps=200)
+    env = make(actuation=actuation, max_episode_steps=200)
     rng = np.random.default_rng(4)
     kinds = {"near": 0, "wrong_press": 0, "press": 0}
     for episode in range(20):
@@ -148,7 +148,7 @@ def test_a_step_takes_its_time(actuation):
     assert info["steps"] == 25
 
 
-@pytest.mark.parametrize(("options", "steps"), [({}, 1000), ({"max_steps": 7}, 7)])
+@pytest.mark.parametrize(("options", "steps"), [({}, 1000), ({"max_episode_steps": 7}, 7)])
 def test_episodes_are_truncated(options, steps):
     env = make(**options)
     env.reset(seed=0)
@@ -189,7 +189,7 @@ def test_one_joint_that_is_too_fast_is_enough(joint):
 
 @both
 def test_pickling_and_closing_twice(actuation):
-    env = make(actuation=actuation, fixed_target=TARGET, max_steps=5).unwrapped
+    env = make(actuation=actuation, fixed_target=TARGET, max_episode_steps=5).unwrapped
     twin = pickle.loads(pickle.dumps(env))
     assert data_equivalence(env.reset(seed=1), twin.reset(seed=1))
     assert data_equivalence(env.step(3), twin.step(3))

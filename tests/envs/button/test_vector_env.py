@@ -23,14 +23,18 @@ def make_vec(count, **options):
 @pytest.mark.parametrize("actuation", list(ACTUATIONS))
 def test_a_batch_equals_single_environments_bit_for_bit(actuation):
     count = 6
-    batch = make_vec(count, actuation=actuation, max_steps=40, threads=2)
-    singles = [gym.make(NAME, actuation=actuation, max_steps=40) for _ in range(count)]
+    batch = make_vec(count, actuation=actuation, max_episode_steps=40, threads=2)
+    singles = [gym.make(NAME, actuation=actuation, max_episode_steps=40) for _ in range(count)]
     observations, info = batch.reset(seed=21)
     for i, env in enumerate(singles):
         observation, single_info = env.reset(seed=21 + i)
         np.testing.assert_array_equal(observations[i], observation)
+        assert info.keys() - {f"_{key}" for key in single_info} == single_info.keys()
         for key, value in single_info.items():
-            np.testing.assert_array_equal(info[key][i], value)
+            if key == "reward_terms":
+                assert {name: term[i] for name, term in info[key].items()} == value
+            else:
+                np.testing.assert_array_equal(info[key][i], value)
     # some start at their target, so that presses count
     goals = np.array(info["goal"])
     q = np.array([KIN.all_solutions(goal).q[0] for goal in goals])
@@ -69,7 +73,7 @@ def test_the_result_depends_neither_on_threads_nor_on_the_number_of_environments
     results = []
     actions = np.random.default_rng(1).integers(0, 54, (30, 64))
     for count, threads in ((64, 1), (64, 2), (5, 1)):
-        batch = make_vec(count, threads=threads, max_steps=20)
+        batch = make_vec(count, threads=threads, max_episode_steps=20)
         batch.reset(seed=3)
         results.append([[part[:5] for part in batch.step(a[:count])[:2]] for a in actions])
     for other in results[1:]:
@@ -89,7 +93,7 @@ def test_the_vector_interface():
 
 
 def test_a_fixed_target_of_a_batch():
-    batch = make_vec(4, fixed_target=True, max_steps=3)
+    batch = make_vec(4, fixed_target=True, max_episode_steps=3)
     _, first = batch.reset(seed=0)
     for _ in range(7):
         info = batch.step(np.full(4, 13))[4]
@@ -115,7 +119,7 @@ def test_one_diverged_simulation_leaves_the_others_alone(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("mode", ["sync", "async"])
 def test_gymnasiums_own_vectorisation_works(mode):
-    env = gym.make_vec(NAME, num_envs=2, vectorization_mode=mode, max_steps=3)
+    env = gym.make_vec(NAME, num_envs=2, vectorization_mode=mode, max_episode_steps=3)
     env.reset(seed=0)
     for _ in range(8):
         assert np.isfinite(env.step(env.action_space.sample())[1]).all()
@@ -123,7 +127,7 @@ def test_gymnasiums_own_vectorisation_works(mode):
 
 
 def test_malformed_input_is_refused():
-    for options in ({"render_mode": "human"}, {"threads": 0}, {"actuation": "none"}, {"max_steps": 0}):
+    for options in ({"render_mode": "human"}, {"threads": 0}, {"actuation": "none"}, {"max_episode_steps": 0}):
         with pytest.raises(InputError):
             make_vec(2, **options)
     batch = make_vec(3)
@@ -139,8 +143,8 @@ def test_malformed_input_is_refused():
 
 @pytest.mark.parametrize("actuation", ["tuned", "report"])
 def test_controls_and_earlier_observations_are_seen(actuation):
-    batch = make_vec(6, actuation=actuation, controls=True, frames=3, max_steps=12)
-    plain = make_vec(6, actuation=actuation, max_steps=12)
+    batch = make_vec(6, actuation=actuation, controls=True, frames=3, max_episode_steps=12)
+    plain = make_vec(6, actuation=actuation, max_episode_steps=12)
     (seen, _), (one, _) = batch.reset(seed=0), plain.reset(seed=0)
     assert batch.single_observation_space.shape == (66,)
     first = np.hstack([one, np.zeros((6, 3))])
@@ -162,7 +166,7 @@ def test_controls_and_earlier_observations_are_seen(actuation):
 
 
 def test_a_single_environment_sees_what_a_batch_of_one_does():
-    options = {"controls": True, "frames": 2, "max_steps": 9}
+    options = {"controls": True, "frames": 2, "max_episode_steps": 9}
     env, batch = gym.make(NAME, **options), make_vec(1, autoreset_mode="Disabled", **options)
     check_env(env.unwrapped, skip_render_check=True)
     (one, _), (many, _) = env.reset(seed=5), batch.reset(seed=5)
