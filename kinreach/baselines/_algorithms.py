@@ -28,7 +28,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import RolloutBuffer
 
-from kinreach._checks import check_known, shown
+from kinreach._checks import STEP_LIMIT, check_known, shown
 from kinreach._registration import LIFT, SPACE
 from kinreach.baselines._adaptive_ppo import AdaptivePPO, AdaptiveRate, Exploration, LateCollisionsPPO
 from kinreach.baselines._batch import first_observations
@@ -196,7 +196,7 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     kind = recipe.networks.features
     check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms", "grasps"))
     if kind == "button":
-        options = ButtonOptions(**recipe.options)
+        options = ButtonOptions(**{name: recipe.options[name] for name in recipe.options if name != STEP_LIMIT})
         # cosines and sines, two positions [m], joint velocities [rad/s], difference of the positions [m], push state
         scale: tuple[float, ...] = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
         frame = (*scale, *(CONTROL_LIMIT,) * JOINTS * options.controls)

@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from kinreach import _provenance as provenance
-from kinreach._checks import STEP_LIMIT, check_count, check_known, check_path
+from kinreach._checks import STEP_LIMIT, check_count, check_known, check_path, check_step_limit
 from kinreach._engines import load_extra
 from kinreach._files import make_writable, write_text
 from kinreach._objects import load_module
@@ -135,7 +135,9 @@ def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
             raise InputError("--backend, --observation and --exposure are for reach policies")
         card = trained_options(policy)
         trained = {name: card[name] for name in TASK_OPTIONS if name in card}
-    return trained | {name: value for name, value in given.items() if value is not None}
+    options = trained | {name: value for name, value in given.items() if value is not None}
+    check_step_limit(options)
+    return options
 
 
 def _evaluate(policy: LearnedPolicy, name: str, arguments: Any, options: dict[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import STEP_LIMIT, as_floats, check_entries, check_path, shown
+from kinreach._checks import as_floats, check_entries, check_path, shown
 from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 from kinreach.baselines._eyes import picture_names
 from kinreach.baselines._policy_file import Network, PolicyCard, read_policy
@@ -38,8 +38,6 @@ def paced(way: Array) -> Array:
 
 
 _SUFFIX = ".safetensors"
-#: Options of environments that have another name in the cards of version 0.3.
-RENAMED: Mapping[str, str] = {"max_steps": STEP_LIMIT}
 
 
 class LearnedPolicy:
@@ -195,7 +193,7 @@ def trained_options(policy: LearnedPolicy) -> Mapping[str, Any]:
 
 def _options(card: PolicyCard) -> Mapping[str, Any]:
     options = card.recipe.get("options")
-    return {RENAMED.get(name, name): options[name] for name in options} if isinstance(options, Mapping) else {}
+    return options if isinstance(options, Mapping) else {}
 
 
 def _walks(card: PolicyCard) -> bool:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as to_bytes
 
-from kinreach._checks import check_path
+from kinreach._checks import STEP_LIMIT, check_path
 from kinreach._files import open_input, replacing
 from kinreach.baselines._eyes import Eye, picture_names
 from kinreach.errors import InputError
@@ -28,6 +28,8 @@ Array = NDArray[Any]
 
 #: The policy in the folder of a run.
 POLICY_FILE = "policy.safetensors"
+#: Names that options of environments had in the cards of version 0.3.
+RENAMED: Mapping[str, str] = {"max_steps": STEP_LIMIT}
 
 
 def _silu(x: Array) -> Array:
@@ -189,6 +191,9 @@ def _card(header: Mapping[str, str]) -> PolicyCard:
     for name, value in values.items():
         if type(value) is not kinds.get(name, str):
             raise InputError(f"{name} must be of type {kinds.get(name, str).__name__}, got {type(value).__name__}")
+    options = values["recipe"].get("options")
+    if isinstance(options, dict):
+        values["recipe"]["options"] = {RENAMED.get(name, name): value for name, value in options.items()}
     card = PolicyCard(**values)
     for name, value, choices in (
         ("meaning", card.meaning, ("action", "posture", "preferences")),

@@ -69,7 +69,7 @@ class SB3VecEnv(VecEnv):
         last_seen = np.array(observations)
         if done.any():
             last_seen[done] = np.stack(list(info["final_obs"][done]))
-        rewards = self._rewarded(rewards, {**last_step(info), "observation": last_seen})
+        rewards = self._rewarded(rewards, {**info, **last_step(info), "observation": last_seen})
         _check_finite("an observation", last_seen)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if done.any():
@@ -168,7 +168,7 @@ class TriesVecEnv(SB3VecEnv):
             _, rewards, _, _, info = self._env.step(self._actions)
         else:
             rewards, info = self._walk(self._half * np.clip(self._actions, -1, 1) + self._middle)
-        seen = self._rewarded(rewards, last_step(info)).astype(np.float32)
+        seen = self._rewarded(rewards, {**info, **last_step(info)}).astype(np.float32)
         return self._begin(), seen, self._over, self._infos
 
     def _walk(self, postures: Array) -> tuple[Any, Any]:

@@ -140,7 +140,7 @@ def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) ->
             note=origin(results),
             grid="y",
         )
-        measured = [budget for budget in budgets if any(f"error_{budget}_0" in trial for trial in trials)]
+        measured = [budget for budget in budgets if any(trial.get(f"error_{budget}_0") is not None for trial in trials)]
         colours = dict(zip((method["name"] for method in results["methods"]), colours_in(results), strict=True))
         ends: tuple[dict[str, tuple[float, float]], ...] = ({}, {})
         for again, axes in enumerate(panels):

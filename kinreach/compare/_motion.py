@@ -55,7 +55,7 @@ class MotionRecorder:
         self._possible = True
 
     def __call__(self, env: gym.Env[Any, Any], info: Mapping[str, Any]) -> None:
-        if "target" not in info:
+        if self._limits is None:  # the reset
             self._limits, self.points = MotionLimits.of(env.get_wrapper_attr("arm")), [np.asarray(info["q"])]
             return
         self.points += env.get_wrapper_attr("waypoints_to")(self.points[-1], np.asarray(info["target"]))

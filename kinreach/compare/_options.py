@@ -92,9 +92,8 @@ def flags_of(environment: str, defaults: Mapping[str, Any], *, taken: Sequence[s
             "resolution", "WxH", description, "WIDTHxHEIGHT, such as 640x360", _size, width.observation
         )
     limit = defaults.get(STEP_LIMIT, gym.spec(environment.rpartition(":")[2]).max_episode_steps)
-    if STEP_LIMIT not in taken:
-        default = "" if limit is None else f" (default: {limit})"
-        description = f"steps after which an episode is truncated{default}"
+    if limit is not None and STEP_LIMIT not in taken:
+        description = f"steps after which an episode is truncated (default: {limit})"
         found[STEP_LIMIT] = Flag(STEP_LIMIT, "N", description, "a whole number", lambda text: {STEP_LIMIT: int(text)})
     return found
 

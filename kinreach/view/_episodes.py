@@ -32,7 +32,12 @@ MAX_FRAMES = 3000
 #: Longest episode.
 MAX_STEPS = 10_000
 #: Entries of `info` that change during an episode.
-CHANGING = {"distance", "posture_error", "time", "status", "impossible_reason"}
+CHANGING = {
+    "cause", "clearance", "distance", "energy", "impossible_reason", "length", "move_s", "opening", "posture_error",
+    "status", "time",
+}  # fmt: skip
+#: Beginnings of the names of others.
+CHANGING_PARTS = ("error_", "reward_")
 #: Width [pixels] and colour of the ring around a ball that was found.
 RING, YELLOW = 3, (255, 255, 0)
 
@@ -243,7 +248,7 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         self._believed = self.env.has_wrapper_attr("believed")
         self._scene.watch = self._moving
         goal = None if "goal" not in info else np.array(info["goal"], dtype=np.float64)
-        facts = {name: value for name, value in info.items() if type(value) in (str, float) and name not in CHANGING}
+        facts = {name: value for name, value in info.items() if type(value) in (str, float) and _stays(name)}
         self.episode = Episode(
             MujocoScene(self._scene.model, simple=self._simple), arm_of(self.env), goal=goal, facts=facts
         )
@@ -263,6 +268,11 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         if len(frames) > MAX_FRAMES:
             del frames[1:-1:2]
             self._period *= 2
+
+
+def _stays(name: str) -> bool:
+    """Return whether an entry of `info` is of the whole episode."""
+    return name not in CHANGING and not name.startswith(CHANGING_PARTS)
 
 
 def _terms(info: Mapping[str, Any]) -> Mapping[str, Any]:

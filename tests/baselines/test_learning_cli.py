@@ -58,14 +58,8 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
         (["evaluate", "nothing.safetensors"], "cannot read the policy nothing.safetensors: No such file"),
         (["evaluate", "ranked-single", "--goals", "0"], "--goals must be at least 1"),
         (["evaluate", "ranked-single", "--backend", "magic"], "unknown backend 'magic'; available: kinematic, mujoco"),
-        (
-            ["evaluate", "ranked-single", "--max-episode-steps", "3"],
-            "--max-episode-steps is for policies of the button task",
-        ),
-        (
-            ["evaluate", "ranked-single", "--max-episode-steps", "0"],
-            "--max-episode-steps is for policies of the button task",
-        ),
+        (["evaluate", "ranked-single", "--max-episode-steps", "many"], "invalid int value: 'many'"),
+        (["evaluate", "ranked-single", "--max-episode-steps", "0"], "max_episode_steps must be at least 1, got 0"),
         (["evaluate", "ranked-single", "--collisions", "true"], "--collisions is for policies of the moving ball"),
         (["evaluate", "gradient-moving", "--collisions", "no"], "unknown --collisions 'no'; available: false, true"),
         (
