@@ -181,14 +181,9 @@ class Outcome:
     info: dict[str, Any]
 
     def of(self, acting: Flags) -> Outcome:
-        """Return the outcome with reward 0 and no end where an environment did not act."""
-        still = ~acting
-        terms = {name: np.where(still, 0.0, on_host(term)) for name, term in self.info["reward_terms"].items()}
-        info = self.info | {"reward_terms": terms} | {f"reward_{name}": term for name, term in terms.items()}
-        for name in ("reached", "is_success"):
-            info[name] = on_host(info[name]) & acting
-        reward = np.where(still, 0.0, on_host(self.reward))
-        return Outcome(reward, self.terminated & acting, self.truncated & acting, info)
+        """Return it with reward 0 and no end where an environment did not act; `info` means nothing there."""
+        reward = np.where(acting, on_host(self.reward), 0.0)
+        return Outcome(reward, self.terminated & acting, self.truncated & acting, self.info)
 
 
 class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):

@@ -82,14 +82,37 @@ def test_next_step_is_what_gymnasium_does_with_single_environments(task):
     assert restarts >= 1
 
 
-def test_who_did_not_act_earns_and_reaches_nothing():
+def test_who_did_not_act_earns_nothing_and_does_not_end():
     yes, half = np.ones(2, dtype=bool), np.array([True, False])
-    info = {"reached": yes, "is_success": yes, "reward_terms": {"near": np.array([2.0, 3.0])}, "q": np.zeros((2, 6))}
-    outcome = Outcome(np.array([2.0, 3.0]), yes, yes, info).of(half)
-    for flags in (outcome.terminated, outcome.truncated, outcome.info["reached"], outcome.info["is_success"]):
+    outcome = Outcome(np.array([2.0, 3.0]), yes, yes, {}).of(half)
+    for flags in (outcome.terminated, outcome.truncated):
         np.testing.assert_array_equal(flags, half)
-    for rewards in (outcome.reward, outcome.info["reward_terms"]["near"], outcome.info["reward_near"]):
-        np.testing.assert_array_equal(rewards, [2.0, 0.0])
+    np.testing.assert_array_equal(outcome.reward, [2.0, 0.0])
+
+
+@pytest.mark.parametrize("task", ["single", "multi", "button", "space", "moving", "random arm", "lift"])
+def test_with_next_step_the_info_of_a_restart_is_that_of_a_reset(task):
+    """As in Gymnasium's own batches."""
+    native, sync = batch(task, autoreset_mode="NextStep"), singles(task, AutoresetMode.NEXT_STEP)
+    native.reset(seed=3)
+    sync.reset(seed=3)
+    native.action_space.seed(0)
+    compared, over = 0, np.zeros(COUNT, dtype=bool)
+    for _ in range(110 if task in ("multi", "moving") else 20):
+        action = native.action_space.sample()
+        begun = over
+        _, _, terminated, truncated, told = native.step(action)
+        said = sync.step(action)[4]
+        over = terminated | truncated
+        for name in {name for name in told if not name.startswith("_")} if begun.any() else ():
+            if name != "reward_terms":
+                one, other = told[name][begun], said[name][begun]
+                if one.dtype == object:
+                    assert (one == other).all(), name
+                else:
+                    np.testing.assert_allclose(one, other, rtol=0, atol=1e-9, err_msg=name)
+                compared += 1
+    assert compared >= 6
 
 
 def masks_of(info):

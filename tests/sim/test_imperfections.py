@@ -9,6 +9,7 @@ from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import get_arm
 from kinreach.sim._imperfections import IDEAL, Imperfections, as_imperfections
+from kinreach.sim._scene import _compiled
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
 GRAVITY = 9.81
@@ -79,7 +80,9 @@ def test_an_ideal_arm_is_the_default():
     (_, default), (_, zero) = moved(), moved(friction=0.0, payload=0.0)
     np.testing.assert_array_equal(default, zero)
     assert as_imperfections(None) == as_imperfections({}) == Imperfections() == IDEAL
-    assert ArmSimulation("ur5-thesis").model is ArmSimulation("ur5-thesis", imperfections={"encoder_noise": 1e-4}).model
+    kept = _compiled.cache_info().currsize
+    ArmSimulation("ur5-thesis", imperfections={"encoder_noise": 1e-4})  # of the reading, not of the scene
+    assert _compiled.cache_info().currsize == kept
 
 
 @pytest.mark.parametrize("vector", [False, True])

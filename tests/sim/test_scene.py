@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -7,6 +9,7 @@ from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation
+from kinreach.sim import _scene as scene_module
 from kinreach.sim._scene import TIMESTEP, build_scene, scene_model
 from tests.cases import slow
 
@@ -190,9 +193,14 @@ def test_boxes_and_cylinders_have_the_colours_of_the_urdf(name, colours):
         assert shown[:, :3] == pytest.approx(np.tile(colour, (len(shown), 1)))
 
 
-def test_models_are_shared_and_specs_are_not():
-    arm = get_arm("arm3")
-    assert scene_model(arm, visual=False) is scene_model(arm, visual=False)
+def test_a_scene_is_compiled_once_and_everybody_gets_a_copy(monkeypatch):
+    arm, compiled = replace(get_arm("arm3"), name="compiled once"), []
+    build = scene_module.build_scene
+    monkeypatch.setattr(scene_module, "build_scene", lambda *a, **k: compiled.append(1) or build(*a, **k))
+    one, other = scene_model(arm, visual=False), scene_model(arm, visual=False)
+    assert one is not other
+    assert len(compiled) == 1
+    monkeypatch.undo()
     assert scene_model(arm, timestep=0.001, visual=False).opt.timestep == 0.001
     assert scene_model(arm, visual=False).opt.timestep == TIMESTEP
     assert build_scene(arm) is not build_scene(arm)
