@@ -236,7 +236,7 @@ class ObstaclesEnv(WithModel, gym.Env[Any, Any]):
     def _moving(self, *, visual: bool) -> ArmSimulation:
         """The simulation, with visuals only if it is drawn before anything else needs it."""
         if self._simulation is None:
-            self._simulation = ArmSimulation(ARM, visual=visual, boxes=MAX_CLUTTER)
+            self._simulation = ArmSimulation(THESIS_ARM, visual=visual, boxes=MAX_CLUTTER)
             self._follow(self._simulation)
         return self._simulation
 

@@ -10,7 +10,7 @@ from kinreach.robots import Box, get_arm
 from kinreach.sim import ArmSimulation
 from kinreach.sim._movable_boxes import box_names, spare_boxes
 
-ARM = get_arm("ur5")
+ARM = get_arm("ur5-thesis")
 COUNT = 6
 
 
