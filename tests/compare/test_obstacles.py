@@ -1,10 +1,12 @@
 """Past obstacles: a path gets through where postures alone are blocked; and motions keep the arm's limits."""
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from kinreach.compare import compare
 from kinreach.compare._cli import main
+from kinreach.compare._methods.waypoints import free_way
 from kinreach.compare._motion import peaks
 from kinreach.compare._task import get_task
 from kinreach.errors import InputError
@@ -103,3 +105,13 @@ def test_on_disk(tmp_path, capsys):
 def test_bad_input(tmp_path):
     with pytest.raises(InputError, match="clutter must be at most 20"):
         main(["--task", "obstacles", "--clutter", "40", "--out", str(tmp_path)], prog="compare")
+
+
+def test_a_free_way_goes_to_the_posture_with_the_least_largest_change(monkeypatch):
+    env = gym.make("kinreach/Obstacles-v0", disable_env_checker=True)
+    env.reset(seed=0, options={"clutter": 0})
+    world = env.unwrapped
+    far, near = world.home + np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.9], [0.1, -0.1, 0.1, 0.1, 0.1, 0.3]])
+    for goals in ([far, near], [near, far]):
+        monkeypatch.setattr(world, "goal_postures", lambda goals=goals: np.array(goals))
+        np.testing.assert_array_equal(free_way(env)._waypoints(None)[-1], near)

@@ -540,3 +540,15 @@ def test_the_margin_counts_what_is_nearer_as_a_collision():
         assert (batch.step(np.array([action, action]))[4]["impossible"] == expected[1]).all()
         moved += found == [False, True]
     assert moved >= 4
+
+
+def test_a_grasp_is_a_posture_and_an_opening():
+    task = make().unwrapped._task
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 7))
+    actions[:3, -1] = -1.0, 0.0, 1.0
+    postures, openings = task.grasps(actions)
+    np.testing.assert_allclose(postures, np.pi * actions[:, :-1], atol=1e-12)
+    np.testing.assert_allclose(openings, 0.08 * (1.0 + actions[:, -1]), atol=1e-12)
+    np.testing.assert_allclose(openings[:3], [0.0, 0.08, 0.16], atol=1e-12)
+    for action, q, opening in zip(actions, postures, openings, strict=True):
+        np.testing.assert_allclose(task.action_for(q, opening), action, atol=1e-12)

@@ -175,3 +175,16 @@ def test_a_given_view_takes_no_look(needs_gl):
         looks.append(env.reset(options=goal)[0])
         env.close()
     np.testing.assert_array_equal(*looks)
+
+
+def test_arrays_that_episodes_gave_away_stay_when_some_begin_anew():
+    task = gym.make(SINGLE, backend="kinematic").unwrapped._task
+    episodes = ReachEpisodes(task, KinematicWorld(task, 3))
+    episodes.begin(np.arange(3))
+    given = episodes.goals, episodes.seen, episodes.found
+    before = [array.copy() for array in given]
+    episodes.begin(np.array([1]))
+    for array, old in zip(given, before, strict=True):
+        np.testing.assert_array_equal(array, old)
+    assert (episodes.goals[1] != before[0][1]).any()
+    assert all(new is not old for new, old in zip((episodes.goals, episodes.seen, episodes.found), given, strict=True))
