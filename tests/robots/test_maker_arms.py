@@ -181,3 +181,10 @@ def test_a_calibration_changes_no_limit_and_keeps_the_flange(name):
     np.testing.assert_array_equal([kin.lower, kin.upper], [nominal.lower, nominal.upper])
     np.testing.assert_array_equal(kin.velocity_limit, nominal.velocity_limit)
     np.testing.assert_allclose(MotionLimits.of(kin).speed, MotionLimits.of(model).speed, rtol=1e-15)
+
+
+@pytest.mark.parametrize("name", UR_MODELS)
+def test_an_arm_at_home_is_farther_from_itself_than_move_keeps(name):
+    """Housings that always are beside each other would refuse every motion: `move` keeps 5 mm and more."""
+    clearance = CollisionChecker(get_arm(name), obstacles=()).distance(get_arm(name).home)
+    assert clearance.distance > 7e-3, clearance
