@@ -24,7 +24,9 @@ from kinreach.robots._urdf import MESHES, PACKAGE
 LEVELS_UP = 4
 FILE = "file://"
 #: Addresses of a file in a package: of ROS, of Gazebo, and of xacro and ROS's launch files.
-_IN_PACKAGE = re.compile(r"(?:package|model)://(?P<path>.*)|\$\(find (?P<name>[^)]+)\)/*(?P<rest>.*)", re.DOTALL)
+_IN_PACKAGE = re.compile(
+    r"(?:package|model)://(?P<path>.*)|(?:file://)?\$\(find(?:-pkg-share)? (?P<name>[^)]+)\)/*(?P<rest>.*)", re.DOTALL
+)
 #: The file that names a package, its largest size [bytes], and the name in it.
 MANIFEST, MAX_MANIFEST = "package.xml", 2**20
 _NAME = re.compile(rb"<name>([^<]*)</name>")

@@ -248,6 +248,8 @@ def test_a_package_is_named_by_its_package_xml(tmp_path, monkeypatch):
         ("package://arm_description/box.stl", {}, True),
         ("model://arm_description/box.stl", {}, True),
         ("$(find arm_description)/box.stl", {}, True),
+        ("file://$(find arm_description)/box.stl", {}, True),
+        ("file://$(find-pkg-share arm_description)/box.stl", {}, True),
         ("../../../box.stl", {}, True),  # within the package of the URDF
         (f"file://{repository}/box.stl", {}, True),
         ("..\\..\\..\\box.stl", {}, True),
