@@ -41,7 +41,7 @@ def test_every_way_of_writing_a_table_is_read_alike(tmp_path):
         [csv.QUOTE_MINIMAL, csv.QUOTE_ALL], [0, 3], ENCODINGS, [False, True],
     )  # fmt: skip
     for (separator, comma), ends, quotes, blanks, encoding, named in ways:
-        first = [f"sep={separator}"] if named else []
+        first = [f"{'SEP' if comma else 'sep'}={separator}"] if named else []
         extra = [["größe", *HEADER], *(["a b", *row] for row in POSES)]
         text = written(extra, separator=separator, comma=comma, ends=ends, quotes=quotes, blanks=blanks, first=first)
         file.write_bytes(text.encode(encoding))

@@ -235,3 +235,9 @@ def test_files_that_are_none(tmp_path):
         read_calibration(PUBLISHED_CALIBRATIONS["ur5_a"], "ur6")
     with pytest.raises(UnknownNameError, match="UR model 'arm3'"):
         get_arm("arm3").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"])
+
+
+def test_a_calibration_ends_at_the_flange():
+    arm = replace(get_arm("ur5e"), tips={"wrist": "wrist_3_link"}, default_tip="wrist")
+    with pytest.raises(UnknownNameError, match="unknown tip of arm 'ur5e' 'tool0'; available: wrist"):
+        arm.calibrated("ur5e_a", model="ur5e")
