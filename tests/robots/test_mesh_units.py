@@ -160,3 +160,20 @@ def test_arms_of_other_makers_have_no_such_meshes():
         assert not [note for note in notes if "mesh" in note], notes
         tried += 1
     assert tried == 5
+
+
+@pytest.mark.parametrize("name", ["a.stl", "a.dae"])
+def test_a_scale_that_is_a_thousand_times_too_large_is_made_up_for(tmp_path, name):
+    described = ArmDescription.from_urdf(written(tmp_path, moved=box(tmp_path, name, 1.0), scale="1000 1000 1000"))
+    assert described.notes == ("meshes in millimetres are scaled to metres: link l3",)
+    np.testing.assert_allclose(extent(described, "l3"), SIZE, rtol=1e-5)
+
+
+def test_beside_one_in_millimetres_what_cannot_be_a_link_is_none_either(tmp_path):
+    good, bad = box(tmp_path, "good.stl", 1e-3), box(tmp_path, "bad.stl", 1e-6)
+    links = {i: MASS + shape(MESH.format(name, ""), "collision") for i, name in ((3, good), (4, bad))}
+    (tmp_path / "a.urdf").write_text(arm(links=links))
+    described = ArmDescription.from_urdf(tmp_path / "a.urdf")
+    assert described.notes[0] == "meshes in millimetres are scaled to metres: link l3"
+    assert "bad.stl' of link 'l4' is 3e+05 m long" in described.missing_shapes
+    np.testing.assert_allclose(extent(described, "l3"), SIZE, rtol=1e-5)
