@@ -199,3 +199,18 @@ def test_long_cells_take_no_time(cell, separator):
     """Each is looked at once from end to end, not once from each of its digits."""
     with pytest.raises(InputError):
         table_of(f"x{separator}y\n{cell}{separator}2\n", "a").numbers([0, 1])
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", "# only this\n", ";;;\n", "sep=;\n", "sep=;\n;;\n", "\ufeff"])
+def test_an_empty_table_has_no_columns_and_no_rows(text):
+    table = table_of(text, "a")
+    assert (table.header, table.cells, table.lines, table.place("x")) == ([], [], [], -1)
+
+
+def test_what_a_row_needs_is_said_with_the_row():
+    table = table_of("x;y\n1;two\n3;nan\n", "a")
+    with pytest.raises(InputError, match=r"^a, line 2: two numbers are needed, got '1,two': 'two' is no number$"):
+        table.numbers([0, 1], needed="two numbers are needed")
+    table = table_of("x;y\n3;nan\n", "a")
+    with pytest.raises(InputError, match=r"^a, line 2: the numbers must be finite, got 'nan'$"):
+        table.numbers([0, 1], needed="two numbers are needed")

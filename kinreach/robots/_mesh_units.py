@@ -26,10 +26,14 @@ FAR, FITS = 10.0, 2.0
 #: Arms of other lengths than these are not compared with [m].
 SHORTEST, LONGEST = 0.05, 50.0
 MILLIMETRE = 1e-3
+#: A COLLADA file of more bytes takes long to read; its unit is within the first ones.
+SLOW, ASSET = 2**20, 2**12
 #: Bytes of an STL file before its triangles, and of each triangle.
 _HEAD, _TRIANGLE = 84, 50
 _VERTEX = re.compile(rb"^[ \t]*(?:vertex|v)[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
-_ARRAY = re.compile(rb"<float_array\b[^<>]*>([^<]*)<")
+_ARRAY = re.compile(rb"<float_array\b([^<>]*)>([^<]*)<")
+#: Parts of the names of arrays that are not positions.
+_NO_POSITIONS = re.compile(rb"normal|map|tex|colou?r|uv|weight|matri|bind", re.IGNORECASE)
 _UNIT = re.compile(rb"""<unit\b[^<>]*\bmeter[ \t]*=[ \t]*["']([^"'<>]*)["']""")
 
 
@@ -118,7 +122,7 @@ def _measured(
         for shape in [child for child in link if child.tag in ("visual", "collision")]:
             for mesh in shape.iter("mesh"):
                 path = places.get(mesh)
-                if path is None or (shape.tag == "visual" and path.suffix.lower() == ".dae") is not slow:
+                if path is None or (shape.tag == "visual" and _is_slow(path)) is not slow:
                     continue
                 scale = tuple(float(word) for word in mesh.get("scale", "1 1 1").split())
                 if (path, scale) not in lengths:
@@ -126,6 +130,26 @@ def _measured(
                 length, unit = lengths[path, scale]
                 if length > longer:
                     yield _Placed(link, shape, mesh, mesh.get("filename", ""), length, unit, link.get("name") in moved)
+
+
+def _is_slow(path: Path) -> bool:
+    """Whether a mesh takes long to measure, and is no COLLADA file that says that it has another unit than metres."""
+    try:
+        if path.suffix.lower() != ".dae" or path.stat().st_size <= SLOW:
+            return False
+        with path.open("rb") as file:
+            return _unit_of(file.read(ASSET)) == 1.0
+    except OSError:
+        return False
+
+
+def _unit_of(content: bytes) -> float:
+    """Metres per unit, as a COLLADA file names it; Pinocchio and trimesh leave that alone, and RViz does not."""
+    found = _UNIT.search(content)
+    try:
+        return 1.0 if found is None else float(found[1])
+    except ValueError:
+        return 1.0
 
 
 def _length(path: Path, scale: Floats, longer: float) -> tuple[float, float]:
@@ -155,17 +179,14 @@ def _vertices(path: Path, content: bytes) -> Floats:
 
 
 def _length_of_collada(path: Path, content: bytes, scale: Floats, longer: float) -> tuple[float, float]:
-    """As `_length`; a COLLADA file names its unit, which Pinocchio and trimesh leave alone, and RViz does not."""
-    unit = MILLIMETRE
-    if (found := _UNIT.search(content)) is not None:
-        try:
-            unit = float(found[1])
-        except ValueError:
-            unit = 1.0
+    """As `_length`, for a COLLADA file."""
+    unit = _unit_of(content)
     unit = unit if 0.0 < unit < 1.0 else MILLIMETRE
     try:
-        largest = max((float(np.abs(np.array(words.split(), dtype=np.float64)).max(initial=0.0))
-                       for words in _ARRAY.findall(content)), default=0.0)  # fmt: skip
+        arrays = [words.split() for about, words in _ARRAY.findall(content) if not _NO_POSITIONS.search(about)]
+        largest = max(
+            (float(np.abs(np.array(words, dtype=np.float64)).max(initial=0.0)) for words in arrays), default=0.0
+        )
         if not largest * float(scale.max()) > 0.5 * longer:
             return 0.0, unit
         parts = placed_parts(path.name, str(path.parent), scale * MILLIMETRE)

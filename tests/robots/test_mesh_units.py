@@ -177,3 +177,21 @@ def test_beside_one_in_millimetres_what_cannot_be_a_link_is_none_either(tmp_path
     assert described.notes[0] == "meshes in millimetres are scaled to metres: link l3"
     assert "bad.stl' of link 'l4' is 3e+05 m long" in described.missing_shapes
     np.testing.assert_allclose(extent(described, "l3"), SIZE, rtol=1e-5)
+
+
+def test_what_is_only_drawn_and_slow_to_measure_is_measured_beside_others(tmp_path, monkeypatch):
+    """A large COLLADA file that is only drawn, unless it says that it has another unit."""
+    solid, drawn = box(tmp_path, "solid.stl", 1e-3), box(tmp_path, "drawn.dae", 1e-3)
+    declared = box(tmp_path, "declared.dae", 1e-3, declared=1e-3)
+    note = "meshes in millimetres are scaled to metres: link l3"
+    for names, slow, found in (
+        ((solid, drawn), 0, True), ((drawn,), 0, False), ((drawn,), 2**20, True), ((declared,), 0, True),
+    ):  # fmt: skip
+        monkeypatch.setattr("kinreach.robots._mesh_units.SLOW", slow)
+        kinds = ("collision", "visual")[-len(names) :]
+        shapes = "".join(shape(MESH.format(name, ""), kind) for name, kind in zip(names, kinds, strict=True))
+        (tmp_path / "a.urdf").write_text(arm(links={3: MASS + shapes}))
+        described = ArmDescription.from_urdf(tmp_path / "a.urdf")
+        assert described.notes == ((note,) if found else ()), names
+        for kind in kinds if found else ():
+            np.testing.assert_allclose(extent(described, "l3", kind), SIZE, rtol=1e-5)
