@@ -35,7 +35,7 @@ def add_arm_flags(parser: argparse.ArgumentParser) -> None:
         "--calibration",
         metavar="FILE",
         help="factory calibration of a UR: the ROS driver's kinematics.yaml, the controller's calibration.conf, a "
-        "program of PolyScope (.urp), a calibrated URDF, a recording that it is fitted to (see `kinreach calibrate`), "
+        "program of PolyScope (.urp), a calibrated URDF, a recording that it is fitted to (see kinreach calibrate), "
         "or the name of a published one, such as ur5e_a",
     )
     group.add_argument("--repair", action="store_true", help="correct a calibration that an old exporter folded")
