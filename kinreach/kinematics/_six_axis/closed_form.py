@@ -141,6 +141,13 @@ class DecoupledArm:
         samples = np.array([self._point(cos(q), sin(q)) for q in SAMPLES])
         self._square_of_point = (COEFFICIENTS @ (samples * samples).sum(axis=1)).tolist()
         self._height_of_point = (COEFFICIENTS @ samples[:, 2]).tolist()
+        #: Length [m] and sine that results are divided by, where one is: the smaller, the less exact they are.
+        meet, level = abs(self.a1) < ZERO, self.sa1 == 0.0  # axes 1 and 2
+        self.length_divisor = self.sine_divisor = np.inf
+        if not self.spherical and not self.by_shoulder:
+            self.length_divisor = abs(self.a5)
+        elif not self.by_shoulder and not (meet or level):
+            self.length_divisor, self.sine_divisor = abs(self.a1), abs(self.sa1)
         self.upper = self.a2
         self.stretched, self.folded = self.upper + self.fore, abs(self.upper - self.fore)
 

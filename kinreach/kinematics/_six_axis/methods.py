@@ -57,6 +57,8 @@ NEIGHBOURS, NEIGHBOURING = 4, 0.6
 MAX_STARTS, NEAR_START = 160, 0.1
 #: Poses of an arm that are off by less make curves that almost reach [m, rad].
 SLIGHT = 1e-5
+#: A random posture is found again if each joint is within this of it [rad].
+AGAIN = 1e-5
 _JOINTS = 6
 
 
@@ -101,8 +103,15 @@ class ClosedForm:
         self._arm, self._chain = arm, Chain(placements)
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        rows = self._arm.solve(T, tol=tol, seed=seed.tolist())
-        return self._singular(T, seed, tol) if not rows or any(row[FLAGS] for row in rows) else sorted(rows)
+        rows = sorted(self._arm.solve(T, tol=tol, seed=seed.tolist()))
+        if not rows or any(row[FLAGS] for row in rows):
+            return self._singular(T, seed, tol)
+        if self._arm.by_shoulder:
+            return rows
+        q, off = self._refined(rows, T, FAR)  # roots that almost merge are inexact
+        if off.max() > MISSED or not first_of_each(q, SAME).all() or rows[-1][BRANCH] >= BRANCHES:
+            return self._singular(T, seed, tol)
+        return [(*row[: ANGLES.start], *angles) for row, angles in zip(rows, q.tolist(), strict=True)]
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         q, valid, singular = solve_poses(self._arm, T, tol)
@@ -138,11 +147,10 @@ class ClosedForm:
         if samples:
             exact = exact[_families(self._chain, q[exact], T)]
         named: dict[int, int] = {}
-        for index in exact.tolist():
-            named.setdefault(rows[index][BRANCH], index)
+        for index in (*exact.tolist(), *np.flatnonzero(off <= tol).tolist()):
+            if rows[index][BRANCH] < BRANCHES:  # more roots than there are postures
+                named.setdefault(rows[index][BRANCH], index)
         spare = [index for index in exact.tolist() if index not in named.values()]
-        for index in np.flatnonzero(off <= tol).tolist():
-            named.setdefault(rows[index][BRANCH], index)
         unnamed = [branch for branch in range(BRANCHES) if branch not in named]
         named |= dict(zip(unnamed, spare, strict=False))
         return [(branch, rows[named[branch]][FLAGS], *q[named[branch]].tolist()) for branch in sorted(named)]
@@ -179,7 +187,8 @@ class NearlyDecoupled(NearClosedForm):
         doubt = Doubt(self._off)
         rows = self._arm.solve(T, tol=EXACT, seed=seed.tolist(), doubt=doubt)
         q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
-        return [row[BRANCH] for row in rows], q, doubt.found or any(row[FLAGS] for row in rows)
+        doubtful = any(row[FLAGS] or row[BRANCH] >= BRANCHES for row in rows)
+        return [row[BRANCH] for row in rows], q, doubt.found or doubtful
 
     def _starts(self, T: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
         q, valid, doubtful = solve_poses(self._arm, T, EXACT, off=self._off)
@@ -305,25 +314,49 @@ def method_of(placements: Floats) -> Method | float:
     _, J = Chain(placements).jacobian(_random_postures())
     if np.linalg.svd(J)[1][:, -1].max() < ALWAYS_SINGULAR:
         return SINGULAR
-    back = _inverse(placements[::-1])
-    for (length, angle), most in ((EXACTLY, EXACT_FIT), (NEARLY, NEAR_FIT)):
-        fits = []
-        for backwards, way in enumerate((placements, back)):
-            dh = DenavitHartenberg.of(way, length=length, angle=angle)
-            off = _apart(dh, Chain(way))
-            if off < most and decouples(dh):
-                fits.append((off, backwards, DecoupledArm(dh), way))
-        if fits and most == EXACT_FIT:
-            _, backwards, arm, way = fits[0]
-            return _from_end(ClosedForm(arm, way), backwards=backwards)
-        if fits:
-            off, backwards, arm, way = min(fits, key=lambda fit: fit[0])
-            if off <= CLOSE_FIT:
-                return _from_end(NearlyDecoupled(arm, way, off), backwards=backwards)
+    closed, near = _closed_forms(placements)
+    for method in (*closed[True], *near[True], *closed[False]):
+        if _finds_again(method, placements):
+            return method
     method, share = by_elimination(placements)
     if share >= MIN_SHARE:
         return method
-    return _from_end(NearlyDecoupled(arm, way, off), backwards=backwards) if fits else share
+    return next(iter(near[False]), share)
+
+
+def _closed_forms(placements: Floats) -> tuple[dict[bool, list[Method]], dict[bool, list[Method]]]:
+    """The closed forms that an arm has, by whether they are well-conditioned; and nearly has, by whether closely."""
+    ways = list(enumerate((placements, _inverse(placements[::-1]))))
+    closed: dict[bool, list[Method]] = {True: [], False: []}
+    near: dict[bool, list[tuple[float, Method]]] = {True: [], False: []}
+    for backwards, way in ways:
+        dh = DenavitHartenberg.of(way, length=EXACTLY[0], angle=EXACTLY[1])
+        if decouples(dh) and _apart(dh, Chain(way)) < EXACT_FIT:
+            arm = DecoupledArm(dh)
+            sound = arm.length_divisor > NEARLY[0] and arm.sine_divisor > NEARLY[1]
+            closed[sound].append(_from_end(ClosedForm(arm, way), backwards=backwards))
+        dh = DenavitHartenberg.of(way, length=NEARLY[0], angle=NEARLY[1])
+        off = _apart(dh, Chain(way))
+        if off < NEAR_FIT and decouples(dh):
+            method = _from_end(NearlyDecoupled(DecoupledArm(dh), way, off), backwards=backwards)
+            near[off <= CLOSE_FIT].append((off, method))
+    return closed, {
+        close: [method for _, method in sorted(each, key=lambda fit: fit[0])] for close, each in near.items()
+    }
+
+
+def _finds_again(method: Method, placements: Floats) -> bool:
+    """Whether random postures are among those for their poses, and none of these misses its pose."""
+    q, chain = _random_postures(), Chain(placements)
+    T = np.tile(np.eye(4), (len(q), 1, 1))
+    T[:, :3] = chain.fk(q)
+    found, valid = method.many(T, np.zeros_like(q), EXACT)
+    branch, pose = np.nonzero(valid)
+    postures = found[:, branch, pose].T
+    if missed_by(miss(chain.fk(postures), T[pose])).max(initial=0.0) > MISSED:
+        return False
+    again = np.abs(wrapped(postures - q[pose])).max(axis=1) < AGAIN
+    return len(np.unique(pose[again])) == len(q)
 
 
 def by_elimination(placements: Floats) -> tuple[Method, float]:

@@ -19,6 +19,7 @@ from kinreach._checks import (
 )
 from kinreach._engines import load
 from kinreach.errors import InputError
+from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._arm import link_frame
 from kinreach.kinematics._chain import about_z, poses_about, rotation_to
 from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics
@@ -56,11 +57,15 @@ from kinreach.robots._ur import FLIP
 
 pin: Any = load("pinocchio")
 
-FIT_TOLERANCE = 1e-8
+#: Random postures that a closed form is tried on; how far the poses of its arm may be off [m, rad]; and how far the
+#: posture that it finds again [rad].
+TRIALS, FIT_TOLERANCE, AGAIN = 64, 8e-10, 1e-5
 #: Turns about the tool that are tried if all postures with the seed's wrist_3 are refused [rad].
 TURNS = np.radians([45, -45, 90, -90, 135, -135, 180])
 #: How far the flange may be from the last joint's axis for wrist_3 to turn about it [m, and sine of an angle].
 AXIS_TOLERANCE = 1e-9
+#: How far the tip may be from the flange's z axis [m], and its z axis from that one's direction [sine].
+ALIGNED = 1e-10
 
 
 class NotOfThisKind(InputError):
@@ -386,15 +391,22 @@ class URKinematics(ClosedFormKinematics):
         return rows[:3]
 
     def _check_fit(self) -> None:
-        """The closed form describes this arm: its forward kinematics agrees with Pinocchio's."""
-        for q in (np.zeros(self.n), np.linspace(0.3, 1.3, self.n)):
-            rows: Floats = np.array(ur_fk(q.tolist(), self.geometry), dtype=np.float64)
-            expected = (self._T_dh_base @ self.fk(q) @ self._T_tip_flange)[:3]
-            if np.abs(rows - expected).max() > FIT_TOLERANCE:
-                raise NotOfThisKind(
-                    f"arm {self.arm.name!r} does not have the geometry of a UR-type arm; CalibratedURKinematics is for "
-                    "those that are a little off"
-                )
+        """The closed form describes this arm: poses of random postures agree, and it finds the postures again."""
+        q = np.random.default_rng(0).uniform(-np.pi, np.pi, (TRIALS, self.n))
+        T, rows = self.fk(q), np.zeros((TRIALS, 4, 4))
+        rows[:, :3], rows[:, 3, 3] = [ur_fk(each, self.geometry) for each in q.tolist()], 1.0
+        apart = T - np.linalg.inv(self._T_dh_base) @ rows @ np.linalg.inv(self._T_tip_flange)
+        angles = np.linalg.norm(apart[:, :3, :3], axis=(1, 2)) / np.sqrt(2.0)
+        off = float(np.maximum(np.linalg.norm(apart[:, :3, 3], axis=1), angles).max())
+        if off <= FIT_TOLERANCE:
+            found, valid = self._batch(T, None, FIT_TOLERANCE, limits=False)
+            near = np.abs(wrapped(found - q.T[:, None])).max(axis=0) < AGAIN
+            if (near & valid).any(axis=0).all():
+                return
+        raise NotOfThisKind(
+            f"arm {self.arm.name!r} does not have the geometry of a UR-type arm: its poses are up to {off:.1e} m or "
+            "rad off; CalibratedURKinematics is for those that are a little off"
+        )
 
 
 class UR5Kinematics(URKinematics):
@@ -470,5 +482,5 @@ class CalibratedURKinematics(URKinematics):
 
 def _reach_along_tool(T_flange_tip: Floats) -> float | None:
     """Distance of the tip along the flange's z axis [m], or None if it is not on it or turned away from it."""
-    aligned = np.allclose(T_flange_tip[:2, 3], 0.0, atol=1e-12) and np.isclose(T_flange_tip[2, 2], 1.0, atol=1e-12)
+    aligned = T_flange_tip[2, 2] > 0.0 and np.abs(T_flange_tip[:2, 2:]).max() <= ALIGNED
     return float(T_flange_tip[2, 3]) if aligned else None

@@ -1,0 +1,71 @@
+"""Six axes that nearly have a closed form, as files with rounded digits do: no posture is lost, none is wrong."""
+
+import re
+
+import numpy as np
+import pytest
+
+from benchmarks.ik_arms.random_arms import CLASSES, OTHERS, _set, apart, motion, random_motion
+from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics._general_6r import Chain, miss, missed_by
+from kinreach.kinematics._six_axis import methods
+from kinreach.robots._ur import nominal_urdf
+from tests.cases import slow
+
+
+def placements_of(rng, name, perturbed):
+    """Placements of a random arm of a class, with some Denavit-Hartenberg figures off by 1e-12 to 1e-2."""
+    a, d = rng.choice([-1, 1], (2, 6)) * rng.uniform(0.1, 0.5, (2, 6))
+    alpha, turn = rng.choice([-1, 1], 6) * rng.uniform(0.5, 1.5, 6), rng.uniform(-np.pi, np.pi, 6)
+    if name in CLASSES:
+        _set(CLASSES[name], a, d, alpha)
+    else:
+        a[list(OTHERS[name])] = 0.0
+    for _ in range(perturbed):
+        values, joint = (a, d, alpha)[rng.integers(3)], rng.integers(5)
+        values[joint] += rng.choice([-1, 1]) * 10.0 ** rng.uniform(-12, -2)
+    links = [motion(turn[i], d[i], a[i], alpha[i]) for i in range(5)]
+    chain = [random_motion(rng, 0.3, np.pi), *links, random_motion(rng, 0.2, np.pi)]
+    return np.array(list(np.linalg.inv(chain[::-1])) if rng.random() < 0.5 else chain)
+
+
+@pytest.mark.parametrize("perturbed", [1, *slow(2)])
+@pytest.mark.parametrize("name", [*CLASSES, *OTHERS])
+def test_no_posture_of_an_arm_near_a_class_is_lost_or_wrong(name, perturbed):
+    rng, poses = np.random.default_rng([len(name), perturbed]), 0
+    for _ in range(12):
+        placements = placements_of(rng, name, perturbed)
+        method, chain = methods.method_of(placements), Chain(placements)
+        assert not isinstance(method, float)
+        q = rng.uniform(-np.pi, np.pi, (6, 6))
+        T = np.tile(np.eye(4), (len(q), 1, 1))
+        T[:, :3] = chain.fk(q)
+        found, valid = method.many(T, np.zeros_like(q), 1e-7)
+        for pose, posture in enumerate(q):
+            for postures in (
+                found[:, valid[:, pose], pose].T,
+                np.array([row[2:] for row in method.one(T[pose], np.zeros(6), 1e-7)]),
+            ):
+                assert apart(posture, postures) < 1e-5
+                off = missed_by(miss(chain.fk(postures), np.broadcast_to(T[pose], (len(postures), 4, 4))))
+                assert off.max() < 1e-9
+                poses += 1
+    assert poses == 144
+
+
+@pytest.mark.parametrize("digits", [3, 4, 5, 6])
+def test_a_file_with_rounded_right_angles_is_solved_as_it_is(tmp_path, digits):
+    """A UR whose URDF says 1.571 or 1.5708 for a right angle is no UR, by the digits that are missing."""
+    file = tmp_path / "rounded.urdf"
+    text = re.sub(r"1\.57079632\d*", f"{np.pi / 2:.{digits}f}", nominal_urdf("ur5e"))
+    file.write_text(text)
+    kin = ArmKinematics.from_urdf(file, tip="tool0")
+    q = np.random.default_rng(digits).uniform(-2.5, 2.5, (40, 6))
+    for posture, T in zip(q, kin.fk(q), strict=True):
+        found = kin.all_solutions(T)
+        assert np.abs(found.q - posture).max(axis=1).min() < 1e-6
+        for solution in found.q:
+            assert np.abs(kin.fk(solution) - T).max() < 1e-9
+        result = kin.nearest(T, posture)
+        assert result.success
+        assert np.abs(result.q - posture).max() < 1e-6
