@@ -160,11 +160,11 @@ def as_vector(name: str, value: ArrayLike, size: int, *, most: float = float_inf
 def check_entries(name: str, values: Floats, most: float) -> None:
     """Refuse an array with an entry that is not finite, or larger than `most`."""
     if values.size <= _FEW:  # faster than an array's operations
-        if all(-most <= entry <= most for entry in values.ravel().tolist()):
-            return
-    elif values.max(initial=0.0) <= most and values.min(initial=0.0) >= -most:
-        return
-    _refuse_entries(name, values, most)
+        for entry in values.ravel().tolist():
+            if not -most <= entry <= most:
+                _refuse_entries(name, values, most)
+    elif not (values.max(initial=0.0) <= most and values.min(initial=0.0) >= -most):
+        _refuse_entries(name, values, most)
 
 
 def _refuse_entries(name: str, values: Floats, most: float) -> None:

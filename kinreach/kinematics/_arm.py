@@ -244,7 +244,7 @@ class ArmKinematics:
             return self._pose(self.as_posture("q", q))
         rows = self._rows_of(q)
         poses: Floats = np.array([self._pose(row) for row in rows]) if 0 < len(rows) <= FEW else self.chain.fk(rows)
-        return poses.reshape(*q.shape[:-1], 4, 4)
+        return poses if q.ndim == 2 else poses.reshape(*q.shape[:-1], 4, 4)
 
     def _pose(self, q: Floats) -> Floats:
         data = self._work.data
@@ -294,7 +294,7 @@ class ArmKinematics:
         rows = self._rows_of(q)
         few = 0 < len(rows) <= FEW
         jacobians: Floats = np.array([self._jacobian(row) for row in rows]) if few else self.chain.jacobian(rows)
-        return jacobians.reshape(*q.shape[:-1], 6, self.n)
+        return jacobians if q.ndim == 2 else jacobians.reshape(*q.shape[:-1], 6, self.n)
 
     def _jacobian(self, q: Floats) -> Floats:
         J = pin.computeFrameJacobian(self.model, self.data, q, self.tip_frame, pin.LOCAL_WORLD_ALIGNED)
@@ -317,7 +317,7 @@ class ArmKinematics:
         if q.ndim == 0 or q.shape[-1] != self.n:
             raise InputError(f"q must have shape (..., {self.n}), got {q.shape}")
         check_entries("q", q, MAX_ANGLE)
-        return q.reshape(-1, self.n)
+        return q if q.ndim == 2 else q.reshape(-1, self.n)
 
     @cached_property
     def chain(self) -> SerialChain:

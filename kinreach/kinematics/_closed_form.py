@@ -155,11 +155,17 @@ class ClosedFormKinematics(ArmKinematics, ABC):
     def _few(self, T: Floats, tol: float, *, limits: bool) -> IKBatch:
         """`batch` by `all_solutions`."""
         none: Sequence[float] = [np.nan] * self.n
-        q = [[none] * self._branches for _ in T]
-        for slots, pose in zip(q, T, strict=True):
+        angles: list[float] = []
+        valid: list[bool] = []
+        for pose in T:
+            slots = [none] * self._branches
             for row in self.all_solutions(pose, limits=limits, tol=tol).found:
                 slots[row[BRANCH]] = row[ANGLES]
-        return IKBatch(np.array(q), np.array([[slot is not none for slot in slots] for slots in q]))
+            for slot in slots:
+                angles += slot
+                valid.append(slot is not none)
+        shape = (len(T), self._branches)
+        return IKBatch(np.array(angles).reshape(*shape, self.n), np.array(valid).reshape(shape))
 
     @cached_property
     def _branches(self) -> int:
