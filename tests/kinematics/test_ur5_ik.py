@@ -229,7 +229,7 @@ def test_calibrated_lengths_come_from_the_description():
 
 def test_an_arm_of_another_kind_is_refused():
     with pytest.raises(InputError, match="6 joints"):
-        URKinematics(arm=replace(get_arm("arm3"), tips={"tool0": "end_effector"}), tip="tool0")
+        URKinematics(arm=replace(get_arm("arm3"), tips={"tool0": "end_effector"}, default_tip="tool0"), tip="tool0")
 
 
 def test_tool_down_reaches_the_goal_area_on_both_natural_branches():
