@@ -338,6 +338,11 @@ class General6R:
         back = (off < EXACT) & (np.abs(wrapped(found - q[pose])).max(axis=1) < SAME)
         return len(np.unique(pose[back])) / len(q)
 
+    @property
+    def spurious(self) -> int:
+        """Number of eigenvalues that lead to no posture of any pose; known after `tried`."""
+        return len(self._spurious)
+
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """Compute starts of Newton's method (k, 6) for poses (m, 4, 4) from all eigenvalues, and the pose of each."""
         regular = self._regular(T)

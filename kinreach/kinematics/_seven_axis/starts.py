@@ -1,0 +1,196 @@
+"""Postures of a seven-axis arm's pose from which its curves are followed: some on every curve.
+
+**One joint held.** A pose closes the arm to a ring of seven joints. If any one of them is held, the six others are a
+six-axis arm, from the joint behind it around the ring to the joint before it; its tip is turned back by the held
+joint's angle. That arm has finitely many postures, by closed form or elimination (`method_of`). Every joint is held in
+turn, at values all around its circle: a curve along which one joint goes from one value to the next is met. Of a curve
+that lies between two values of every joint the postures only just do not exist: they are pairs of complex solutions,
+whose real part is near the curve. Newton's method with all seven joints goes from these, too.
+
+Elimination is singular for some arms, such as those with a spherical shoulder and a spherical wrist. Then it solves one
+that is `ERROR` off; Newton's method takes that away. For special poses, too, the ring may be such an arm.
+
+**Singular postures.** Beside a posture at which the tip cannot move along one twist u, the poses depend on two
+directions of the joints only by a quadratic form. The curves are close to conics: small closed ones, two branches of a
+hyperbola, or two lines that cross. Newton's method is slow and erratic there. Instead, the middle of the conic is
+computed, where the gradient of u's component vanishes along both directions, and the starts are its vertices.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach.kinematics._angles import TURN, wrapped
+from kinreach.kinematics._general_6r import Chain, General6R
+from kinreach.kinematics._six_axis.methods import Method, method_of
+from kinreach.robots._identification import moved_frames
+from kinreach.robots._rotations import turns_about_z
+
+JOINTS = 7
+#: Values at which each joint is held.
+VALUES = 24
+#: How far the arm is off of which a pose is solved by elimination, at each joint [m, rad].
+ERROR = 1e-5
+#: Random postures by which the end is chosen from which it is solved.
+TRIALS = 20
+#: Multiples of it, modulo 1, are spread evenly.
+GOLDEN = 0.6180339887498949
+#: A posture reaches a pose if it misses it by less [m, rad].
+REACHED = 1e-13
+#: Steps of Newton's method; after so many only what misses the pose by less goes on [m, rad].
+STEPS, NEAR = 12, 1e-4
+#: Steps to the middle of a conic, and the shortest one [rad].
+CENTRE_STEPS, CENTRED = 12, 1e-9
+#: A conic's middle itself reaches the pose if it misses it by less [m, rad].
+CROSSING = 1e-12
+#: Farthest vertex of a conic from its middle [rad].
+FARTHEST = 0.3
+#: Longest step of a joint in Newton's method [rad].
+MAX_JOINT_STEP = 0.3
+#: What is added to a matrix before it is inverted.
+NUDGE = 1e-14
+#: Singular values below this share of the largest are 0.
+RANK = 1e-6
+
+
+class HeldEnd:
+    """The first joint or the last held, and how the six others are solved."""
+
+    def __init__(self, held: int, placements: Floats, method: Method) -> None:
+        self.held, self.method, self._placements = held, method, placements
+
+    def starts(self, T: Floats, values: Floats) -> Floats:
+        """Compute postures (m, 7) near those of a pose (4, 4) with the joint at some values [rad]."""
+        q, value = self.method.starts(self.poses(values, T))
+        return np.insert(q, self.held, values[value], axis=1)
+
+    def poses(self, values: Floats, T: Floats) -> Floats:
+        """Compute poses of the six-axis arm for values of the held joint, shape (m, 4, 4)."""
+        turns, A = turns_about_z(values), self._placements
+        if self.held == 0:
+            return np.linalg.inv(A[0] @ turns) @ T
+        return T @ np.linalg.inv(turns @ A[JOINTS])
+
+
+class HeldBetween:
+    """Another joint held, and the six others around the ring solved by elimination."""
+
+    def __init__(self, held: int, placements: Floats) -> None:
+        self.held, self._placements = held, placements
+        self._order = (held + 1 + np.arange(JOINTS - 1)) % JOINTS
+        rng = np.random.default_rng(held)
+        self._errors = rng.uniform(-ERROR, ERROR, (JOINTS, 6))
+        q, T = rng.uniform(-np.pi, np.pi, (TRIALS, JOINTS - 1)), np.eye(4)
+        T[:3] = Chain(placements).fk(rng.uniform(-np.pi, np.pi, (1, JOINTS)))[0]
+        ways = [self._six(T, backwards=backwards) for backwards in (False, True)]
+        shares = [six.tried(postures) for six, postures in zip(ways, (q, -q[:, ::-1]), strict=True)]
+        # an eigenvalue that leads nowhere has taken the place of no posture, but it costs time
+        worth = [share - 1e-3 * six.spurious for share, six in zip(shares, ways, strict=True)]
+        self._backwards = worth[1] > worth[0]
+
+    def starts(self, T: Floats, values: Floats) -> Floats:
+        """As `HeldEnd.starts`."""
+        turns = turns_about_z(values if self._backwards else -values)
+        found, value = self._six(T, backwards=self._backwards).starts(turns)
+        q = np.empty((len(found), JOINTS))
+        q[:, self.held] = values[value]
+        q[:, self._order] = -found[:, ::-1] if self._backwards else found
+        return q
+
+    def _six(self, T: Floats, *, backwards: bool) -> General6R:
+        """The six other joints, from one end of the ring or the other."""
+        A = self._placements
+        ring = np.array([A[JOINTS] @ np.linalg.inv(T) @ A[0], *A[1:JOINTS]])
+        links = moved_frames(ring[(self.held + 1 + np.arange(JOINTS)) % JOINTS], self._errors)
+        return General6R(Chain(np.linalg.inv(links[::-1]) if backwards else links))
+
+
+class Starts:
+    """Postures of a pose on every curve, and Newton's method that brings them there."""
+
+    def __init__(self, loop: Chain) -> None:
+        A = loop.placements
+        self.loop = loop
+        methods = [(JOINTS - 1, method_of(A[:JOINTS])), (0, method_of(A[1:]))]
+        ends = [HeldEnd(held, A, method) for held, method in methods if not isinstance(method, float)]
+        self.ends = sorted(ends, key=lambda end: -end.method.rank)
+        known = {end.held for end in ends}
+        self._held = [*self.ends, *(HeldBetween(held, A) for held in range(JOINTS) if ends and held not in known)]
+        self.values = VALUES
+
+    def of(self, T: Floats) -> Floats:
+        """Compute postures (m, 7) of a pose (4, 4), in [-pi, pi]."""
+        found = []
+        for way in self._held:
+            shift = (0.382 + GOLDEN * way.held) % 1.0  # no value is a quarter of a turn, where arms are singular
+            found.append(way.starts(T, TURN * (np.arange(self.values) + shift) / self.values - np.pi))
+        q = np.vstack(found)
+        return self.reached(q[np.isfinite(q).all(axis=1)], T)
+
+    def reached(self, q: Floats, T: Floats) -> Floats:
+        """Bring postures (m, 7) to a pose by the shortest steps; those that arrive, and those beside singular ones."""
+        q, near = self._newton(q, T)
+        if len(near):
+            more, _ = self._newton(self._vertices(near, T), T)
+            q = np.vstack([q, more])
+        return wrapped(q)
+
+    def _newton(self, q: Floats, T: Floats) -> tuple[Floats, Floats]:
+        """Postures that arrived, in the order of their starts, and those that are near but slow."""
+        q, going, found = q.copy(), np.arange(len(q)), [np.empty(0, dtype=np.int64)]
+        off = np.empty(0)
+        for step in range(STEPS + 1):
+            error, J, off = self.loop.step(q[going], T[None])
+            found.append(going[off < REACHED])
+            left = off >= REACHED
+            going, error, J, off = going[left], error[left], J[left], off[left]
+            if step == STEPS or not len(going):
+                break
+            turned = J.transpose(0, 2, 1)
+            q[going] += limited((turned @ np.linalg.solve(J @ turned + NUDGE * np.eye(6), error[..., None]))[..., 0])
+        return q[np.sort(np.concatenate(found))], q[going[off < NEAR]]
+
+    def _vertices(self, q: Floats, T: Floats) -> Floats:
+        """Vertices (k, 7) of the conics that a pose's curves are, beside singular postures near some (m, 7)."""
+        q = q.copy()
+        for _ in range(CENTRE_STEPS):
+            error, (U, s, V), form = self._second_order(q, T)
+            A = np.concatenate([s[:, :5, None] * V[:, :5], V[:, 5:] @ form], axis=1)
+            wanted = (error[:, None] @ U)[:, 0]
+            wanted[:, 5] = -s[:, 5]
+            step = limited((np.linalg.pinv(A, rcond=RANK) @ np.pad(wanted, ((0, 0), (0, 1)))[..., None])[..., 0])
+            q += step
+            if np.abs(step).max() < CENTRED:
+                break
+        error, (U, _, V), form = self._second_order(q, T)
+        plane = V[:, 5:]
+        curvature, axes = np.linalg.eigh(plane @ form @ plane.transpose(0, 2, 1))
+        level = (error * U[:, :, 5]).sum(axis=1)
+        square = 2.0 * level[:, None] / np.where(curvature == 0.0, np.finfo(float).tiny, curvature)
+        radius = np.sqrt(np.maximum(square, 0.0))
+        ways = (radius[:, :, None] * axes.transpose(0, 2, 1)) @ plane  # (m, 2, 7)
+        good = (square > 0.0) & (radius < FARTHEST)
+        crossing = np.abs(level) < CROSSING
+        both = np.concatenate([q[:, None] + ways, q[:, None] - ways])[np.concatenate([good, good])]
+        return np.vstack([both, q[crossing]])
+
+    def _second_order(self, q: Floats, T: Floats) -> tuple[Floats, tuple[Floats, Floats, Floats], Floats]:
+        """Errors (m, 6), the Jacobians' singular values, and the second derivatives (m, 7, 7) along the last twist."""
+        error, J, _ = self.loop.step(q, T[None])
+        U, s, V = np.linalg.svd(J)
+        v, w = J[:, :3].transpose(0, 2, 1), J[:, 3:].transpose(0, 2, 1)
+        uv, uw = U[:, None, :3, 5], U[:, None, 3:, 5]
+        # u . [J_i, J_k], the Lie bracket of two twists; of the product of exponentials only i < k counts
+        bracket = np.cross(uv, w) @ v.transpose(0, 2, 1)
+        bracket = np.triu(bracket - bracket.transpose(0, 2, 1) + np.cross(uw, w) @ w.transpose(0, 2, 1), k=1)
+        return error, (U, s, V), 0.5 * (bracket + bracket.transpose(0, 2, 1))
+
+
+def limited(steps: NDArray[Any]) -> Floats:
+    """Shorten steps (m, 7) to at most `MAX_JOINT_STEP` a joint."""
+    longest = np.maximum(np.abs(steps).max(axis=1), MAX_JOINT_STEP)
+    return steps * (MAX_JOINT_STEP / longest)[:, None]
