@@ -43,6 +43,11 @@ GOLDEN = 0.6180339887498949
 REACHED = 1e-13
 #: Steps of Newton's method; after so many only what misses the pose by less goes on [m, rad].
 STEPS, NEAR = 12, 1e-4
+#: Random starts where there are no others, and steps from them.
+RANDOM, RANDOM_STEPS = 128, 40
+#: Smallest singular value of the Jacobian at a posture whose curve cannot be followed; and a singular posture beside
+#: which the tip moves along u by less than this times the square of the way [m/rad^2, 1/rad] is one of a surface.
+SINGULAR, FLAT = 3e-6, 1e-3
 #: Steps to the middle of a conic, and the shortest one [rad].
 CENTRE_STEPS, CENTRED = 12, 1e-9
 #: A conic's middle itself reaches the pose if it misses it by less [m, rad].
@@ -129,30 +134,33 @@ class Starts:
             shift = (0.382 + GOLDEN * way.held) % 1.0  # no value is a quarter of a turn, where arms are singular
             found.append(way.starts(T, TURN * (np.arange(self.values) + shift) / self.values - np.pi))
         q = np.vstack(found)
-        return self.reached(q[np.isfinite(q).all(axis=1)], T)
+        q = self.reached(q[np.isfinite(q).all(axis=1)], T)
+        if not len(q):  # every arm that is left may be singular, as where a folded arm's wrist is in its shoulder
+            anywhere = np.random.default_rng(0).uniform(-np.pi, np.pi, (RANDOM, JOINTS))
+            q = self.reached(anywhere, T, steps=RANDOM_STEPS)
+        return q
 
-    def reached(self, q: Floats, T: Floats) -> Floats:
+    def reached(self, q: Floats, T: Floats, *, steps: int = STEPS) -> Floats:
         """Bring postures (m, 7) to a pose by the shortest steps; those that arrive, and those beside singular ones."""
-        q, near = self._newton(q, T)
+        q, near = self._newton(q, T, steps)
         if len(near):
-            more, _ = self._newton(self._vertices(near, T), T)
+            more, _ = self._newton(self._vertices(near, T), T, STEPS)
             q = np.vstack([q, more])
         return wrapped(q)
 
-    def _newton(self, q: Floats, T: Floats) -> tuple[Floats, Floats]:
+    def _newton(self, q: Floats, T: Floats, steps: int) -> tuple[Floats, Floats]:
         """Postures that arrived, in the order of their starts, and those that are near but slow."""
         q, going, found = q.copy(), np.arange(len(q)), [np.empty(0, dtype=np.int64)]
-        off = np.empty(0)
-        for step in range(STEPS + 1):
+        for step in range(steps + 1):
             error, J, off = self.loop.step(q[going], T[None])
             found.append(going[off < REACHED])
             left = off >= REACHED
             going, error, J, off = going[left], error[left], J[left], off[left]
-            if step == STEPS or not len(going):
+            if step == steps or not len(going):
                 break
             turned = J.transpose(0, 2, 1)
-            q[going] += limited((turned @ np.linalg.solve(J @ turned + NUDGE * np.eye(6), error[..., None]))[..., 0])
-        return q[np.sort(np.concatenate(found))], q[going[off < NEAR]]
+            q[going] += limited((turned @ solved(J @ turned + NUDGE * np.eye(6), error[..., None]))[..., 0])
+        return q[np.sort(np.concatenate(found))], q[going[off < NEAR]] if len(going) else q[:0]
 
     def _vertices(self, q: Floats, T: Floats) -> Floats:
         """Vertices (k, 7) of the conics that a pose's curves are, beside singular postures near some (m, 7)."""
@@ -178,6 +186,21 @@ class Starts:
         both = np.concatenate([q[:, None] + ways, q[:, None] - ways])[np.concatenate([good, good])]
         return np.vstack([both, q[crossing]])
 
+    def singular(self, q: Floats, T: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Floats]:
+        """Which of a pose's postures (m, 7) are singular, which are on a surface of them, and the last twists (m, 6).
+
+        Two directions in which the joints move without the tip are on one, as far as second derivatives tell.
+        """
+        U, s, V = np.linalg.svd(self.loop.jacobian(q)[1])
+        singular = s[:, 5] < SINGULAR
+        surface = singular.copy()
+        if singular.any():
+            _, (_, _, V), form = self._second_order(q[singular], T)
+            plane = V[:, 5:]
+            curvature = np.linalg.eigvalsh(plane @ form @ plane.transpose(0, 2, 1))
+            surface[singular] = np.abs(curvature).max(axis=1) < FLAT
+        return singular, surface, U[:, :, 5]
+
     def _second_order(self, q: Floats, T: Floats) -> tuple[Floats, tuple[Floats, Floats, Floats], Floats]:
         """Errors (m, 6), the Jacobians' singular values, and the second derivatives (m, 7, 7) along the last twist."""
         error, J, _ = self.loop.step(q, T[None])
@@ -188,6 +211,14 @@ class Starts:
         bracket = np.cross(uv, w) @ v.transpose(0, 2, 1)
         bracket = np.triu(bracket - bracket.transpose(0, 2, 1) + np.cross(uw, w) @ w.transpose(0, 2, 1), k=1)
         return error, (U, s, V), 0.5 * (bracket + bracket.transpose(0, 2, 1))
+
+
+def solved(A: Floats, b: Floats) -> Floats:
+    """Solutions of A x = b, shape (m, n, k); those of least squares if one A is singular."""
+    try:
+        return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(A) @ b
 
 
 def limited(steps: NDArray[Any]) -> Floats:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import TURN, wrapped
 from kinreach.kinematics._chain import SerialChain
-from kinreach.kinematics._general_6r import Chain
-from kinreach.kinematics._seven_axis.starts import GOLDEN, JOINTS, NUDGE, REACHED, Starts, limited
+from kinreach.kinematics._general_6r import Chain, first_of_each
+from kinreach.kinematics._seven_axis.starts import GOLDEN, JOINTS, NUDGE, REACHED, Starts, limited, solved
 
 #: Postures from which curves are followed at once.
 SEEDS = 64
@@ -28,9 +28,10 @@ LONGEST, SHORTEST, MAX_STEPS = 0.1, 1e-6, 4000
 SHORTER, TRIES = 4.0, 3
 #: Steps of Newton's method to get back to a curve; and a posture is on one if it misses the pose by less [m, rad].
 NEWTON, ON_CURVE = 4, 1e-10
-#: Smallest singular value of the Jacobian at a posture whose curve cannot be followed; and by how much a pose is moved
-#: where all of a curve is like that [m, rad].
-SINGULAR, INWARDS = 3e-6, 1e-10
+#: By how much a pose is moved where all of a curve is singular [m, rad].
+INWARDS = 1e-10
+#: Smallest singular value up to which a curve may end at a posture: it crosses another there, or almost.
+END = 1e-4
 #: Two postures nearer than this are one [rad].
 SAME = 1e-5
 #: A posture from which no curve can be followed is part of one that comes nearer than this [rad].
@@ -39,8 +40,8 @@ BESIDE = 1e-4
 #: shares of the step, and a little more.
 STRAIGHT, ASIDE = 0.97, 0.15
 
-#: Postures along a curve [rad], shape (m, 7), without jumps, and whether it is closed. One that is smaller than `SAME`
-#: is a single posture.
+#: Postures along a curve [rad], shape (m, 7), without jumps, and whether it is closed. A curve that is smaller than
+#: `BESIDE` may be a single posture, and a surface of postures is given as many.
 Curve = tuple[Floats, bool]
 
 
@@ -74,12 +75,17 @@ class SelfMotionTracer:
         if np.linalg.norm(T[:3, 3] - self._loop.placements[0][:3, 3]) > self._reach and not len(seeds):
             return []
         q = np.vstack([seeds, self._starts.of(T)])
-        if len(q):
-            T, q = self._beside_boundary(T, q, seeds)
-        curves: list[Curve] = []
-        points = np.empty((0, JOINTS))
+        if not len(q):
+            return []
+        singular, surface, twists = self._starts.singular(q, T)
+        points, along = q[surface], singular & ~surface
+        if np.count_nonzero(along) >= 0.25 * len(q):
+            T, q = self._beside_boundary(T, q, twists[np.argmax(along)], seeds)
+        else:
+            q = q[~surface]
         first = np.arange(len(q)) < len(seeds)
         q = q[np.argsort(np.where(first, -1.0, np.arange(len(q)) * GOLDEN % 1.0), kind="stable")]
+        curves: list[Curve] = []
         while len(q):
             found, alone = self._followed(q[:SEEDS], T, curves)
             curves += found
@@ -91,18 +97,20 @@ class SelfMotionTracer:
         """The posture of a pose to which the shortest steps lead from a seed (7,), shape (1, 7); (0, 7) without one."""
         return self._starts.reached(wrapped(seed)[None], T)[:1]
 
-    def _beside_boundary(self, T: Floats, q: Floats, seeds: Floats) -> tuple[Floats, Floats]:
-        """A pose and its postures (m, 7); if whole curves are singular, the pose `INWARDS` of it and its postures.
+    def _beside_boundary(self, T: Floats, q: Floats, twist: Floats, seeds: Floats) -> tuple[Floats, Floats]:
+        """Where whole curves are singular, the pose `INWARDS` of one, and its postures; else the same (m, 7).
 
         With the elbow stretched axes 3 and 5 of many arms coincide. The tip is on the boundary of what it reaches, and
         a curve has no tangent of its own, as the elbow also bends without moving the tip. Two curves meet there, one
         for each side of the elbow.
+
+        Args:
+            T: The pose.
+            q: Its postures.
+            twist: The tip cannot move along it.
+            seeds: Starts from which postures of the other pose are found, too.
         """
-        U, s, _ = np.linalg.svd(self._loop.jacobian(q)[1])
-        singular = s[:, 5] < SINGULAR
-        if np.count_nonzero(singular) < 0.25 * len(q):
-            return T, q
-        v, w = np.split(U[np.argmax(singular), :, 5], 2)  # the tip cannot move along this twist
+        v, w = np.split(twist, 2)
         found = []
         for sign in (1.0, -1.0):
             moved = T.copy()
@@ -161,7 +169,7 @@ class SelfMotionTracer:
             A, sides = np.empty((count, JOINTS, JOINTS)), np.zeros((count, JOINTS, 2))
             A[:, :6], A[:, 6] = J[going], direction[rows]
             sides[:, :6, 0], sides[:, 6, 1] = error[going], 1.0
-            found = np.linalg.solve(A + NUDGE * np.eye(JOINTS), sides)
+            found = solved(A + NUDGE * np.eye(JOINTS), sides)
             q[rows] += limited(found[..., 0])
             tangent[rows] = found[..., 1] / np.linalg.norm(found[..., 1], axis=1)[:, None]
         return q, tangent, off
@@ -183,8 +191,12 @@ class SelfMotionTracer:
         A = np.concatenate([self._loop.step(q, np.eye(4)[None])[1], ahead[:, None]], axis=1)
         side = np.zeros((len(q), JOINTS, 1))
         side[:, 6] = 1.0
-        t = np.linalg.solve(A + NUDGE * np.eye(JOINTS), side)[..., 0]
+        t = solved(A + NUDGE * np.eye(JOINTS), side)[..., 0]
         return t / np.linalg.norm(t, axis=1)[:, None]
+
+    def _singular(self, q: Floats) -> NDArray[np.bool_]:
+        """Whether curves may end at postures (m, 7)."""
+        return np.linalg.svd(self._loop.jacobian(q)[1])[1][:, 5] < END
 
     def _tangent(self, q: Floats, T: Floats) -> Floats:
         """Unit tangents of curves at postures (m, 7), in the direction that all curves have."""
@@ -217,7 +229,9 @@ class SelfMotionTracer:
             for row, piece in zip(todo, found, strict=True):
                 pieces[row] = piece
             arrivals = np.bincount(after[after >= 0], minlength=len(q))
-            todo = np.flatnonzero((after[:count] < 0) | (arrivals[after[:count]] > 1))
+            lost = np.flatnonzero(after[:count] < 0)
+            lost = lost[~self._singular(np.array([pieces[row][-1] for row in lost]).reshape(-1, JOINTS))]
+            todo = np.union1d(lost, np.flatnonzero((after[:count] >= 0) & (arrivals[after[:count]] > 1)))
             if not len(todo):
                 break
             longest /= SHORTER
@@ -304,14 +318,13 @@ def _each_once(q: Floats, tangent: Floats) -> NDArray[np.bool_]:
     return ~(np.tri(len(q), k=-1, dtype=np.bool_) & same).any(axis=1)
 
 
-def _apart(points: Floats, curves: list[Curve]) -> list[Floats]:
+def _apart(points: Floats, curves: list[Curve]) -> Floats:
     """Those of postures (m, 7) that are not near an earlier one, nor near a curve's sample."""
-    found: list[Floats] = []
-    for point in points:
-        others = np.vstack([points[:0], *(curve for curve, _ in curves), *(one[None] for one in found)])
-        if np.abs(wrapped(others - point)).max(axis=1).min(initial=np.inf) > BESIDE:
-            found.append(point)
-    return found
+    points = points[first_of_each(points, BESIDE)]
+    samples = np.vstack([points[:0], *(curve for curve, _ in curves)])
+    row, other = np.nonzero(JOINTS - _close(points, samples) < JOINTS * BESIDE**2)
+    near = np.abs(wrapped(points[row] - samples[other])).max(axis=1) < BESIDE
+    return np.delete(points, row[near], axis=0)
 
 
 def _walked(
