@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinreach._checks import MAX_ANGLE, Floats
+from kinreach._checks import Floats
 from kinreach.errors import InputError
-from kinreach.kinematics._angles import TURN, wrapped
-from kinreach.kinematics._seven_axis.tracing import LONGEST, SelfMotionTracer
+from kinreach.kinematics._angles import wrapped
+from kinreach.kinematics._seven_axis.limits import cut
+from kinreach.kinematics._seven_axis.tracing import LONGEST, MISSED, ON_CURVE, Curve, SelfMotionTracer
 from kinreach.kinematics._solutions import SLACK, Accept, IKResult, Status, nearest_windings
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ class SelfMotion:
     """One curve of postures that all reach the same pose.
 
     Attributes:
-        q: Postures along the curve [rad], shape (m, 7), at most 0.15 rad apart, without jumps.
+        q: Postures along the curve [rad], shape (m, 7), at most 0.15 rad apart, without jumps. A curve that is shorter
+            than 1e-4 rad may be one posture, and a surface of postures is as many curves of one posture each.
         tangent: Unit tangents there, shape (m, 7): the tip does not move along them.
         length: Arc length from the first posture [rad], shape (m,): the parameter of the curve.
         closed: Whether the last posture leads back to the first. If not, the curve ends at joint limits, or where it
@@ -65,8 +67,7 @@ class SelfMotion:
         before = int(np.searchsorted(self.length, s, side="right")) - 1
         if s == self.length[before]:
             return self.q[before].copy()
-        start = self.q[before] + (s - self.length[before]) * self.tangent[before]
-        return self._tracer.corrected(start[None], self._T, self.tangent[before][None])[0][0]
+        return self._tracer.along(self.q[before], self.tangent[before], s - self.length[before], self._T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,8 @@ class SelfMotions:
     reason: str
     _kinematics: SevenAxisKinematics
     _T: Floats
+    _lower: Floats
+    _upper: Floats
 
     def __len__(self) -> int:
         return len(self.curves)
@@ -97,15 +100,18 @@ class SelfMotions:
         return self.status is Status.OK
 
     def nearest(self, seed: Floats, *, accept: Accept | None = None) -> IKResult:
-        """Return the posture nearest to a seed (7,) that is accepted; `branch` is the index of its curve."""
-        kin = self._kinematics
+        """Return the posture nearest to a seed (7,) that is accepted; `branch` is the index of its curve.
+
+        Newton's method from the seed itself finds a posture, too. If that is on none of the curves, its index is -1.
+        """
         least: list[tuple[float, int, Floats, Floats]] = []
         rest: list[tuple[float, int, Floats]] = []
         for index, curve in enumerate(self.curves):
-            q = nearest_windings(curve.q.T, seed[:, None], kin.lower, kin.upper)[0].T
+            q = nearest_windings(curve.q.T, seed[:, None], self._lower, self._upper)[0].T
             apart = np.linalg.norm(q - seed, axis=1)
             rest += [(float(d), index, posture) for d, posture in zip(apart, q, strict=True)]
             least += [(float(apart[i]), index, q[i], curve.tangent[i]) for i in _least(apart, closed=curve.closed)]
+        least += self._beside(seed)
         worth = min((each[0] for each in least), default=0.0) + 2.0 * LONGEST if accept is None else np.inf
         found = []
         for apart, index, q, t in least:
@@ -176,16 +182,39 @@ class SelfMotions:
                 size *= 0.5
         return value, q
 
+    def _beside(self, seed: Floats) -> list[tuple[float, int, Floats, Floats]]:
+        """The posture to which the shortest steps lead from a seed: distance, index of its curve, itself and a tangent.
+
+        None if they lead to none, or outside the limits.
+        """
+        tracer = self._kinematics._tracer
+        q = tracer.reached(seed, self._T)
+        wound, within = nearest_windings(q.T, seed[:, None], self._lower, self._upper)
+        if not within.any():
+            return []
+        known = [(curve.q, curve.closed) for curve in self.curves]
+        index = next((i for i, curve in enumerate(known) if not len(tracer.beside([curve], q, self._T))), -1)
+        if index < 0:  # where whole curves are singular they are a little beside
+            away = [float(np.linalg.norm(wrapped(curve - q), axis=1).min()) for curve, _ in known]
+            index = int(np.argmin(away)) if away and min(away) < 2.0 * LONGEST else -1
+        posture = wound[:, 0]
+        return [(float(np.linalg.norm(posture - seed)), index, posture, tracer.tangents(q)[0])]
+
     def _walked(self, q: Floats, t: Floats, seed: Floats) -> Floats:
-        """Go along a curve towards a seed, as far as the limits allow."""
-        share = 1.0
+        """Go along a curve towards a seed, as far as the limits allow; on a surface of postures straight to it."""
+        tracer = self._kinematics._tracer
+        share, surface = 1.0, tracer.on_surface(q, self._T)
         for _ in range(STEPS):
+            if surface:
+                plane = tracer.plane(q)
+                way = (seed - q) @ plane.T @ plane
+                t = way / max(float(np.linalg.norm(way)), ARRIVED)
             step = share * float(np.clip((seed - q) @ t, -LONGEST, LONGEST))
             if abs(step) < ARRIVED:
                 break
-            trial, tangent, off = self._kinematics._tracer.corrected((q + step * t)[None], self._T, t[None])
+            trial, tangent, off = tracer.corrected((q + step * t)[None], self._T, t[None])
             nearer = np.linalg.norm(seed - trial[0]) < np.linalg.norm(seed - q)
-            if nearer and off[0] < 1e-10 and self._kinematics.within_limits(trial[0]):
+            if nearer and off[0] < ON_CURVE and self._within(trial[0]):
                 q, t = trial[0], tangent[0]
             else:
                 share *= 0.5
@@ -194,87 +223,30 @@ class SelfMotions:
     def _moved(self, q: Floats, t: Floats, step: float) -> Floats:
         """A posture farther along the curve, or the same where that is not on it or outside of the limits."""
         trial, _, off = self._kinematics._tracer.corrected((q + step * t)[None], self._T, t[None])
-        return trial[0] if off[0] < 1e-10 and self._kinematics.within_limits(trial[0]) else q
+        return trial[0] if off[0] < ON_CURVE and self._within(trial[0]) else q
+
+    def _within(self, q: Floats) -> bool:
+        return bool(((q >= self._lower - SLACK) & (q <= self._upper + SLACK)).all())
 
     def _result(self, q: Floats, index: int, status: Status = Status.OK, reason: str = "") -> IKResult:
-        return IKResult(q, status, *self._kinematics._error_of(self._T, q), reason, branch=index)
+        position, orientation = self._kinematics._error_of(self._T, q)
+        if max(position, orientation) > MISSED:
+            status, reason = Status.NOT_CONVERGED, f"{position:.3g} m and {orientation:.3g} rad from the goal"
+        return IKResult(q, status, position, orientation, reason, branch=index)
 
     def _none(self, seed: Floats) -> IKResult:
         return IKResult(seed.copy(), self.status, *self._kinematics._error_of(self._T, seed), self.reason)
 
 
 def within_limits(
-    tracer: SelfMotionTracer, T: Floats, curves: Sequence[tuple[Floats, bool]], lower: Floats, upper: Floats
+    tracer: SelfMotionTracer, T: Floats, curves: Sequence[Curve], lower: Floats, upper: Floats
 ) -> list[SelfMotion]:
-    """Cut curves at the joint limits, and wind them into them."""
-    found = []
-    turns = upper - lower >= 2.0 * MAX_ANGLE  # a joint without limits goes round and round
-    for q, closed in curves:
-        wound = np.column_stack([_wound(*column) for column in zip(q.T, lower, upper, strict=True)])
-        inside = np.atleast_1d(((wound >= lower - SLACK) & (wound <= upper + SLACK)).all(axis=1))
-        jumps: Floats = np.diff(wound, axis=0, append=wound[:1] if closed else wound[-1:])
-        jumps[-1, turns] = wrapped(jumps[-1, turns])
-        whole = np.abs(jumps).max(axis=1) < np.pi
-        if closed and not (whole & inside).all():  # begin behind a cut
-            first = int(np.argmin(whole & inside)) + 1
-            wound, inside, whole = (np.roll(values, -first, axis=0) for values in (wound, inside, whole))
-        elif closed:
-            found.append(_motion(tracer, T, wound, closed=True))
-            continue
-        count = len(wound)
-        cuts = np.flatnonzero(~(whole & inside & np.roll(inside, -1))) + 1
-        for piece in np.split(np.arange(count), cuts[cuts < count]):
-            if not inside[piece].all():
-                continue
-            begin, end = piece[0], piece[-1]
-            postures = [*wound[piece]]
-            if begin > 0 or closed:
-                postures[:0] = _at_limit(tracer, T, wound[begin], wound[begin - 1], lower, upper)
-            if end < count - 1 or closed:
-                postures += _at_limit(tracer, T, wound[end], wound[(end + 1) % count], lower, upper)
-            if len(postures) > 1:
-                found.append(_motion(tracer, T, np.array(postures), closed=False))
-    return sorted(found, key=lambda motion: -motion.total)
+    """The parts of curves within the joint limits, the longest first."""
+    parts = [part for curve in curves for part in cut(tracer, T, curve, lower, upper)]
+    return sorted((_motion(tracer, T, *part) for part in parts), key=lambda motion: -motion.total)
 
 
-def _wound(angles: Floats, low: float, high: float) -> Floats:
-    """Angles of one joint along a curve [rad], wound into its limits: with a jump only where they forbid to go on."""
-    if high - low < TURN:
-        return low + np.mod(angles - low, TURN)
-    shift = -TURN * np.rint((angles[0] - 0.5 * (low + high)) / TURN)
-    wound = np.empty_like(angles)
-    for index, angle in enumerate(angles):
-        if angle + shift > high:
-            shift -= TURN
-        elif angle + shift < low:
-            shift += TURN
-        wound[index] = angle + shift
-    return wound
-
-
-def _at_limit(
-    tracer: SelfMotionTracer, T: Floats, inside: Floats, outside: Floats, lower: Floats, upper: Floats
-) -> list[Floats]:
-    """Where a curve leaves the limits between two neighbours: one posture, or none if it is the one inside."""
-    ahead = inside + wrapped(outside - inside)
-    best: list[Floats] = []
-    least = np.inf
-    for joint in np.flatnonzero((ahead < lower) | (ahead > upper)):
-        limit = lower[joint] if ahead[joint] < lower[joint] else upper[joint]
-        share = (limit - inside[joint]) / (ahead[joint] - inside[joint])
-        start = inside + share * (ahead - inside)
-        start[joint] = limit
-        direction = np.zeros((1, len(start)))
-        direction[0, joint] = 1.0
-        q, _, off = tracer.corrected(start[None], T, direction, steps=8)
-        good = off[0] < 1e-10 and ((q[0] >= lower - SLACK) & (q[0] <= upper + SLACK)).all()
-        away = float(np.linalg.norm(q[0] - inside))
-        if good and 1e-9 < away < min(least, 3.0 * LONGEST):
-            best, least = [q[0]], away
-    return best
-
-
-def _motion(tracer: SelfMotionTracer, T: Floats, q: Floats, *, closed: bool) -> SelfMotion:
+def _motion(tracer: SelfMotionTracer, T: Floats, q: Floats, closed: bool) -> SelfMotion:
     steps = np.linalg.norm(np.diff(q, axis=0), axis=1)
     length = np.concatenate([[0.0], np.cumsum(steps)])
     total = float(length[-1]) + (float(np.linalg.norm(wrapped(q[0] - q[-1]))) if closed else 0.0)
@@ -286,4 +258,6 @@ def _least(values: Floats, *, closed: bool) -> list[int]:
     before, after = np.roll(values, 1), np.roll(values, -1)
     if not closed:
         before[0], after[-1] = np.inf, np.inf
-    return [int(index) for index in np.flatnonzero((values <= before) & (values < after))]
+    least = (values <= before) & (values < after)
+    least[np.argmin(values)] = True
+    return [int(index) for index in np.flatnonzero(least)]

@@ -14,7 +14,8 @@ from kinreach.kinematics._chain import poses_about
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, goal_error, nearest_rotations, pose_error
 from kinreach.kinematics._seven_axis.curves import SelfMotions, within_limits
-from kinreach.kinematics._seven_axis.tracing import JOINTS, SelfMotionTracer
+from kinreach.kinematics._seven_axis.starts import JOINTS
+from kinreach.kinematics._seven_axis.tracing import SelfMotionTracer
 from kinreach.kinematics._six_axis.methods import WAYS
 from kinreach.kinematics._solutions import Accept, IKResult, Status, check_accept, nearest_windings
 
@@ -58,36 +59,40 @@ class SevenAxisKinematics(ArmKinematics):
         """How postures are found with a joint held, in closed form, by Newton's method from one, or by elimination."""
         return WAYS[self._tracer.rank]
 
-    def self_motions(self, T: ArrayLike, *, limits: bool = True) -> SelfMotions:
+    def self_motions(self, T: ArrayLike, *, limits: bool = True, seed: ArrayLike | None = None) -> SelfMotions:
         """Compute every posture that brings the tip to a pose, as closed and open curves.
 
         Args:
             T: Pose of the tip in the base frame, shape (4, 4).
             limits: Cut the curves at the joint limits.
+            seed: Posture [rad], shape (7,). The curve to which Newton's method leads from it is looked for, too.
 
         Returns:
             The curves, or the reason why there is none. Where every posture is singular, because the elbow of an arm
             such as an iiwa is stretched to less than 1e-5 rad, each curve is there twice, once for either side of the
-            elbow, 3e-5 rad apart. Its postures miss the pose by up to 1e-10 m and rad.
+            elbow, 3e-5 rad apart. Its postures miss the pose by up to 1e-10 m and rad. Where postures form a surface,
+            because two pairs of axes coincide, postures all over it are there as curves of one posture each.
 
         Raises:
-            InputError: `T` is not a finite rigid motion.
+            InputError: `T` is not a finite rigid motion, or the seed is malformed.
         """
         T = as_pose("T", T).copy()
         T[:3, :3] = nearest_rotations(T[:3, :3])
-        curves = self._tracer.curves(T)
+        curves = self._tracer.curves(T, None if seed is None else self.as_posture("seed", seed))
         far = np.full(self.n, MAX_ANGLE)
         lower, upper = (self.lower, self.upper) if limits else (-far, far)
         found = within_limits(self._tracer, T, curves, lower, upper)
-        if found:
-            return SelfMotions(found, Status.OK, "", self, T)
-        if curves:
-            reason = "every posture is outside the joint limits"
-            return SelfMotions((), Status.OUT_OF_LIMITS, reason, self, T)
-        return SelfMotions((), Status.OUT_OF_REACH, UNREACHED, self, T)
+        status, reason = Status.OK, ""
+        if not found:
+            status, reason = Status.OUT_OF_REACH, UNREACHED
+        if curves and not found:
+            status, reason = Status.OUT_OF_LIMITS, "every posture is outside the joint limits"
+        return SelfMotions(found, status, reason, self, T, lower, upper)
 
     def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture for a pose that is nearest to a seed, over all self-motions.
+
+        A seed within the limits that reaches the pose is returned itself.
 
         Args:
             T: Pose of the tip in the base frame, shape (4, 4).
@@ -96,14 +101,14 @@ class SevenAxisKinematics(ArmKinematics):
                 distance.
 
         Returns:
-            The posture; `branch` is the index of its curve in `self_motions(T)`.
+            The posture; `branch` is the index of its curve in `self_motions(T, seed=seed)`.
 
         Raises:
-            InputError: As `self_motions`, or the seed is malformed.
+            InputError: As `self_motions`.
         """
         check_accept(accept)
         start = self.as_posture("seed", seed)
-        return self.self_motions(T).nearest(start, accept=accept)
+        return self.self_motions(T, seed=start).nearest(start, accept=accept)
 
     def clearest(self, T: ArrayLike, checker: CollisionChecker) -> IKResult:
         """Compute the posture for a pose whose shapes are farthest from each other and from the obstacles.

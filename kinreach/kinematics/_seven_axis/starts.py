@@ -111,7 +111,9 @@ class HeldBetween:
         A = self._placements
         ring = np.array([A[JOINTS] @ np.linalg.inv(T) @ A[0], *A[1:JOINTS]])
         links = moved_frames(ring[(self.held + 1 + np.arange(JOINTS)) % JOINTS], self._errors)
-        return General6R(Chain(np.linalg.inv(links[::-1]) if backwards else links))
+        if backwards:
+            links = np.asarray(np.linalg.inv(links[::-1]), dtype=np.float64)
+        return General6R(Chain(links))
 
 
 class Starts:
@@ -124,7 +126,10 @@ class Starts:
         ends = [HeldEnd(held, A, method) for held, method in methods if not isinstance(method, float)]
         self.ends = sorted(ends, key=lambda end: -end.method.rank)
         known = {end.held for end in ends}
-        self._held = [*self.ends, *(HeldBetween(held, A) for held in range(JOINTS) if ends and held not in known)]
+        self._held: list[HeldEnd | HeldBetween] = [
+            *self.ends,
+            *(HeldBetween(held, A) for held in range(JOINTS) if ends and held not in known),
+        ]
         self.values = VALUES
 
     def of(self, T: Floats) -> Floats:

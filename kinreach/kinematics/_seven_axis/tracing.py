@@ -28,6 +28,8 @@ LONGEST, SHORTEST, MAX_STEPS = 0.1, 1e-6, 4000
 SHORTER, TRIES = 4.0, 3
 #: Steps of Newton's method to get back to a curve; and a posture is on one if it misses the pose by less [m, rad].
 NEWTON, ON_CURVE = 4, 1e-10
+#: A posture that misses the pose by more is not returned [m, rad].
+MISSED = 1e-9
 #: By how much a pose is moved where all of a curve is singular [m, rad].
 INWARDS = 1e-10
 #: Smallest singular value up to which a curve may end at a posture: it crosses another there, or almost.
@@ -142,6 +144,31 @@ class SelfMotionTracer:
         there, _, _ = self.corrected(begin[piece] + way, T, across)
         same = np.abs(wrapped(there - q[row])).max(axis=1) < SAME
         return np.delete(q, row[same], axis=0)
+
+    def along(self, q: Floats, tangent: Floats, length: float, T: Floats) -> Floats:
+        """The posture (7,) of a pose's curve at a distance [rad] from another; less far if it cannot be followed."""
+        gone, step = 0.0, length
+        while abs(step) > SHORTEST * min(abs(length), 1.0):
+            start = q + step * tangent
+            there, ahead, off = self.corrected(start[None], T, tangent[None])
+            if off[0] < ON_CURVE and np.linalg.norm(there[0] - start) < ASIDE * abs(step):
+                q, tangent, gone = there[0], ahead[0], gone + step
+                step = length - gone
+            else:
+                step *= 0.5
+        return q
+
+    def on_surface(self, q: Floats, T: Floats) -> bool:
+        """Whether postures around one (7,) of a pose's form a surface."""
+        return bool(self._starts.singular(q[None], T)[1][0])
+
+    def plane(self, q: Floats) -> Floats:
+        """Orthonormal directions (2, 7) in which a posture (7,) moves on a surface."""
+        return np.linalg.svd(self._loop.step(q[None], np.eye(4)[None])[1][0])[2][5:]
+
+    def missed(self, q: Floats, T: Floats) -> Floats:
+        """How far postures (m, 7) miss a pose [m, rad], shape (m,)."""
+        return self._loop.step(q, T[None])[2]
 
     def corrected(
         self, q: Floats, T: Floats, direction: Floats, *, steps: int = NEWTON

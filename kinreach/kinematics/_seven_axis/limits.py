@@ -1,0 +1,181 @@
+"""The parts of self-motion curves that are within joint limits.
+
+Between two samples a curve is a cubic, to about 1e-5 rad. Where one of its joints comes to a limit, a sample is added
+with that joint exactly there. So every way between two neighbours is within the limits as a whole, or it is not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import MAX_ANGLE, Floats
+from kinreach.kinematics._angles import TURN, wrapped
+from kinreach.kinematics._seven_axis.tracing import MISSED, ON_CURVE, SAME, Curve, SelfMotionTracer
+from kinreach.kinematics._solutions import SLACK
+
+#: Steps of a bisection.
+BISECTIONS = 12
+#: Steps of Newton's method to a limit.
+NEWTON = 8
+
+
+def cut(tracer: SelfMotionTracer, T: Floats, curve: Curve, lower: Floats, upper: Floats) -> list[Curve]:
+    """Cut a curve of a pose (4, 4) at joint limits (7,), and wind it into them.
+
+    It is also cut where a joint that may turn by more than a whole turn comes to a limit, and goes on a turn back. A
+    joint that has no limits goes round and round.
+    """
+    q, closed, whole = _with_crossings(tracer, T, curve, lower, upper)
+    inside = _inside(q, lower, upper) & (tracer.missed(q, T) < MISSED)
+    count = len(q)
+    whole &= inside & np.roll(inside, -1)
+    if not closed:
+        whole[-1] = False
+    if whole.all():
+        runs = [np.arange(count + 1) % count]
+    else:
+        last = np.flatnonzero(~whole)
+        begins = np.roll(last, 1) + 1
+        begins[0] -= 0 if closed else count
+        runs = [np.arange(a if a <= b else a - count, b + 1) for a, b in zip(begins, last, strict=True)]
+        runs = [run[inside[run]] for run in runs]
+    found: list[Curve] = []
+    for run in runs:
+        if len(run) > 1 or (len(run) and count == 1):
+            unrolled = q[run[0]] + np.vstack([np.zeros(7), np.cumsum(wrapped(np.diff(q[run], axis=0)), axis=0)])
+            found += _wound(unrolled, lower, upper, full=bool(whole.all()))
+    return found
+
+
+def _with_crossings(
+    tracer: SelfMotionTracer, T: Floats, curve: Curve, lower: Floats, upper: Floats
+) -> tuple[Floats, bool, NDArray[np.bool_]]:
+    """A curve with a sample wherever a joint is at a limit; and which ways to the next sample may be inside."""
+    q, closed = curve
+    free = upper - lower >= 2.0 * MAX_ANGLE
+    whole = np.ones(len(q), dtype=np.bool_)
+    if free.all() or len(q) == 1:
+        return q, closed, whole
+    tangent = tracer.tangents(np.vstack([q, q[: int(closed)]]))
+    begin, end = (q, np.roll(q, -1, axis=0)) if closed else (q[:-1], q[1:])
+    out, into = tangent[:-1], tangent[1:]
+    away = wrapped(end - begin)
+    length = np.linalg.norm(away, axis=1)[:, None]
+    piece, joint, limit, share = _crossings(begin, away, length * out, length * into, lower, upper, ~free)
+    if not len(piece):
+        return q, closed, whole
+    order = np.lexsort((share, piece))
+    piece, joint, limit, share = piece[order], joint[order], limit[order], share[order]
+    start = begin[piece] + _cubic(away[piece], (length * out)[piece], (length * into)[piece], share[:, None])
+    row = np.arange(len(piece))
+    start[row, joint] += wrapped(limit - start[row, joint])
+    across = np.zeros(start.shape)
+    across[row, joint] = 1.0
+    there, _, off = tracer.corrected(start, T, across, steps=NEWTON)
+    slip = np.linalg.norm(there - start, axis=1) > 0.3 * length[piece, 0]
+    failed = slip | (off >= ON_CURVE)  # the curve only touches the limit
+    if failed.any():
+        along = out[piece[failed]]
+        there[failed], _, off[failed] = tracer.corrected(start[failed], T, along)
+    good = off < ON_CURVE
+    piece, there = piece[good], there[good]
+    places = piece + 1
+    wide = np.insert(q, places, q[piece] + wrapped(there - q[piece]), axis=0)
+    # middles of the ways that begin or end at an added sample
+    added = places + np.arange(len(places))
+    near = np.union1d(added, added - 1)
+    whole = np.ones(len(wide), dtype=np.bool_)
+    following = wide[(near + 1) % len(wide)]
+    step = wrapped(following - wide[near])
+    direction = step / np.maximum(np.linalg.norm(step, axis=1), SAME)[:, None]
+    middle, _, off = tracer.corrected(wide[near] + 0.5 * step, T, direction)
+    whole[near] = (off < ON_CURVE) & _inside(middle, lower, upper)
+    return wide, closed, whole
+
+
+def _crossings(
+    begin: Floats, away: Floats, out: Floats, into: Floats, lower: Floats, upper: Floats, limited: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]:
+    """Where cubics (m, 7) from a posture by a way, with derivatives at both ends, come to a limit of a joint.
+
+    Returns:
+        Which cubic and joint, each (k,); the limit [rad] and the parameter in [0, 1], each (k,).
+    """
+    pieces, joints, limits, shares = [], [], [], []
+    for bound in (lower, upper):
+        y0 = wrapped(begin - bound)
+        control = np.stack([y0, y0 + out / 3.0, y0 + away - into / 3.0, y0 + away])
+        piece, joint = np.nonzero((control.min(axis=0) <= 0.0) & (control.max(axis=0) >= 0.0) & limited)
+        if not len(piece):
+            continue
+        y, a, b, c = y0[piece, joint], away[piece, joint], out[piece, joint], into[piece, joint]
+        # derivative: b + 2 (3 a - 2 b - c) u + 3 (b + c - 2 a) u^2; monotone between its zeros
+        k2, k1 = 3.0 * (b + c - 2.0 * a), 2.0 * (3.0 * a - 2.0 * b - c)
+        root = np.sqrt(np.maximum(k1 * k1 - 4.0 * k2 * b, 0.0))
+        large = -0.5 * (k1 + np.copysign(root, k1))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turns = np.nan_to_num(np.stack([large / k2, b / large]), nan=0.0, posinf=1.0, neginf=0.0)
+        ends = np.sort(np.vstack([np.zeros(len(y)), np.clip(turns, 0.0, 1.0), np.ones(len(y))]), axis=0)
+        low, high = ends[:-1], ends[1:]
+        value_low = y + _cubic(a, b, c, low)
+        change = value_low * (y + _cubic(a, b, c, high)) <= 0.0
+        change &= high > low
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            before = value_low * (y + _cubic(a, b, c, middle)) > 0.0
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        _, which = np.nonzero(change)
+        pieces.append(piece[which])
+        joints.append(joint[which])
+        limits.append(bound[joint[which]])
+        shares.append(high[change])
+    if not pieces:
+        none = np.empty(0, dtype=np.int64)
+        return none, none, np.empty(0), np.empty(0)
+    return np.concatenate(pieces), np.concatenate(joints), np.concatenate(limits), np.concatenate(shares)
+
+
+def _cubic(away: Floats, out: Floats, into: Floats, u: Floats) -> Floats:
+    """The way on a cubic to a parameter in [0, 1], from the whole way and the derivatives at both ends."""
+    return u * u * (3.0 - 2.0 * u) * away + u * (1.0 - u) * ((1.0 - u) * out - u * into)
+
+
+def _inside(q: Floats, lower: Floats, upper: Floats) -> NDArray[np.bool_]:
+    """Which postures (m, 7) can be wound into limits."""
+    return np.all(np.mod(q - lower + SLACK, TURN) <= upper - lower + 2.0 * SLACK, axis=1)
+
+
+def _wound(q: Floats, lower: Floats, upper: Floats, *, full: bool) -> list[Curve]:
+    """Wind a part of a curve (m, 7) that is within limits but for whole turns; a `full` one ends as it begins."""
+    shift = _shifts(q, lower, upper)
+    jumps = np.flatnonzero((np.diff(shift, axis=0) != 0.0).any(axis=1))
+    if full and len(jumps):  # begin at a cut
+        q = np.vstack([q[jumps[0] :], q[1 : jumps[0] + 1] + q[-1] - q[0]])
+        shift = _shifts(q, lower, upper)
+        jumps = np.flatnonzero((np.diff(shift, axis=0) != 0.0).any(axis=1))
+    around = np.abs(q[-1] + shift[-1] - q[0] - shift[0]) > np.pi
+    if full and not len(jumps) and not (around & (upper - lower < 2.0 * MAX_ANGLE)).any():
+        return [((q + shift)[:-1], True)]
+    # the sample at a limit ends one part, and a turn back it begins the next
+    ends = zip([-1, *jumps], [*jumps, len(q) - 1], strict=True)
+    return [(q[max(begin, 0) : end + 1] + shift[begin + 1], False) for begin, end in ends]
+
+
+def _shifts(q: Floats, lower: Floats, upper: Floats) -> Floats:
+    """Whole turns by which the postures of a part of a curve are wound into the limits, shape (m, 7)."""
+    middle = q[len(q) // 2] if len(q) > 2 else q.mean(axis=0)
+    shift = np.empty(q.shape)
+    for joint, (low, high) in enumerate(zip(lower, upper, strict=True)):
+        if high - low < TURN:
+            shift[:, joint] = -TURN * np.floor((middle[joint] - low) / TURN)
+            continue
+        turn = -TURN * np.rint((q[0, joint] - 0.5 * (low + high)) / TURN)
+        if low - SLACK <= q[:, joint].min() + turn and q[:, joint].max() + turn <= high + SLACK:
+            shift[:, joint] = turn
+            continue
+        for index, angle in enumerate(q[:, joint]):
+            turn -= TURN * max(np.ceil((angle + turn - high - SLACK) / TURN), 0.0)
+            turn += TURN * max(np.ceil((low - SLACK - angle - turn) / TURN), 0.0)
+            shift[index, joint] = turn
+    return shift
