@@ -15,7 +15,7 @@ from kinreach.kinematics._seven_axis.tracing import MISSED, ON_CURVE, SAME, Curv
 from kinreach.kinematics._solutions import SLACK
 
 #: Steps of a bisection.
-BISECTIONS = 12
+BISECTIONS = 16
 #: Steps of Newton's method to a limit.
 NEWTON = 8
 
@@ -65,8 +65,6 @@ def _with_crossings(
     piece, joint, limit, share = _crossings(begin, away, length * out, length * into, lower, upper, ~free)
     if not len(piece):
         return q, closed, whole
-    order = np.lexsort((share, piece))
-    piece, joint, limit, share = piece[order], joint[order], limit[order], share[order]
     start = begin[piece] + _cubic(away[piece], (length * out)[piece], (length * into)[piece], share[:, None])
     row = np.arange(len(piece))
     start[row, joint] += wrapped(limit - start[row, joint])
@@ -78,10 +76,12 @@ def _with_crossings(
     if failed.any():
         along = out[piece[failed]]
         there[failed], _, off[failed] = tracer.corrected(start[failed], T, along)
+    gone = wrapped(there - begin[piece])
     good = off < ON_CURVE
-    piece, there = piece[good], there[good]
+    order = np.lexsort(((gone * away[piece]).sum(axis=1)[good], piece[good]))
+    piece, gone = piece[good][order], gone[good][order]
     places = piece + 1
-    wide = np.insert(q, places, q[piece] + wrapped(there - q[piece]), axis=0)
+    wide = np.insert(q, places, q[piece] + gone, axis=0)
     # middles of the ways that begin or end at an added sample
     added = places + np.arange(len(places))
     near = np.union1d(added, added - 1)
