@@ -39,15 +39,17 @@ ERROR = 1e-5
 TRIALS = 20
 #: Multiples of it, modulo 1, are spread evenly.
 GOLDEN = 0.6180339887498949
-#: A posture reaches a pose if it misses it by less [m, rad].
-REACHED = 1e-13
+#: Newton's method ends where a posture misses a pose by less; one that it cannot improve may miss it by more [m, rad].
+REACHED, NOT_BETTER = 1e-13, 1e-11
 #: Steps of Newton's method; after so many only what misses the pose by less goes on [m, rad].
 STEPS, NEAR = 12, 1e-4
 #: Random starts where there are no others, and steps from them.
 RANDOM, RANDOM_STEPS = 128, 40
-#: Smallest singular value of the Jacobian at a posture whose curve cannot be followed; and a singular posture beside
-#: which the tip moves along u by less than this times the square of the way [m/rad^2, 1/rad] is one of a surface.
-SINGULAR, FLAT = 3e-6, 1e-3
+#: A curve is not followed at a posture at which the Jacobian's smallest singular value is less than this, or than so
+#: many times the root of the curvature [m/rad^2, 1/rad]: by rounding, it may be on another curve.
+SINGULAR, SINGULAR_BY_CURVATURE = 1e-9, 1e-5
+#: With a curvature below this such a posture is one of a surface [m/rad^2, 1/rad].
+FLAT = 1e-3
 #: Steps to the middle of a conic, and the shortest one [rad].
 CENTRE_STEPS, CENTRED = 12, 1e-9
 #: A conic's middle itself reaches the pose if it misses it by less [m, rad].
@@ -59,7 +61,7 @@ MAX_JOINT_STEP = 0.3
 #: What is added to a matrix before it is inverted.
 NUDGE = 1e-14
 #: Singular values below this share of the largest are 0.
-RANK = 1e-6
+RANK = 1e-8
 
 
 class HeldEnd:
@@ -162,10 +164,12 @@ class Starts:
             left = off >= REACHED
             going, error, J, off = going[left], error[left], J[left], off[left]
             if step == steps or not len(going):
+                found.append(going[off < NOT_BETTER])
+                going = going[(off >= NOT_BETTER) & (off < NEAR)]
                 break
             turned = J.transpose(0, 2, 1)
             q[going] += limited((turned @ solved(J @ turned + NUDGE * np.eye(6), error[..., None]))[..., 0])
-        return q[np.sort(np.concatenate(found))], q[going[off < NEAR]] if len(going) else q[:0]
+        return q[np.sort(np.concatenate(found))], q[going]
 
     def _vertices(self, q: Floats, T: Floats) -> Floats:
         """Vertices (k, 7) of the conics that a pose's curves are, beside singular postures near some (m, 7)."""
@@ -196,14 +200,16 @@ class Starts:
 
         Two directions in which the joints move without the tip are on one, as far as second derivatives tell.
         """
-        U, s, V = np.linalg.svd(self.loop.jacobian(q)[1])
-        singular = s[:, 5] < SINGULAR
-        surface = singular.copy()
+        U, s, _ = np.linalg.svd(self.loop.jacobian(q)[1])
+        singular = s[:, 5] < SINGULAR_BY_CURVATURE
+        surface = np.zeros(len(q), dtype=np.bool_)
         if singular.any():
-            _, (_, _, V), form = self._second_order(q[singular], T)
+            _, (_, last, V), form = self._second_order(q[singular], T)
+            inexact = self.loop.step(q[singular], T[None])[2] >= REACHED
             plane = V[:, 5:]
-            curvature = np.linalg.eigvalsh(plane @ form @ plane.transpose(0, 2, 1))
-            surface[singular] = np.abs(curvature).max(axis=1) < FLAT
+            curvature = np.abs(np.linalg.eigvalsh(plane @ form @ plane.transpose(0, 2, 1))).max(axis=1)
+            lost = inexact | (last[:, 5] < np.maximum(SINGULAR, SINGULAR_BY_CURVATURE * np.sqrt(curvature)))
+            surface[singular], singular[singular] = lost & (curvature < FLAT), lost
         return singular, surface, U[:, :, 5]
 
     def _second_order(self, q: Floats, T: Floats) -> tuple[Floats, tuple[Floats, Floats, Floats], Floats]:

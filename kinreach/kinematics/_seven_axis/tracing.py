@@ -305,7 +305,8 @@ class SelfMotionTracer:
             good = (off < ON_CURVE) & beside & ((ahead * way[going]).sum(axis=1) > STRAIGHT)
             good[good] = self._sense(there[good], ahead[good], T) == sense[going[good]]
             moved = going[good]
-            next_one[moved], end = self._passed(q[moved], way[moved], step[moved], there[good], seeds, tangent, T)
+            own = which[moved]
+            next_one[moved], end = self._passed(q[moved], way[moved], step[moved], there[good], own, seeds, tangent, T)
             q[moved], way[moved] = end, ahead[good]
             for row, posture in zip(moved, end, strict=True):
                 pieces[row].append(posture)
@@ -315,13 +316,25 @@ class SelfMotionTracer:
         return next_one, [np.array(piece) for piece in pieces]
 
     def _passed(
-        self, q: Floats, way: Floats, step: Floats, there: Floats, seeds: Floats, tangent: Floats, T: Floats
+        self,
+        q: Floats,
+        way: Floats,
+        step: Floats,
+        there: Floats,
+        own: NDArray[np.int64],
+        seeds: Floats,
+        tangent: Floats,
+        T: Floats,
     ) -> tuple[NDArray[np.int64], Floats]:
-        """Which seed comes first on the way from postures (m, 7) to others, -1 without one; and it, or the others."""
+        """Which seed comes first on the way from postures (m, 7) to others, -1 without one; and it, or the others.
+
+        Those of the curves' `own` seeds that are just left are none.
+        """
         row, seed = np.nonzero(JOINTS - _close(0.5 * (q + there), seeds) < 0.2 * step[:, None] ** 2)
         away = wrapped(seeds[seed] - q[row])
         along = (away * way[row]).sum(axis=1)
-        on_way = (along > 0.5 * SAME) & (along < step[row] + 0.1 * SAME) & ((tangent[seed] * way[row]).sum(axis=1) > 0)
+        on_way = (along > np.where(seed == own[row], 0.5 * SAME, 0.0)) & (along < step[row] + 0.1 * SAME)
+        on_way &= (tangent[seed] * way[row]).sum(axis=1) > 0.0
         row, seed, away, along = row[on_way], seed[on_way], away[on_way], along[on_way]
         first, end = np.full(len(q), -1), there.copy()
         if len(row):
