@@ -24,7 +24,6 @@ from benchmarks.ik_arms.arms import placements_of, ssik, urdf
 from kinreach._checks import Floats, check_count, check_path
 from kinreach._files import make_writable
 from kinreach.cli import Parser, finish
-from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._seven_axis.tracing import Curve, SelfMotionTracer
 from kinreach.robots import ArmDescription
@@ -64,9 +63,7 @@ def arm_of(name: str, errors: bool) -> SevenAxisKinematics:
 def finer(kin: SevenAxisKinematics) -> SelfMotionTracer:
     """The same arm's curves from a grid twice as fine."""
     tracer = SelfMotionTracer(kin.chain)
-    for sweep in []:
-        count = 2 * len(sweep.values)
-        sweep.values = TURN * (np.arange(count) + 0.17) / count - np.pi
+    tracer._starts.values *= 2
     return tracer
 
 
