@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from kinreach._checks import Floats, shown
-from kinreach._files import read_bytes
+from kinreach._files import open_input, read_bytes
 from kinreach.errors import InputError
 from kinreach.robots._meshes import MAX_BYTES, placed_parts
 from kinreach.robots._urdf import joints_above, numbers, origin_of, way_down
@@ -137,9 +137,9 @@ def _is_slow(path: Path) -> bool:
     try:
         if path.suffix.lower() != ".dae" or path.stat().st_size <= SLOW:
             return False
-        with path.open("rb") as file:
+        with open_input(path, "the mesh", most=path.stat().st_size) as file:
             return _unit_of(file.read(ASSET)) == 1.0
-    except OSError:
+    except (OSError, InputError):
         return False
 
 

@@ -273,7 +273,7 @@ def _repair_joint(joint: ET.Element, notes: Notes) -> None:
     if _without_quaternion(joint):
         notes.add("a quaternion is taken as the rotation of its <origin>", "joint", name)
     if joint.get("type") == "fixed":
-        joint[:] = [child for child in joint if child.tag in ("origin", "parent", "child")]
+        joint[:] = [child for child in joint if child.tag in ("origin", "parent", "child", "mimic")]
     dynamics = joint.find("dynamics")
     if dynamics is not None:
         given = {key: floats(dynamics.get(key, "0"), 1) for key in ("damping", "friction")}

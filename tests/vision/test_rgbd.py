@@ -11,9 +11,9 @@ WIDTH, HEIGHT = 320, 180
 CAMERAS = ("front", "wrist")
 
 
-@pytest.fixture(scope="module")
-def renderer(needs_gl):
-    with FrameRenderer(ArmSimulation("ur5-thesis").model, width=WIDTH, height=HEIGHT, shadows=False) as renderer:
+@pytest.fixture
+def renderer(needs_gl, ur5):
+    with FrameRenderer(ur5.model, width=WIDTH, height=HEIGHT, shadows=False) as renderer:
         yield renderer
 
 

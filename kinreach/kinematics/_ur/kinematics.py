@@ -59,7 +59,7 @@ pin: Any = load("pinocchio")
 
 #: Random postures that a closed form is tried on; how far the poses of its arm may be off [m, rad]; and how far the
 #: posture that it finds again [rad].
-TRIALS, FIT_TOLERANCE, AGAIN = 64, 8e-10, 1e-5
+TRIALS, FIT_TOLERANCE, AGAIN = 64, 1e-8, 1e-5
 #: Turns about the tool that are tried if all postures with the seed's wrist_3 are refused [rad].
 TURNS = np.radians([45, -45, 90, -90, 135, -135, 180])
 #: How far the flange may be from the last joint's axis for wrist_3 to turn about it [m, and sine of an angle].
