@@ -31,7 +31,7 @@ network = nn.Sequential(
     nn.Linear(13, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, 6)
 )
 optimizer = torch.optim.Adam(network.parameters(), lr=3e-3)
-UPDATES = 300
+UPDATES = 600
 
 for update in range(UPDATES):
     # standard deviation of the actions, whose range is -1 to 1

@@ -186,7 +186,7 @@ def test_stable_baselines3(run, tmp_path):
 def test_pytorch_loop(run):
     text = run("08_pytorch_loop")
     distances = numbers(r"distance +(\d+) mm", text)
-    assert len(distances) == 7
+    assert len(distances) == 13
     assert distances[-1] < distances[0] / 3
     assert numbers(r"learned: .* ([\d.]+) mm in the median", text)[0] < distances[0] / 3
 

@@ -40,4 +40,4 @@ def test_the_table(capsys):
     assert len(shares) == 4
     assert shares[0][1:] == [0.0, 0.0, 0.0]
     assert all(0.0 <= share <= 100.0 for row in shares for share in row)
-    assert min(row[0] for row in shares[1:]) > shares[0][0]
+    assert min(row[0] for row in shares) > 100 / 27  # by chance

@@ -146,7 +146,7 @@ def test_the_page_follows_the_colours_of_the_browser(browser_page):
     for scheme in ("dark", "light"):
         tab.emulate_media(color_scheme=scheme)
         wait_for(tab, lambda scheme=scheme: tab.locator(f'html[data-mantine-color-scheme="{scheme}"]').count())
-    assert tab.title() == "kinreach – ur5"
+    assert tab.title() == "kinreach – ur5-thesis"
 
 
 def test_nothing_is_seen_that_only_texts_press(browser_page):
