@@ -13,7 +13,7 @@ from kinreach._checks import check_count, check_path, printable
 from kinreach._files import replacing
 from kinreach.cli import Parser
 from kinreach.errors import InputError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, pose_vector
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
 from kinreach.kinematics import (
     _check as check,
 )
@@ -24,6 +24,7 @@ from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 from kinreach.plots._workspace import draw_workspace
 from kinreach.robots import PosePairs
 from kinreach.robots._flags import add_arm_flags, arm_of, print_notes, tool_of
+from kinreach.robots._rotations import listed_pose
 from kinreach.robots._ur import JOINTS
 
 #: Part of the data sheet's error that the calibration of a recording's robot leaves at most, and another's at least.
@@ -183,7 +184,7 @@ def _explained(subject: Subject, arguments: argparse.Namespace) -> Iterator[str]
         found = check.explained(ArmKinematics(arm.arm, tip=tip, base=base), pairs, None if tool is None else tool.T)
         medians.append(1e3 * float(np.median(found.position)))
         if found.recovered:
-            six = ",".join(f"{number:.6g}" for number in pose_vector(found.tool).round(7) + 0.0)
+            six = listed_pose(found.tool)
             yield f"{name:<12} tool {six}, found: the recording has none"
         for what, values, scale, unit in (
             ("position", found.position, 1e3, "mm"),

@@ -24,12 +24,12 @@ from kinreach.robots._calibration import (
     nominal_dh,
     read_calibration,
 )
-from kinreach.robots._calibration_fit import CalibrationFit, Fitted, fitted_chain, fitted_ur, listed_pose, millimetres
+from kinreach.robots._calibration_fit import CalibrationFit, Fitted, fitted_chain, fitted_ur, millimetres
 from kinreach.robots._description import ArmDescription
-from kinreach.robots._pairs import PosePairs, read_pairs
+from kinreach.robots._pairs import PosePairs, pairs_of
 from kinreach.robots._polyscope import is_program, read_program
 from kinreach.robots._registry import FILES, arm_named, get_arm
-from kinreach.robots._rotations import as_frame, pose
+from kinreach.robots._rotations import as_frame, listed_pose, pose
 from kinreach.robots._ur import JOINTS, UR_LENGTHS, ur_model
 from kinreach.robots._urdf_chain import UrdfChain
 
@@ -155,7 +155,11 @@ def calibrate(
             raise InputError(f"{paths[0].name} carries the figures of a UR, not of {own.title}")
         return _read(paths[0], contents[0], own, tcp, robot) if programs[0] else _converted(paths[0], own, tcp)
     joints = own.joints if isinstance(own, ArmDescription) else ()
-    each = [source] if isinstance(source, PosePairs) else [read_pairs(path, joints=joints) for path in paths]
+    each = (
+        [source]
+        if isinstance(source, PosePairs)
+        else [pairs_of(content, path.name, joints=joints) for path, content in zip(paths, contents, strict=True)]
+    )
     if tcp is not None:
         each = [one.with_tcp(tcp) for one in each]
     pairs = reduce(PosePairs.joined, each)

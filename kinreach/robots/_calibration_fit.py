@@ -27,17 +27,17 @@ from kinreach.robots._calibration import (
     nominal_placements,
     read_calibration,
 )
-from kinreach.robots._identification import IdentifiedArm, frames_of, turns_between
-from kinreach.robots._pairs import PosePairs, looks_like_rows, read_pairs
+from kinreach.robots._identification import IdentifiedArm, Prior, frames_of, turns_between
+from kinreach.robots._pairs import PosePairs, looks_like_rows, pairs_of
 from kinreach.robots._polyscope import is_program
-from kinreach.robots._rotations import pose_vector
+from kinreach.robots._rotations import listed_pose
 from kinreach.robots._ur import FLIP, JOINTS, UR_LENGTHS
 from kinreach.robots._urdf_chain import UrdfChain
 
 #: Standard deviations of a link's translation [m] and turn [rad]: real ones reach 6.9 mm and 17 mrad.
 LINK = (3e-3, 5e-3)
-#: Those of a frame that is not known [m], [rad].
-UNKNOWN = (1.0, 3.0)
+#: Those of a frame that is not known, and of one that is [m], [rad].
+UNKNOWN, KNOWN = (1.0, 3.0), (0.0, 0.0)
 #: Least noise that is believed [m], [rad]; most rows of a fit, and by how much their postures differ [rad].
 LEAST_NOISE, MAX_ROWS, APART = (1e-11, 1e-11), 400, 0.02
 #: Fewest different postures.
@@ -118,8 +118,8 @@ class _Rows(NamedTuple):
     tool_known: bool
 
     @property
-    def p(self) -> Floats:
-        return self.seen if self.seen.ndim == 2 else self.seen[:, :3, 3]
+    def has_rotations(self) -> bool:
+        return self.seen.ndim == 3
 
     def part(self, rows: Any) -> _Rows:
         return self._replace(q=self.q[rows], seen=self.seen[rows])
@@ -173,15 +173,19 @@ class _Guess(NamedTuple):
     note: str
 
 
-def _guesses(rows: _Rows, models: Sequence[str], note: str = "") -> list[_Guess]:
+def _twins(model: str) -> tuple[str, ...]:
+    """The models with the data sheet of a model, itself among them."""
+    return tuple(name for name, lengths in UR_LENGTHS.items() if lengths == UR_LENGTHS[model])
+
+
+#: Models, the first of each data sheet.
+_MODELS = tuple(model for model in UR_LENGTHS if model == _twins(model)[0])
+
+
+def _guesses(rows: _Rows, note: str = "") -> list[_Guess]:
     """Models in the order of their errors, one of each data sheet."""
-    found, known = [], set()
-    for model in models:
-        if UR_LENGTHS[model] in known:
-            continue
-        known.add(UR_LENGTHS[model])
-        found.append(_Guess(model, rows, float(np.median(_aligned(nominal_placements(model), rows)[1])), note))
-    return sorted(found, key=lambda guess: guess.error)
+    errors = {model: float(np.median(_aligned(nominal_placements(model), rows)[1])) for model in _MODELS}
+    return [_Guess(model, rows, errors[model], note) for model in sorted(errors, key=errors.__getitem__)]
 
 
 def fitted_ur(model: str | None, pairs: PosePairs) -> Fitted:
@@ -194,13 +198,13 @@ def fitted_ur(model: str | None, pairs: PosePairs) -> Fitted:
     if pairs.q.shape[1] != len(JOINTS):
         raise InputError(f"a UR has six joints, {pairs.source} has {pairs.q.shape[1]}")
     rows = _rows_of(pairs)
-    guesses = _guesses(rows, list(UR_LENGTHS))
+    guesses = _guesses(rows)
     if guesses[0].error > FITS[0]:
         guesses = _repaired(pairs, rows)
     best = guesses[0]
-    twins = tuple(name for name in UR_LENGTHS if UR_LENGTHS[name] == UR_LENGTHS[best.model])
+    twins = _twins(best.model)
     if model is not None and model not in twins:
-        own = next(guess for guess in guesses if UR_LENGTHS[guess.model] == UR_LENGTHS[model])
+        own = next(guess for guess in guesses if guess.model in _twins(model))
         if own.error > CLEARLY * best.error:
             raise InputError(
                 f"the rows of {pairs.source} are those of a {' or '.join(twins)}, not of a {model}: the data sheets "
@@ -211,10 +215,10 @@ def fitted_ur(model: str | None, pairs: PosePairs) -> Fitted:
         twins = (model,)
     elif len(guesses) > 1 and guesses[1].error < CLEARLY * best.error:
         best = _likelier(guesses[:3], pairs)
-        twins = tuple(name for name in UR_LENGTHS if UR_LENGTHS[name] == UR_LENGTHS[best.model])
+        twins = _twins(best.model)
     nominal = nominal_placements(twins[0])
-    start, spread = _ur_start(best)
-    fit = _fit(start, best.rows, spread, pairs)
+    start, prior = _ur_start(best)
+    fit = _fit(start, best.rows, prior, pairs)
     found = not best.rows.tool_known
     tcp = np.linalg.inv(nominal[-1]) @ fit.arm.placements[-1] if found else pairs.only_tcp
     errors, missing = _judged(fit, JOINTS)
@@ -233,8 +237,8 @@ def _likelier(guesses: Sequence[_Guess], pairs: PosePairs) -> _Guess:
     """
     costs = []
     for guess in guesses:
-        start, spread = _ur_start(guess)
-        costs.append((_identified(start, guess.rows, spread, _digits(pairs))[0].cost, guess.model, guess))
+        start, prior = _ur_start(guess)
+        costs.append((_identified(start, guess.rows, prior, _digits(pairs))[0].cost, guess.model, guess))
     (least, _, best), (next_, other, _) = sorted(costs, key=lambda each: each[0])[:2]
     if next_ - least < TELLING:
         raise InputError(
@@ -244,12 +248,18 @@ def _likelier(guesses: Sequence[_Guess], pairs: PosePairs) -> _Guess:
     return best
 
 
-def _ur_start(guess: _Guess) -> tuple[Floats, Floats]:
-    """Placements by the data sheet with the tool that suits the rows, and how far each frame may be off, (7, 6)."""
-    nominal, spread = nominal_placements(guess.model), np.repeat(np.array([(0, 0), *[LINK] * 5, (0, 0)]), 3, axis=1)
-    if not guess.rows.tool_known:
-        spread[-1] = np.repeat((UNKNOWN[0], UNKNOWN[1] if guess.rows.seen.ndim == 3 else 0.0), 3)
-    return np.array([*nominal[:-1], nominal[-1] @ _aligned(nominal, guess.rows)[0]]), spread
+def _ur_start(guess: _Guess) -> tuple[Floats, Prior]:
+    """Placements by the data sheet with the tool that suits the rows, and how far each frame may be off."""
+    nominal = nominal_placements(guess.model)
+    start = np.array([*nominal[:-1], nominal[-1] @ _aligned(nominal, guess.rows)[0]])
+    return start, Prior(base=KNOWN, links=LINK, tool=_tool_prior(guess.rows))
+
+
+def _tool_prior(rows: _Rows) -> tuple[float, float]:
+    """How far the tool may be off [m], [rad]; positions say nothing of how it is turned."""
+    if rows.tool_known:
+        return KNOWN
+    return UNKNOWN if rows.has_rotations else (UNKNOWN[0], 0.0)
 
 
 def _repaired(pairs: PosePairs, rows: _Rows) -> list[_Guess]:
@@ -258,35 +268,29 @@ def _repaired(pairs: PosePairs, rows: _Rows) -> list[_Guess]:
     Raises:
         InputError: Nothing explains them; what was tried is named.
     """
-    models = list(UR_LENGTHS)
     few = rows.part(np.linspace(0, len(rows.q) - 1, min(len(rows.q), 12)).astype(int))
-    ways: list[tuple[Any, str]] = [
-        (
-            _flipped,
-            "the poses are in base_link, as ROS has it, not in base",
-        ),
-    ]
+    ways: list[tuple[Any, str]] = [(_flipped, "the poses are in base_link, as ROS has it, not in base")]
     for order in _ORDERS:
         names = ", ".join(JOINTS[index].removesuffix("_joint") for index in np.argsort(order))
         ways.append((partial(_reordered, order=order), f"the columns of the joints are in the order {names}"))
-    tried = [(_guesses(way(few), models)[0].error, index) for index, (way, _) in enumerate(ways)]
+    tried = [(_guesses(way(few))[0].error, index) for index, (way, _) in enumerate(ways)]
     error, index = min(tried)
     if error <= FITS[0]:
-        return _guesses(ways[index][0](rows), models, ways[index][1])
+        return _guesses(ways[index][0](rows), ways[index][1])
     if rows.tool_known:
         loose = _Rows(pairs.q, pairs.seen, False)
-        found = _guesses(loose, models)
+        found = _guesses(loose)
         if found[0].error <= FITS[0]:
             tool, _ = _aligned(nominal_placements(found[0].model), loose)
             raise InputError(
                 f"the tool centre point of {pairs.source} is not the one of its rows: they fit a {found[0].model} with "
                 f"the tool {listed_pose(tool)}; give that with tool=, or check the installation's"
             )
-    feature = _in_feature(pairs, rows, models)
+    feature = _in_feature(pairs, rows)
     if feature:
         raise InputError(feature)
     raise InputError(
-        f"the rows of {pairs.source} fit no model of UR ({millimetres(_guesses(rows, models)[0].error)} mm off at "
+        f"the rows of {pairs.source} fit no model of UR ({millimetres(_guesses(rows)[0].error)} mm off at "
         "best), also not in the frame base_link, with joints in another order, another tool or a feature; for another "
         "arm give its URDF with arm="
     )
@@ -307,18 +311,18 @@ def _reordered(rows: _Rows, order: list[int]) -> _Rows:
 
 def _flipped(rows: _Rows) -> _Rows:
     """The rows with poses in base_link read as in base."""
-    return rows._replace(seen=rows.seen @ FLIP[:3, :3] if rows.seen.ndim == 2 else FLIP @ rows.seen)
+    return rows._replace(seen=rows.seen @ FLIP[:3, :3] if not rows.has_rotations else FLIP @ rows.seen)
 
 
-def _in_feature(pairs: PosePairs, rows: _Rows, models: Sequence[str]) -> str:
+def _in_feature(pairs: PosePairs, rows: _Rows) -> str:
     """Describe the frame that poses are in, if a frame of their own explains them; else empty."""
-    if rows.seen.ndim == 2:
+    if not rows.has_rotations:
         return ""
     found = []
-    for model in models:
+    for model in _MODELS:
         F = frames_of(nominal_placements(model), rows.q)[-1]
         base, tool = _hand_eye(F, rows.seen) if not rows.tool_known else (_rigid(F, rows.seen), np.eye(4))
-        apart = np.linalg.norm((base @ F @ tool)[:, :3, 3] - rows.p, axis=1)
+        apart = np.linalg.norm((base @ F @ tool - rows.seen)[:, :3, 3], axis=1)
         found.append((float(np.median(apart)), model, base))
     error, model, base = min(found, key=lambda each: each[0])
     if error > FITS[0]:
@@ -371,19 +375,17 @@ class _Fit(NamedTuple):
         arm: With the tool on its last frame.
         start: Placements of the data sheet with the tool that suits them best, shape (n + 1, 4, 4).
         rows: Those that were used.
-        noise: Standard deviation of a coordinate [m] and of a rotation vector [rad].
         dropped, held_out: As in `CalibratedArm`.
     """
 
     arm: IdentifiedArm
     start: Floats
     rows: _Rows
-    noise: tuple[float, float]
     dropped: tuple[tuple[str, str], ...]
     held_out: Floats
 
 
-def _fit(start: Floats, rows: _Rows, spread: Floats, pairs: PosePairs) -> _Fit:
+def _fit(start: Floats, rows: _Rows, prior: Prior, pairs: PosePairs) -> _Fit:
     """Fit the frames to the rows that agree with each other.
 
     Raises:
@@ -392,7 +394,7 @@ def _fit(start: Floats, rows: _Rows, spread: Floats, pairs: PosePairs) -> _Fit:
     least = _digits(pairs)
     used = np.ones(len(rows.q), dtype=np.bool_)
     for _ in range(4):
-        arm, noise = _identified(start, rows.part(used), spread, least)
+        arm, noise = _identified(start, rows.part(used), prior, least)
         apart, turned = _errors(arm.poses(rows.q), rows.seen)
         off = (apart > np.maximum(OUTLIER * MEDIAN_NORM * noise[0], 2e-6)) | (
             turned > np.maximum(OUTLIER * MEDIAN_NORM * noise[1], 2e-6)
@@ -400,19 +402,16 @@ def _fit(start: Floats, rows: _Rows, spread: Floats, pairs: PosePairs) -> _Fit:
         if (off == ~used).all():
             break
         if off.mean() > MOST_DROPPED:
-            _refuse_two(start, rows, spread, pairs, noise, least)
+            _refuse_two(start, rows, prior, pairs, noise, least)
             raise InputError(
                 f"{off.sum()} of {len(off)} rows of {pairs.source} do not fit the others: joint angles and poses must "
                 "be of the same moment, of one robot and one tool"
             )
         used = ~off
-    _refuse_two(start, rows, spread, pairs, noise, least)
-    dropped = tuple(
-        (pairs.places[row] if pairs.places else f"row {row + 1}", f"{millimetres(apart[row])} mm off the others")
-        for row in np.flatnonzero(~used)
-    )
-    held_out = _held_out(start, rows.part(used), spread, noise)
-    return _Fit(arm, start, rows.part(used), noise, dropped, held_out)
+    _refuse_two(start, rows, prior, pairs, noise, least)
+    dropped = tuple((pairs.place(row), f"{millimetres(apart[row])} mm off the others") for row in np.flatnonzero(~used))
+    held_out = _held_out(start, rows.part(used), prior, noise)
+    return _Fit(arm, start, rows.part(used), dropped, held_out)
 
 
 #: Median length of a vector of three normal numbers of standard deviation 1.
@@ -429,14 +428,12 @@ def _digits(pairs: PosePairs) -> tuple[float, float]:
 
 
 def _identified(
-    start: Floats, rows: _Rows, spread: Floats, least: tuple[float, float]
+    start: Floats, rows: _Rows, prior: Prior, least: tuple[float, float]
 ) -> tuple[IdentifiedArm, tuple[float, float]]:
     """The most probable arm with the noise that the rows show; rows count less the farther they are off."""
-    noise, weights, poses = (1e-4, 1e-4), np.ones(len(rows.q)), rows.seen.ndim == 3
+    noise, weights, poses = (1e-4, 1e-4), np.ones(len(rows.q)), rows.has_rotations
     for _ in range(25):
-        arm = IdentifiedArm(
-            start, rows.q, rows.seen, prior=spread, noise=noise if poses else noise[0], weights=weights, steps=5
-        )
+        arm = _most_probable(start, rows, prior, noise, weights)
         apart, turned = _errors(arm.poses(rows.q), rows.seen)
         equations = (6 if poses else 3) * len(rows.q)
         spare = equations - arm.determined
@@ -455,6 +452,13 @@ def _identified(
     return arm, noise
 
 
+def _most_probable(
+    start: Floats, rows: _Rows, prior: Prior, noise: tuple[float, float], weights: Floats | None = None
+) -> IdentifiedArm:
+    own = noise if rows.has_rotations else noise[0]
+    return IdentifiedArm(start, rows.q, rows.seen, prior=prior, noise=own, weights=weights, steps=5)
+
+
 def _errors(T: Floats, seen: Floats) -> tuple[Floats, Floats]:
     """Distances [m] and angles [rad] between poses (m, 4, 4) and what was seen there; angles 0 of positions."""
     if seen.ndim == 2:
@@ -463,23 +467,20 @@ def _errors(T: Floats, seen: Floats) -> tuple[Floats, Floats]:
     return np.linalg.norm(T[:, :3, 3] - seen[:, :3, 3], axis=1), turned
 
 
-def _held_out(start: Floats, rows: _Rows, spread: Floats, noise: tuple[float, float]) -> Floats:
+def _held_out(start: Floats, rows: _Rows, prior: Prior, noise: tuple[float, float]) -> Floats:
     """Errors at rows by fits to the others [m], each row once, shape (m,)."""
     count = len(rows.q)
     fold = np.arange(count) % (count if count <= 20 else 10)
     errors = np.empty(count)
     for number in range(fold.max() + 1):
         out = fold == number
-        part = rows.part(~out)
-        arm = IdentifiedArm(
-            start, part.q, part.seen, prior=spread, noise=noise if rows.seen.ndim == 3 else noise[0], steps=5
-        )
+        arm = _most_probable(start, rows.part(~out), prior, noise)
         errors[out] = _errors(arm.poses(rows.q[out]), rows.seen[out])[0]
     return errors
 
 
 def _refuse_two(
-    start: Floats, rows: _Rows, spread: Floats, pairs: PosePairs, noise: tuple[float, float], least: tuple[float, float]
+    start: Floats, rows: _Rows, prior: Prior, pairs: PosePairs, noise: tuple[float, float], least: tuple[float, float]
 ) -> None:
     """Refuse rows that are of one tool or robot up to a row, and of another from there on."""
     count = len(rows.q)
@@ -489,14 +490,14 @@ def _refuse_two(
     for row in sorted({int(count * part / 10) for part in range(2, 9)}, key=lambda row: abs(row - count / 2)):
         if found and min(part[1][0] for part in found[0][2]) > noise[0] / 2.0:
             return  # one half lies before or after a change, and would be better than the whole
-        parts = [_identified(start, rows.part(side), spread, least) for side in (slice(0, row), slice(row, None))]
+        parts = [_identified(start, rows.part(side), prior, least) for side in (slice(0, row), slice(row, None))]
         found.append((max(part[1][0] for part in parts), row, parts))
     least_noise, row, parts = min(found, key=lambda each: each[0])
     if least_noise > noise[0] / 4.0:
         return
-    place = pairs.places[row] if pairs.places else f"row {row + 1}"
+    place = pairs.place(row)
     before = parts[0][0]
-    if rows.seen.ndim == 3:
+    if rows.has_rotations:
         others = rows.part(slice(row, None))._replace(tool_known=False)
         change = _aligned(before.placements, others)[0]
         if np.median(_errors(before.poses(others.q) @ change, others.seen)[0]) < 10 * max(least_noise, 1e-6):
@@ -552,23 +553,20 @@ def fitted_chain(name: str, joints: Sequence[str], chain: UrdfChain, pairs: Pose
     pairs = _thinned(pairs)
     rows, nominal = _rows_of(pairs), chain.placements
     F = frames_of(nominal, rows.q)[-1]
-    if rows.seen.ndim == 2:
+    if not rows.has_rotations:
         base, tool = _seen_from(F[:, :3, 3], rows.seen), np.eye(4)
     else:
         base, tool = (_rigid(F, rows.seen), np.eye(4)) if rows.tool_known else _hand_eye(F, rows.seen)
     start = np.array([base @ nominal[0], *nominal[1:-1], nominal[-1] @ tool])
-    unknown = (UNKNOWN[0], UNKNOWN[1] if rows.seen.ndim == 3 else 0.0)
-    ends = UNKNOWN, (0.0, 0.0) if rows.tool_known else unknown
-    frames_only = np.repeat(np.array([ends[0], *[(0.0, 0.0)] * (chain.joints - 1), ends[1]]), 3, axis=1)
-    start = _identified(start, rows, frames_only, LEAST_NOISE)[0].placements
+    prior = Prior(base=UNKNOWN, links=KNOWN, tool=_tool_prior(rows))
+    start = _identified(start, rows, prior, LEAST_NOISE)[0].placements
     apart = np.median(_errors(frames_of(start, rows.q)[-1], rows.seen)[0])
     if apart > FITS[0]:
         raise InputError(
             f"the rows of {pairs.source} do not fit {name}: {millimetres(float(apart))} mm are left with the best "
             "base and tool; are the joints in another order, or of another sign?"
         )
-    spread = np.repeat(np.array([ends[0], *[LINK] * (chain.joints - 1), ends[1]]), 3, axis=1)
-    fit = _fit(start, rows, spread, pairs)
+    fit = _fit(start, rows, prior._replace(links=LINK), pairs)
     placements = fit.arm.placements
     base = placements[0] @ np.linalg.inv(nominal[0])
     tcp = pairs.only_tcp if rows.tool_known else np.linalg.inv(nominal[-1]) @ placements[-1]
@@ -580,8 +578,7 @@ def _seen_from(p: Floats, seen: Floats) -> Floats:
     """The motion from points (m, 3) to what was seen of them (Kabsch)."""
     middle, other = p.mean(axis=0), seen.mean(axis=0)
     base = np.eye(4)
-    U, _, V = np.linalg.svd((seen - other).T @ (p - middle))
-    base[:3, :3] = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
+    base[:3, :3] = _nearest_rotation((seen - other).T @ (p - middle))
     base[:3, 3] = other - base[:3, :3] @ middle
     return base
 
@@ -598,7 +595,7 @@ def calibration_from(file: str | Path, model: str, *, repair: bool = False) -> C
     content = read_bytes(path, "the calibration", most=2**28)
     if is_program(content) or is_calibration(content) or not looks_like_rows(content):
         return read_calibration(file, model, repair=repair)
-    found = fitted_ur(model, read_pairs(path))
+    found = fitted_ur(model, pairs_of(content, path.name))
     if found.missing:
         raise InputError(f"{path.name} does not determine the calibration: {found.missing}")
     expected = millimetres(float(np.median(found.fit.expected)))
@@ -609,7 +606,3 @@ def calibration_from(file: str | Path, model: str, *, repair: bool = False) -> C
 
 def millimetres(length: float) -> str:
     return f"{1e3 * length:.3g}"
-
-
-def listed_pose(T: Floats) -> str:
-    return ",".join(f"{number:.6g}" for number in pose_vector(T).round(7) + 0.0)

@@ -62,8 +62,7 @@ class IdentifiedArm:
         placements: Of the arm by its data sheet, A0 to An of `T = A0 Rz(q0) A1 Rz(q1) ... An`, shape (n + 1, 4, 4).
         q: Postures [rad], shape (m, n).
         seen: Measured positions of the tip [m], shape (m, 3), or its poses, shape (m, 4, 4).
-        prior: Of the frames; or the standard deviation of each frame's translation [m] and turn [rad], shape
-            (n + 1, 6).
+        prior: Of the frames.
         noise: Standard deviation of each measured coordinate [m], above zero; of poses also of the rotation vector's
             [rad].
         terms: Deviations of the joints that are identified, too.
@@ -83,13 +82,13 @@ class IdentifiedArm:
         q: Floats,
         seen: Floats,
         *,
-        prior: Prior | Floats,
+        prior: Prior,
         noise: float | tuple[float, float],
         terms: JointTerms | None = None,
         weights: Floats | None = None,
         steps: int = STEPS,
     ) -> None:
-        spread = (prior.deviations(len(placements) - 1) if isinstance(prior, Prior) else prior).ravel()
+        spread = prior.deviations(len(placements) - 1).ravel()
         self._free, frames_end = spread > 0.0, len(spread)
         if terms is not None:
             spread = np.concatenate([spread, terms.spread])

@@ -87,6 +87,10 @@ class PosePairs:
         """The tool centre point if it is known and the same in all rows, shape (4, 4)."""
         return None if self.tcp is None or np.abs(self.tcp - self.tcp[0]).max() > 1e-9 else self.tcp[0]
 
+    def place(self, row: int) -> str:
+        """Where a row is from."""
+        return self.places[row] if self.places else f"row {row + 1}"
+
     def rows(self, chosen: Sequence[int] | np.ndarray) -> PosePairs:
         """Return some of the rows."""
         chosen = np.asarray(chosen)
@@ -116,7 +120,8 @@ class PosePairs:
         Raises:
             InputError: It is neither, lacks a column, or has cells that are no numbers, or rows of different units.
         """
-        return read_pairs(check_path("file", file), joints=joints)
+        path = check_path("file", file)
+        return pairs_of(read_bytes(path, "the recording", most=MAX_BYTES), path.name, joints=joints)
 
     def tool_on(self, flange: Floats) -> Floats:
         """Return the tool that explains the poses best on frames of the flange (m, 4, 4): the medians, shape (4, 4)."""
@@ -159,22 +164,21 @@ class PosePairs:
         )
 
 
-def read_pairs(file: Path, *, joints: Sequence[str] = ()) -> PosePairs:
-    """As `PosePairs.read`."""
-    content = read_bytes(file, "the recording", most=MAX_BYTES)
+def pairs_of(content: bytes, name: str, *, joints: Sequence[str] = ()) -> PosePairs:
+    """As `PosePairs.read`, from the content of the file of that name."""
     if is_program(content):
         raise InputError(
-            f"{file.name} has joint angles and a robot's figures, but no poses: needed is its export, a .script"
+            f"{name} has joint angles and a robot's figures, but no poses: needed is its export, a .script"
         )
     text = decoded(content, otherwise="latin-1")
     if "\0" in text:
-        raise InputError(f"{file.name} is no text: it must be a .urp, a .script or a table of numbers")
+        raise InputError(f"{name} is no text: it must be a .urp, a .script or a table of numbers")
     if _SCRIPT.search(content):
-        return _from_export(text, file.name)
-    table = table_of(text, file.name)
+        return _from_export(text, name)
+    table = table_of(text, name)
     if not table.cells:
-        raise InputError(f"{file.name} has no rows of numbers")
-    return _from_table(table, file.name, joints)
+        raise InputError(f"{name} has no rows of numbers")
+    return _from_table(table, name, joints)
 
 
 #: What a program in URScript has, and a table not.

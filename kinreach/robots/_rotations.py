@@ -132,6 +132,11 @@ def pose_vector(T: ArrayLike) -> Floats:
     return np.concatenate([T[..., :3, 3], turned], axis=-1)
 
 
+def listed_pose(T: Floats) -> str:
+    """Return the six numbers of a pose (4, 4) as flags take them, to 1e-7 m and rad."""
+    return ",".join(f"{number:.6g}" for number in pose_vector(T).round(7) + 0.0)
+
+
 def as_frame(name: str, value: ArrayLike) -> Floats:
     """Return a frame that a user gives as a 4x4 transform or as six numbers of `pose`; shape (4, 4)."""
     given = as_floats(name, value)
