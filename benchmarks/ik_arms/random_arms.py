@@ -50,17 +50,23 @@ def random_motion(rng: np.random.Generator, length: float, angle: float) -> Floa
     return motion(a, b, c, d)
 
 
-def some_arm(rng: np.random.Generator, name: str, *, backwards: bool = False, off: float = 0.0) -> Floats:
-    """A random arm of a class or of `OTHERS` with a turned tip, as in `Chain`; each joint is `off` [m, rad] its class.
-
-    `backwards` begins with the last joint.
-    """
+def some_figures(rng: np.random.Generator, name: str) -> tuple[Floats, Floats, Floats, Floats]:
+    """Random Denavit-Hartenberg figures a, d [m], alpha and turn [rad] of a class or of `OTHERS`, each (6,)."""
     a, d = rng.choice([-1, 1], (2, 6)) * rng.uniform(0.1, 0.5, (2, 6))
     alpha, turn = rng.choice([-1, 1], 6) * rng.uniform(0.5, 1.5, 6), rng.uniform(-np.pi, np.pi, 6)
     if name in CLASSES:
         _set(CLASSES[name], a, d, alpha)
     else:
         a[list(OTHERS[name])] = 0.0
+    return a, d, alpha, turn
+
+
+def some_arm(rng: np.random.Generator, name: str, *, backwards: bool = False, off: float = 0.0) -> Floats:
+    """A random arm of a class or of `OTHERS` with a turned tip, as in `Chain`; each joint is `off` [m, rad] its class.
+
+    `backwards` begins with the last joint.
+    """
+    a, d, alpha, turn = some_figures(rng, name)
     links = [motion(turn[i], d[i], a[i], alpha[i]) for i in range(5)]
     return _placed(rng, [random_motion(rng, 0.3, np.pi), *links, random_motion(rng, 0.2, np.pi)], backwards, off)
 

@@ -8,12 +8,25 @@ from pathlib import Path
 
 import pytest
 
+from kinreach.deploy import URClient
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 
 ROOT = Path(__file__).parents[2]
 TOOL = "0.01,-0.02,0.15,0.3,0,0"
 CALIBRATION = PUBLISHED_CALIBRATIONS["ur5e_a"]
 NUMBERS = count(1)
+
+
+def connected(robot):
+    """A client of a robot in this process."""
+    return URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port)
+
+
+@pytest.fixture
+def client(robot):
+    """A client of the module's own `robot`."""
+    with connected(robot) as one:
+        yield one
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,7 @@ from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots import get_arm
 from kinreach.robots._ur import JOINTS
 from tests.cases import slow
-from tests.deploy.conftest import CALIBRATION
+from tests.deploy.conftest import CALIBRATION, connected
 
 ARM = get_arm("ur5e").calibrated(CALIBRATION).with_tool([0, 0, 0.1, 0, 0, 0])
 KIN = ArmKinematics.of(ARM, base="base")
@@ -31,16 +31,6 @@ def robot():
     with SimulatedUR(ARM, rtde_port=0, script_port=0, speed=8.0, log=log.append) as served:
         served.log = log
         yield served
-
-
-def connected(robot):
-    return URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port)
-
-
-@pytest.fixture
-def client(robot):
-    with connected(robot) as one:
-        yield one
 
 
 def to(goal, **settings):

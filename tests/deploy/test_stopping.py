@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import pytest
 
-from kinreach.deploy import Move, Program, SimulatedUR, URClient
+from kinreach.deploy import Move, Program, SimulatedUR
 from kinreach.deploy._connection import LostError
 from kinreach.deploy._controller import FINISHED, REGISTER
 from kinreach.deploy._server import _RtdeClient, _ScriptClient
@@ -52,16 +52,6 @@ def robot():
     with Robot(ARM, rtde_port=0, script_port=0, speed=8.0, log=log.append) as served:
         served.log = log
         yield served
-
-
-def connected(robot):
-    return URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port)
-
-
-@pytest.fixture
-def client(robot):
-    with connected(robot) as one:
-        yield one
 
 
 def fast(state):

@@ -5,13 +5,14 @@ import threading
 import numpy as np
 import pytest
 
-from kinreach.deploy import Move, Program, SimulatedUR, URClient, _server
+from kinreach.deploy import Move, Program, SimulatedUR, _server
 from kinreach.deploy._rtde import NOT_FOUND
 from kinreach.errors import RobotError
 from kinreach.kinematics import ArmKinematics, pose_vector
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots import get_arm
 from kinreach.robots._ur import JOINTS
+from tests.deploy.conftest import connected
 
 ARM = get_arm("ur5e")
 KIN = ArmKinematics.of(ARM, base="base")
@@ -25,10 +26,6 @@ def robot():
     with SimulatedUR(ARM, rtde_port=0, script_port=0, speed=8.0, log=log.append) as served:
         served.log = log
         yield served
-
-
-def connected(robot):
-    return URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port)
 
 
 def to(change, start=HOME, speed=2.0):

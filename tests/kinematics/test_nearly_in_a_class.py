@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from benchmarks.ik_arms.random_arms import CLASSES, OTHERS, _set, apart, motion, random_motion
+from benchmarks.ik_arms.random_arms import CLASSES, OTHERS, apart, motion, random_motion, some_figures
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._general_6r import Chain, miss, missed_by
 from kinreach.kinematics._six_axis import methods
@@ -15,12 +15,7 @@ from tests.cases import slow
 
 def placements_of(rng, name, perturbed):
     """Placements of a random arm of a class, with some Denavit-Hartenberg figures off by 1e-12 to 1e-2."""
-    a, d = rng.choice([-1, 1], (2, 6)) * rng.uniform(0.1, 0.5, (2, 6))
-    alpha, turn = rng.choice([-1, 1], 6) * rng.uniform(0.5, 1.5, 6), rng.uniform(-np.pi, np.pi, 6)
-    if name in CLASSES:
-        _set(CLASSES[name], a, d, alpha)
-    else:
-        a[list(OTHERS[name])] = 0.0
+    a, d, alpha, turn = some_figures(rng, name)
     for _ in range(perturbed):
         values, joint = (a, d, alpha)[rng.integers(3)], rng.integers(5)
         values[joint] += rng.choice([-1, 1]) * 10.0 ** rng.uniform(-12, -2)
