@@ -14,7 +14,7 @@ from kinreach._tables import read_table, table_of
 from kinreach.deploy import read_trajectory
 from kinreach.errors import InputError
 from kinreach.kinematics._ik_cli import read_poses
-from kinreach.robots._pairs import read_pairs
+from kinreach.robots._pairs import PosePairs
 
 HEADER = ["x", "y", "z", "rx", "ry", "rz"]
 POSES = np.array(
@@ -176,13 +176,13 @@ def test_every_reader_of_tables_reads_a_spreadsheets(tmp_path, capsys):
     header = [*(f"q{i}" for i in range(1, 7)), *HEADER]
     table = [header, *np.column_stack([q, np.tile(POSES[0], (5, 1))]).tolist()]
     pairs.write_bytes(written(table, separator="\t", comma=True, ends="\r\n", quotes=csv.QUOTE_ALL).encode("utf-8-sig"))
-    np.testing.assert_allclose(read_pairs(pairs).q, q, atol=1e-14)
+    np.testing.assert_allclose(PosePairs.read(pairs).q, q, atol=1e-14)
     out = tmp_path / "out.csv"
     assert cli.main(["ik", "--arm", "ur5e", "--poses", str(poses), "--out", str(out)]) == 0
     poses.write_bytes(SPREADSHEET.replace(b";", b","))
     assert cli.main(["ik", "--arm", "ur5e", "--poses", str(poses), "--out", str(out)]) == 2
     assert "a decimal comma needs another separator" in capsys.readouterr().err
-    for file, reader in ((trajectory, read_trajectory), (pairs, read_pairs)):
+    for file, reader in ((trajectory, read_trajectory), (pairs, PosePairs.read)):
         file.write_text(
             file.read_bytes().decode("utf-16" if file is trajectory else "utf-8-sig").replace("0,", "0.", 1)
         )
