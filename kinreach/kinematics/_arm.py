@@ -243,7 +243,10 @@ class ArmKinematics:
         if q.ndim == 1:
             return self._pose(self.as_posture("q", q))
         rows = self._rows_of(q)
-        poses: Floats = np.array([self._pose(row) for row in rows]) if 0 < len(rows) <= FEW else self.chain.fk(rows)
+        if len(rows) == 1:
+            poses = self._pose(rows[0])[None]
+        else:
+            poses = np.array([self._pose(row) for row in rows]) if 0 < len(rows) <= FEW else self.chain.fk(rows)
         return poses if q.ndim == 2 else poses.reshape(*q.shape[:-1], 4, 4)
 
     def _pose(self, q: Floats) -> Floats:

@@ -6,7 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cached_property
+from itertools import chain
 from math import dist, pi
+from struct import pack
 from typing import Any, ClassVar
 
 import numpy as np
@@ -115,8 +117,10 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             return self._tensor_batch(T, check_tolerance(tol), limits=limits)
         T, tol = as_floats("T", T), check_tolerance(tol)
         if T.ndim > 1 and 0 < len(T) <= FEW_POSES:
-            with suppress(InputError):  # the batch names the pose that is refused
+            try:
                 return self._few(T, tol, limits=limits)
+            except InputError:  # the batch names the pose that is refused
+                pass
         q, valid = self._batch(T, None, tol, limits=limits)
         return self._batch_within(T, q, valid, tol, limits=limits)
 
@@ -153,19 +157,26 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         return IKBatchNearest(chosen, branch, branch >= 0)
 
     def _few(self, T: Floats, tol: float, *, limits: bool) -> IKBatch:
-        """`batch` by `all_solutions`."""
-        none: Sequence[float] = [np.nan] * self.n
-        angles: list[float] = []
-        valid: list[bool] = []
+        """`batch`, one pose after the other."""
+        branches, columns = self._branches, ANGLES.start + self.n
+        none: Row = (-1, 0, *[np.nan] * self.n)
+        slots: list[Row] = []
         for pose in T:
-            slots = [none] * self._branches
-            for row in self.all_solutions(pose, limits=limits, tol=tol).found:
-                slots[row[BRANCH]] = row[ANGLES]
-            for slot in slots:
-                angles += slot
-                valid.append(slot is not none)
-        shape = (len(T), self._branches)
-        return IKBatch(np.array(angles).reshape(*shape, self.n), np.array(valid).reshape(shape))
+            found = self._found(pose, tol, limits=limits)  # in the order of the branch index
+            if len(found) == branches:
+                slots += found
+            else:
+                some = [none] * branches
+                for row in found:
+                    some[row[BRANCH]] = row
+                slots += some
+        packed = pack(f"{columns * len(slots)}d", *chain.from_iterable(slots))  # half the time of an array of a list
+        rows = np.frombuffer(bytearray(packed)).reshape(len(T), branches, columns)
+        return IKBatch(rows[..., ANGLES], rows[..., BRANCH] >= 0)
+
+    def _found(self, T: Floats, tol: float, *, limits: bool) -> Sequence[Row]:
+        """`all_solutions` without a seed, and without the reason where there are none."""
+        return self.all_solutions(T, limits=limits, tol=tol).found
 
     @cached_property
     def _branches(self) -> int:
@@ -255,8 +266,18 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         """Apply limits and windings; sort by distance where there is a seed."""
         if not found:
             return IKSolutions((), Status.OUT_OF_REACH, unreached, error_of, self.n)
+        kept = self._within(found, error_of, seed, limits, tol)
+        if not kept:
+            reason = f"all {len(found)} postures are outside the joint limits ({self._limiting_joints(found)})"
+            return IKSolutions((), Status.OUT_OF_LIMITS, reason, error_of, self.n)
+        return IKSolutions(kept, Status.OK, "", error_of, self.n)
+
+    def _within(
+        self, found: Sequence[Row], error_of: ErrorOf, seed: Floats | None, limits: bool, tol: float
+    ) -> Sequence[Row]:
+        """Solutions within the limits, in the winding nearest to a seed, and sorted by distance from it."""
         if seed is None and (self._full_turn or not limits):
-            return IKSolutions(found, Status.OK, "", error_of, self.n)
+            return found
         wanted = [0.0] * self.n if seed is None else seed.tolist()
         low, high = (self._low, self._high) if limits else ([-np.inf] * self.n, [np.inf] * self.n)
         single = limits and self._one_turn
@@ -266,12 +287,9 @@ class ClosedFormKinematics(ArmKinematics, ABC):
                 kept.append(row)
             elif (q := self._wound(row[ANGLES], wanted, low, high, error_of, tol)) is not None:
                 kept.append((row[BRANCH], row[FLAGS], *q))
-        if not kept:
-            reason = f"all {len(found)} postures are outside the joint limits ({self._limiting_joints(found)})"
-            return IKSolutions((), Status.OUT_OF_LIMITS, reason, error_of, self.n)
         if seed is not None:
             kept.sort(key=lambda row: dist(row[ANGLES], wanted))
-        return IKSolutions(kept, Status.OK, "", error_of, self.n)
+        return kept
 
     def _wound(
         self,

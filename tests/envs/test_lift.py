@@ -1,5 +1,6 @@
 """Lifting: an object is lifted where it is held, and nowhere else; batches, options, ends and bad input."""
 
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -466,6 +467,12 @@ def test_a_ur_gets_the_gripper():
     arm = get_arm("ur5e").with_gripper()
     assert (arm.gripper, arm.default_tip) == (get_arm("ur5-thesis").gripper, "tcp")
     with pytest.raises(InputError, match="has a gripper already"):
+        arm.with_gripper()
+
+
+def test_a_gripper_needs_a_flange():
+    arm = replace(get_arm("ur5e"), tips={"wrist": "wrist_3_link"}, default_tip="wrist")
+    with pytest.raises(InputError, match="unknown tip of arm 'ur5e' that can carry a gripper 'tool0'; available: wrist"):
         arm.with_gripper()
 
 

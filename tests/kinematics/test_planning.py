@@ -80,6 +80,26 @@ def test_the_same_seed_gives_the_same_path(kin, checker):
     assert not np.array_equal(paths[0], paths[2])
 
 
+@pytest.mark.parametrize("arm", ["ur5e", "ur3e", "panda"])
+def test_random_postures_are_within_one_turn_about_start_and_goals(arm):
+    """Farther where these are farther apart, and nowhere past a limit."""
+    kin, rng, slack = ArmKinematics(arm), np.random.default_rng(4), 1e-8
+    bound, turns, apart = 0, 0, 0
+    for _ in range(300):
+        known = rng.uniform(np.maximum(kin.lower, -6.2), np.minimum(kin.upper, 6.2), (rng.integers(2, 6), kin.n))
+        low, high = known.min(axis=0), known.max(axis=0)
+        lower, upper = _planning._sampled_range(kin, known[0], known[1:])
+        middle, half = (low + high) / 2, np.maximum(high - low, 2 * np.pi) / 2
+        np.testing.assert_allclose(lower, np.maximum(middle - half, kin.lower), rtol=0, atol=slack)
+        np.testing.assert_allclose(upper, np.minimum(middle + half, kin.upper), rtol=0, atol=slack)
+        assert ((lower < low) & (high < upper)).all()
+        wide = high - low > 2 * np.pi
+        cut = (middle - half < kin.lower) | (middle + half > kin.upper)
+        bound, turns, apart = bound + cut.sum(), turns + (~wide & ~cut).sum(), apart + wide.sum()
+    assert bound > 100
+    assert min(turns, apart) > 100 or arm == "panda"
+
+
 def test_nothing_between_two_samples_is_missed(checker):
     motion, exact = MotionCheck(checker), checker_with(WALL, POST, margin=0.0)
     rng = np.random.default_rng(0)

@@ -7,7 +7,7 @@ import pytest
 
 from kinreach.kinematics import URKinematics
 from kinreach.kinematics._chain import SerialChain
-from kinreach.kinematics._ur.refine import FAR, ROWS, Refinement
+from kinreach.kinematics._ur.refine import EXACT, FAR, ROWS, Refinement
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 from tests.cases import slow
 
@@ -48,3 +48,21 @@ def test_where_it_does_not_arrive_the_start_comes_back(chain):
     np.testing.assert_array_equal(found[:, ~arrived], starts[:, ~arrived])
     assert not arrived[::2].any()
     assert (np.abs(found - starts).max(axis=0) < FAR).all()
+
+
+def test_what_has_not_arrived_goes_on_and_what_has_stays(chain):
+    refinement, rng = Refinement(chain.placements), np.random.default_rng(2)
+    q = rng.uniform(-3.0, 3.0, (1500, 6))
+    wanted = refinement.wanted(chain.fk(q))
+    starts = q.T + rng.uniform(-0.015, 0.015, (6, 1500))
+    found, arrived = refinement.near(starts, np.arange(1500), wanted)
+    with np.errstate(all="ignore"):
+        once, off = refinement.refined(starts, wanted)
+        twice, still_off = refinement.refined(once, wanted)
+    at_first, later = off < EXACT, (off >= EXACT) & (still_off < EXACT)
+    near = np.abs(np.where(at_first, once, twice) - starts).max(axis=0) < FAR
+    assert (at_first & near).sum() > 500
+    assert (later & near).sum() > 50
+    np.testing.assert_array_equal(arrived, (at_first | later) & near)
+    np.testing.assert_array_equal(found[:, at_first & near], once[:, at_first & near])
+    np.testing.assert_array_equal(found[:, later & near], twice[:, later & near])

@@ -101,13 +101,15 @@ def test_a_calibrated_urdf_says_the_same(robot, tmp_path):
     np.testing.assert_allclose(read.placements, read_calibration(file, model).placements, atol=1e-10)
 
 
-def test_a_urdf_of_the_driver_with_a_prefix(tmp_path):
-    """Joints as in the driver's description: all about z, behind base_link_inertia."""
+@pytest.mark.parametrize("root", ["left_base_link", "left_base_link_inertia"])
+def test_a_urdf_of_the_driver_with_a_prefix(root, tmp_path):
+    """Joints as in the driver's description: all about z, behind base_link_inertia, which may be the root."""
     links = yaml.safe_load(PUBLISHED_CALIBRATIONS["ur5e_a"].read_text())["kinematics"]
     names = ["left_base_link_inertia", *(f"left_{link}_link" for link in LINKS)]
-    text = "".join(f'<link name="{name}"/>' for name in ["left_base_link", *names])
-    text += '<joint name="fixed" type="fixed"><origin rpy="0 0 3.141592653589793" xyz="0 0 0"/>'
-    text += '<parent link="left_base_link"/><child link="left_base_link_inertia"/></joint>'
+    text = "".join(f'<link name="{name}"/>' for name in dict.fromkeys([root, *names]))
+    if root == "left_base_link":
+        text += '<joint name="fixed" type="fixed"><origin rpy="0 0 3.141592653589793" xyz="0 0 0"/>'
+        text += '<parent link="left_base_link"/><child link="left_base_link_inertia"/></joint>'
     for joint, link, parent, child in zip(JOINTS, LINKS, names, names[1:], strict=False):
         xyz, rpy = (
             " ".join(repr(links[link][key]) for key in keys) for keys in (("x", "y", "z"), ("roll", "pitch", "yaw"))

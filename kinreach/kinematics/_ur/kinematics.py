@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -199,6 +200,10 @@ class URKinematics(ClosedFormKinematics):
         unreached = "" if found else miss_text(miss)
         return self._solutions(found, unreached, lambda q: pose_error(T, self.fk(q)), start, limits, tol)
 
+    def _found(self, T: Floats, tol: float, *, limits: bool) -> Sequence[Row]:
+        found, _ = self._solve_pose(self._flange_rows(T), None, limits=limits, tol=tol)
+        return self._within(found, lambda q: pose_error(T, self.fk(q)), None, limits, tol)
+
     def axis_solutions(
         self,
         position: ArrayLike,
@@ -331,10 +336,13 @@ class URKinematics(ClosedFormKinematics):
 
     def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
         """As `solve_pose`; a free wrist_3 gets a value with which the posture is within the limits."""
+        q6 = 0.0 if start is None else float(start[WRIST_3])
+        found, miss = solve_pose(rows, self.geometry, tol=tol, q6=q6)
+        if not limits or self._full_turn:
+            return found, miss
         seed = np.zeros(self.n) if start is None else start
-        found, miss = solve_pose(rows, self.geometry, tol=tol, q6=float(seed[WRIST_3]))
         free = [row for row in found if row[FLAGS] & WRIST]
-        if limits and not self._full_turn and not all(self._allows(row, seed, tol) for row in free):
+        if not all(self._allows(row, seed, tol) for row in free):
             fitting = free_wrist_within(rows, self.geometry, self.lower, self.upper, seed=seed, tol=tol)
             kept = [row for row in found if not row[FLAGS] & WRIST or self._allows(row, seed, tol)]
             chosen = {row[BRANCH]: row for row in (*found, *fitting, *kept)}
