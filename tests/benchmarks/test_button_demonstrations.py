@@ -32,12 +32,22 @@ def test_what_networks_see():
 
 
 def test_the_table(capsys):
+    """The 19 numbers do not say what the controller does next, which depends on its controls.
+
+    Networks with the controls are right more often than the most frequent answer is, and several times as often where
+    the second or third control changes. Those without are not right more often than it: measured over three trainings,
+    48 to 49 %, with the controls 61 to 62 %, and the most frequent answer 51 %.
+    """
     assert button_demonstrations.main(["--episodes", "40", "--trainings", "1"]) == 0
     said, _, head, _, *rows = capsys.readouterr().out.splitlines()
     assert re.fullmatch(r"Fitted to \d+ steps of 40 episodes, tried on \d+ of 10 others\.", said)
     assert head.startswith("| observed | action right, %")
-    shares = [[float(cell) for cell in row.strip("| ").split(" | ")[1:]] for row in rows]
-    assert len(shares) == 4
-    assert shares[0][1:] == [0.0, 0.0, 0.0]
-    assert all(0.0 <= share <= 100.0 for row in shares for share in row)
-    assert min(row[0] for row in shares) > 100 / 27  # by chance
+    shares = np.array([[float(cell) for cell in row.strip("| ").split(" | ")[1:]] for row in rows])
+    assert shares.shape == (4, 4)
+    assert ((shares >= 0.0) & (shares <= 100.0)).all()
+    frequent, numbers, steps, controls = shares
+    np.testing.assert_array_equal(frequent[1:], 0.0)
+    assert (shares[1:, 1:] > 0.0).all()
+    assert controls[0] > frequent[0] + 5.0
+    assert max(numbers[0], steps[0]) < frequent[0] + 2.0
+    assert (controls[2:] > 2.5 * np.maximum(numbers, steps)[2:]).all()
