@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -120,11 +120,16 @@ class SelfMotions:
                 found.append((float(np.linalg.norm(best - seed)), index, best))
         found.sort(key=lambda each: each[0])
         rest.sort(key=lambda each: each[0])
-        for _, index, q in [*found, *rest] if accept is not None else found[:1]:
-            if accept is None or accept(q.copy()):
-                return self._result(q, index)
-        if found:
-            return self._result(found[0][2], found[0][1], Status.REJECTED, "accept refused every posture on the curves")
+        refused: IKResult | None = None
+        for _, index, q in [*found, *rest]:
+            result = self._result(q, index)
+            if result.success and (accept is None or accept(q.copy())):
+                return result
+            if result.success:
+                reason = "accept refused every posture on the curves"
+                refused = refused or replace(result, status=Status.REJECTED, reason=reason)
+        if refused is not None:
+            return refused
         return self._none(seed)
 
     def clearest(self, checker: CollisionChecker) -> IKResult:

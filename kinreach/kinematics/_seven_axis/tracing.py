@@ -205,9 +205,10 @@ class SelfMotionTracer:
         """Compute every posture (k, 7) for poses (m, 4, 4) in which a joint at an end keeps a seed's value (7,)."""
         end = self._starts.ends[0]
         others = np.tile(np.delete(seed, end.held), (len(T), 1))
-        q, valid = end.method.many(end.poses(np.full(len(T), seed[end.held]), T), others, 1e-7)
+        q, valid = end.method.many(end.poses(np.full(len(T), seed[end.held]), T), others, MISSED)
         branch, row = np.nonzero(valid)
-        return np.insert(q[:, branch, row].T, end.held, seed[end.held], axis=1)
+        found = np.insert(q[:, branch, row].T, end.held, seed[end.held], axis=1)
+        return found[self._loop.step(found, T[row])[2] < MISSED]
 
     def tangents(self, q: Floats) -> Floats:
         """Compute unit tangents of a curve at its postures (m, 7), in their order: J t = 0, to rounding."""
