@@ -106,6 +106,7 @@ COEFFICIENTS = np.array([np.full(3, 1 / 3), 2 / 3 * np.cos(SAMPLES), 2 / 3 * np.
 _TWIST = np.zeros((16, 7))
 _TWIST[(3, 7, 11), (0, 1, 2)] = _TWIST[::5, 6][:3] = 1.0
 _TWIST[(9, 2, 4), (3, 4, 5)], _TWIST[(6, 8, 1), (3, 4, 5)] = 0.5, -0.5
+_IDENTITY = np.eye(4).ravel()
 #: (cos q/2, sin q/2) times (1, cos q, sin q) in (cos 3q/2, sin 3q/2, cos q/2, sin q/2).
 _HALF = np.array([
     [[0, 0, 1, 0], [0.5, 0, 0.5, 0], [0, 0.5, 0, 0.5]],
@@ -160,14 +161,7 @@ class Chain:
             the tip's error [m, rad], shape (m,).
         """
         count = len(q)
-        angles = np.empty((3, self._joints, count))
-        angles[0] = 1.0
-        np.cos(q.T, out=angles[1])
-        np.sin(q.T, out=angles[2])
-        products = (angles[:, None, None, 0:6:3] * angles[:, None, 1:6:3]) * angles[:, 2:6:3]
-        first, last = products.reshape(27, 2, count).transpose(1, 2, 0)
-        if self._joints == 7:
-            last = (products[..., 1, None, :] * angles[:, 6]).reshape(81, count).T
+        first, last = self._products(q)
         before, after = first @ self._halves[0], last @ self._halves[1]
         reached = before[:, :16].reshape(count, 4, 4) @ T @ after[:, :16].reshape(count, 4, 4)
         entries = reached.reshape(count, 16) @ _TWIST
@@ -178,6 +172,30 @@ class Chain:
         square = error * error
         turned = np.sqrt(square[:, 3:].sum(axis=1))
         return error, J, np.maximum(np.sqrt(square[:, :3].sum(axis=1)) + self._reach * turned, turned)
+
+    def reaches(self, q: Floats, T: Floats, off: float) -> NDArray[np.bool_]:
+        """Which postures (m, n) miss poses (m, 4, 4) or (1, 4, 4) by less than `off` [m, rad] for certain.
+
+        Entries of a transform are compared: for a few postures that is faster than `fk` and `miss`.
+        """
+        first, last = self._products(q)
+        before, after = (half[:, :16] for half in self._halves)
+        reached = (first @ before).reshape(-1, 4, 4) @ T @ (last @ after).reshape(-1, 4, 4)
+        difference = np.abs(reached.reshape(-1, 16) - _IDENTITY).max(axis=1)
+        return np.asarray(difference < off / (2.0 + 2.0 * self._reach))
+
+    def _products(self, q: Floats) -> tuple[Floats, Floats]:
+        """Products of 1, cosine and sine of the angles (m, n) of joints 1 to 3 (m, 27), and of the others."""
+        count = len(q)
+        angles = np.empty((3, self._joints, count))
+        angles[0] = 1.0
+        np.cos(q.T, out=angles[1])
+        np.sin(q.T, out=angles[2])
+        products = (angles[:, None, None, 0:6:3] * angles[:, None, 1:6:3]) * angles[:, 2:6:3]
+        first, last = products.reshape(27, 2, count).transpose(1, 2, 0)
+        if self._joints == 7:
+            last = (products[..., 1, None, :] * angles[:, 6]).reshape(81, count).T
+        return first, last
 
     @staticmethod
     def _half(placements: Floats, *, after: bool) -> Floats:

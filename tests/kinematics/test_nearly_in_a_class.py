@@ -5,12 +5,25 @@ import re
 import numpy as np
 import pytest
 
-from benchmarks.ik_arms.random_arms import CLASSES, OTHERS, apart, motion, random_motion, some_figures
-from kinreach.kinematics import ArmKinematics
+from benchmarks.ik_arms.arms import singular_poses
+from benchmarks.ik_arms.random_arms import (
+    CLASSES,
+    OTHERS,
+    apart,
+    kinematics,
+    motion,
+    random_motion,
+    some_arm,
+    some_figures,
+)
+from kinreach.kinematics import ArmKinematics, AxisGoal
 from kinreach.kinematics._general_6r import Chain, miss, missed_by
 from kinreach.kinematics._six_axis import methods
 from kinreach.robots._ur import nominal_urdf
 from tests.cases import slow
+
+#: Class that `make test` tries directions on.
+FEW = ("right angles",)
 
 
 def placements_of(rng, name, perturbed):
@@ -46,6 +59,55 @@ def test_no_posture_of_an_arm_near_a_class_is_lost_or_wrong(name, perturbed):
                 assert off.max() < 1e-9
                 poses += 1
     assert poses == 144
+
+
+@pytest.mark.parametrize("name", [*FEW, *slow(*(name for name in CLASSES if name not in FEW))])
+def test_a_tip_beside_the_last_axis_meets_every_direction(name, tmp_path):
+    """By up to 1e-5 m and rad, as a file with 1.5708 leaves it: the other joints make up for it, or other turns do."""
+    rng, goals, few = np.random.default_rng(len(name)), 0, 0
+    for tilt in (0.0, 1e-9, 3e-6):
+        placements = some_arm(rng, name, off=tilt if rng.random() < 0.5 else 0.0)
+        placements[6] = motion(0.0, 0.1, tilt, 0.0) @ motion(0.0, 0.0, 0.0, rng.choice([0.0, np.pi]) + tilt)
+        kin = kinematics(tmp_path, placements)
+        for poses in singular_poses(kin, 2).values():
+            for T in poses:
+                seed = rng.uniform(-3.0, 3.0, 6)
+                found = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=seed, limits=False)
+                assert found.success
+                assert found.residual.max() < 1e-7
+                result = kin.solve(AxisGoal(T[:3, 3], T[:3, 2]), seed)
+                assert not result.success or max(result.position_error, result.orientation_error) < 1e-7
+                goals, few = goals + 1, few + (len(found) <= 16)
+    assert goals >= 20
+    assert few > 0.6 * goals
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_no_posture_misses_where_others_reach(name):
+    """Arms with one figure so small that dividing by it is inexact: what leaves the house was tried on the arm."""
+    rng, poses = np.random.default_rng(len(name)), 0
+    for _ in range(8):
+        a, d, alpha, turn = some_figures(rng, name)
+        (a, d, alpha)[rng.integers(3)][rng.integers(3)] = 10.0 ** rng.uniform(-9, -6)
+        links = [motion(turn[i], d[i], a[i], alpha[i]) for i in range(5)]
+        placements = np.array([random_motion(rng, 0.3, np.pi), *links, random_motion(rng, 0.2, np.pi)])
+        method, chain = methods.method_of(placements), Chain(placements)
+        if isinstance(method, float):
+            continue
+        q = rng.uniform(-np.pi, np.pi, (6, 6))
+        T = np.tile(np.eye(4), (len(q), 1, 1))
+        T[:, :3] = chain.fk(q)
+        found, valid = method.many(T, np.zeros_like(q), 1e-7)
+        for pose, posture in enumerate(q):
+            for postures in (
+                found[:, valid[:, pose], pose].T,
+                np.array([row[2:] for row in method.one(T[pose], np.zeros(6), 1e-7)]),
+            ):
+                assert apart(posture, postures) < 1e-4  # all postures may be nearly singular
+                off = missed_by(miss(chain.fk(postures), np.broadcast_to(T[pose], (len(postures), 4, 4))))
+                assert off.max() < 1e-9
+                poses += 1
+    assert poses >= 48
 
 
 @pytest.mark.parametrize("digits", [3, 4, 5, 6])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -9,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats, as_floats, as_pose, check_tolerance, shown
 from kinreach.errors import InputError
+from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._chain import about_z, poses_about
 from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics
 from kinreach.kinematics._goals import (
@@ -20,7 +23,8 @@ from kinreach.kinematics._goals import (
     pose_error,
     rigid_poses,
 )
-from kinreach.kinematics._six_axis.methods import MIN_SHARE, SINGULAR, WAYS, method_of
+from kinreach.kinematics._near_closed_form import FAR
+from kinreach.kinematics._six_axis.methods import MIN_SHARE, MISSED, SINGULAR, WAYS, method_of
 from kinreach.kinematics._six_axis.reach import WristReach
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, ErrorOf, IKResult, IKSolutions, Row, Tolerance
 from kinreach.kinematics._solvers.iterative import GoalTask
@@ -30,6 +34,8 @@ OTHERS = sorted(np.linspace(-np.pi, np.pi, 48, endpoint=False).tolist(), key=abs
 #: How far the tip may be from the last joint's axis for that joint to turn about it [m, and sine of an angle]: a right
 #: angle in a URDF is often written as 1.5708. From `OFF_AXIS` on, the other joints make up for it, in so many steps.
 ON_AXIS, OFF_AXIS, AXIS_STEPS = 1e-5, 1e-12, 6
+#: Up to this far off, joints 1 to 5 have nothing to make up for.
+ON_AXIS_EXACTLY = 1e-10
 UNREACHED = "no posture reaches the goal"
 
 
@@ -127,8 +133,8 @@ class SixAxisKinematics(ClosedFormKinematics):
     ) -> IKSolutions:
         """Compute postures with the tip at a point and its z axis along a direction; rotation about it is free.
 
-        If the tip is on the last joint's axis, they are all there are. If not, they are those at 36 turns about the
-        direction, 10 degrees apart.
+        If the tip is on the last joint's axis, they are all there are. If not, or if it is beside it by up to 1e-5 m
+        and rad and only some turns reach, they are those at 36 turns about the direction, 10 degrees apart.
 
         Args:
             position: In the base frame [m], shape (3,).
@@ -144,19 +150,29 @@ class SixAxisKinematics(ClosedFormKinematics):
         start = self._posture_or_none(seed)
         goal = AxisGoal(position, axis)  # type: ignore[arg-type]
         free = self._last_turns_tip()
-        T = poses_about(goal.position, goal.axis, np.zeros(1) if free else TURNS_ABOUT)
-        last = None
+        tol, error_of = check_tolerance(tol), self._error_of(goal)
+
+        def rows_at(turns: Floats, *, limits: bool) -> list[Row]:
+            poses = poses_about(goal.position, goal.axis, turns)
+            return [row for T in poses for row in self._rows(T, start, error_of, limits=limits, tol=tol)]
+
+        found: list[Row] = []
         if free:
             last = 0.0 if start is None else float(start[-1])
             if limits:
                 last = min(max(last, self._low[-1]), self._high[-1])
-        tol, error_of = check_tolerance(tol), self._error_of(goal)
-        found = [row for pose in T for row in self._rows(pose, start, error_of, limits=limits and not free, tol=tol)]
-        if last is not None:
-            found = [self._made_up_for((*row[:-1], last), goal) for row in found]
-        if len(T) > 1:
-            found = [(index, *row[1:]) for index, row in enumerate(found)]
-        unreached = "" if found else (free and self._wrist_reach.why(T[0])) or UNREACHED
+            for row in rows_at(np.zeros(1), limits=False):
+                turned = self._made_up_for((*row[:-1], last), goal)
+                if turned is None:
+                    turn = math.copysign(last - row[-1], (last - row[-1]) * self._placements[-1][2, 2])
+                    near = rows_at(np.array([turn]), limits=False)
+                    turned = min(near, key=lambda other: _apart(other[ANGLES][:-1], row[ANGLES][:-1]), default=row)
+                found.append((row[BRANCH], *turned[FLAGS:]))
+        if not found and not self._last_turns_tip(ON_AXIS_EXACTLY):
+            found = [(index, *row[1:]) for index, row in enumerate(rows_at(TURNS_ABOUT, limits=limits))]
+        found = [row for row in found if max(error_of(np.array(row[ANGLES]))) <= MISSED] or found
+        (T,) = poses_about(goal.position, goal.axis, np.zeros(1))
+        unreached = "" if found else (free and self._wrist_reach.why(T)) or UNREACHED
         return self._solutions(found, unreached, error_of, start, limits, tol)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
@@ -197,17 +213,25 @@ class SixAxisKinematics(ClosedFormKinematics):
         T = rigid_poses(T)
         return self._method.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol)
 
-    def _last_turns_tip(self) -> bool:
-        """Whether the last joint turns the tip about its own z axis, either way, and moves it nowhere."""
+    def _last_turns_tip(self, off: float = ON_AXIS) -> bool:
+        """Whether the last joint turns the tip about its own z axis, either way, and moves it nowhere, or hardly."""
         after = self._placements[-1]
-        return bool(np.abs(after[:2, 2:]).max() < ON_AXIS)
+        return bool(np.abs(after[:2, 2:]).max() < off)
 
-    def _made_up_for(self, row: Row, goal: AxisGoal) -> Row:
-        """Move all joints but the last so that the tip meets a goal that it misses as little as it is off that axis."""
+    def _made_up_for(self, row: Row, goal: AxisGoal) -> Row | None:
+        """Move all joints but the last so that the tip meets a goal that it misses as little as it is off that axis.
+
+        None if it does not come to meet it from there.
+        """
         task, q = GoalTask(self, goal, Tolerance()), np.array(row[ANGLES])
         for _ in range(AXIS_STEPS):
             error, J = task.linearise(q)
             if np.abs(error).max() < OFF_AXIS:
                 break
             q[:-1] += np.linalg.lstsq(J[:, :-1], error, rcond=None)[0]
-        return (row[BRANCH], row[FLAGS], *q.tolist())
+        near = np.abs(q - row[ANGLES]).max() < FAR
+        return (row[BRANCH], row[FLAGS], *q.tolist()) if near and max(self._error_of(goal)(q)) < MISSED else None
+
+
+def _apart(q: Sequence[float], other: Sequence[float]) -> float:
+    return float(np.abs(wrapped(np.subtract(q, other))).max())

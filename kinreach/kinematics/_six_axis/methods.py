@@ -45,6 +45,8 @@ SINGULAR = -1.0
 CAUTION = 3.0
 #: By how much a posture may miss its pose and be counted as exact [m, rad].
 MISSED = 1e-9
+#: By how much less postures in batches of a trial have to miss their poses for no other batch to be tested.
+MARGIN = 100.0
 #: Joints (0 is the first) that move the wrist.
 POSITIONING = {0, 1, 2}
 #: By how much starts of Newton's method may miss a pose [m, rad].
@@ -101,12 +103,13 @@ class ClosedForm:
 
     def __init__(self, arm: DecoupledArm, placements: Floats) -> None:
         self._arm, self._chain = arm, Chain(placements)
+        self._exact = self._is_exact()
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
         rows = sorted(self._arm.solve(T, tol=tol, seed=seed.tolist()))
         if not rows or any(row[FLAGS] for row in rows):
             return self._singular(T, seed, tol)
-        if self._arm.by_shoulder:
+        if self._arm.by_shoulder and self._chain.reaches(np.array([row[ANGLES] for row in rows]), T, MISSED).all():
             return rows
         q, off = self._refined(rows, T, FAR)  # roots that almost merge are inexact
         if off.max() > MISSED or not first_of_each(q, SAME).all() or rows[-1][BRANCH] >= BRANCHES:
@@ -115,6 +118,9 @@ class ClosedForm:
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         q, valid, singular = solve_poses(self._arm, T, tol)
+        if not self._exact:
+            branch, pose = np.nonzero(valid)
+            singular[pose[missed_by(miss(self._chain.fk(q[:, branch, pose].T), T[pose])) > MISSED]] = True
         for row in np.flatnonzero(singular):
             q[..., row], valid[:, row] = np.nan, False
             for branch, _, *angles in self.one(T[row], seeds[row], tol):
@@ -124,8 +130,24 @@ class ClosedForm:
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         return _starts(self._arm, T)
 
+    def _is_exact(self) -> bool:
+        """Whether all postures in batches of random poses, some nearly singular, miss by a small part of `MISSED`.
+
+        If not, each posture of a batch is tested.
+        """
+        q, beside = _random_postures(), np.logspace(-1, -6, TRIALS)
+        bent = q.copy()
+        bent[:, 2] = self._arm.dh.sign[2] * (beside - self._arm.fore_angle - self._arm.dh.offset[2])
+        q[::2, 4] = (self._arm.dh.sign[4] * (beside - self._arm.dh.offset[4]))[::2]
+        q = np.vstack([q, bent])
+        T = _poses(self._chain.fk(q))
+        found, valid, singular = solve_poses(self._arm, T, EXACT)
+        branch, pose = np.nonzero(valid & ~singular)
+        off = missed_by(miss(self._chain.fk(found[:, branch, pose].T), T[pose]))
+        return bool(off.max(initial=0.0) < MISSED / MARGIN)
+
     def _singular(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        """Postures of a pose that may be singular; those that miss it by up to `tol` on branches without an exact one.
+        """Postures of a pose that may be singular; if none is exact, those that miss it by up to `tol`.
 
         What is singular by less than the tolerance of the closed form is free, and otherwise it is not: several
         tolerances find the postures of both. Those that miss the pose go there by Newton's method. If the widest
@@ -147,7 +169,7 @@ class ClosedForm:
         if samples:
             exact = exact[_families(self._chain, q[exact], T)]
         named: dict[int, int] = {}
-        for index in (*exact.tolist(), *np.flatnonzero(off <= tol).tolist()):
+        for index in exact.tolist() or np.flatnonzero(off <= tol).tolist():
             if rows[index][BRANCH] < BRANCHES:  # more roots than there are postures
                 named.setdefault(rows[index][BRANCH], index)
         spare = [index for index in exact.tolist() if index not in named.values()]
@@ -348,8 +370,7 @@ def _closed_forms(placements: Floats) -> tuple[dict[bool, list[Method]], dict[bo
 def _finds_again(method: Method, placements: Floats) -> bool:
     """Whether random postures are among those for their poses, and none of these misses its pose."""
     q, chain = _random_postures(), Chain(placements)
-    T = np.tile(np.eye(4), (len(q), 1, 1))
-    T[:, :3] = chain.fk(q)
+    T = _poses(chain.fk(q))
     found, valid = method.many(T, np.zeros_like(q), EXACT)
     branch, pose = np.nonzero(valid)
     postures = found[:, branch, pose].T
@@ -413,6 +434,13 @@ def _apart(dh: DenavitHartenberg, chain: Chain) -> float:
     """How far the poses of two arms are apart at most, over random postures [m, rad]."""
     q = _random_postures()
     return float(np.abs(dh.fk(q)[:, :3] - chain.fk(q)).max())
+
+
+def _poses(rows: Floats) -> Floats:
+    """Homogeneous transforms (m, 4, 4) from their upper rows (m, 3, 4)."""
+    T = np.tile(np.eye(4), (len(rows), 1, 1))
+    T[:, :3] = rows
+    return T
 
 
 def _random_postures() -> Floats:

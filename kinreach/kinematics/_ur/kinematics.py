@@ -64,7 +64,7 @@ TRIALS, FIT_TOLERANCE, AGAIN = 64, 1e-8, 1e-5
 #: Turns about the tool that are tried if all postures with the seed's wrist_3 are refused [rad].
 TURNS = np.radians([45, -45, 90, -90, 135, -135, 180])
 #: How far the flange may be from the last joint's axis for wrist_3 to turn about it [m, and sine of an angle].
-AXIS_TOLERANCE = 1e-9
+AXIS_TOLERANCE = 1e-10
 #: How far the tip may be from the flange's z axis [m], and its z axis from that one's direction [sine].
 ALIGNED = 1e-10
 
