@@ -1,5 +1,6 @@
 """Goals drawn ahead for many environments are those that each would draw alone."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from kinreach.envs._reach.reachable_goals import with_goals
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker
 from kinreach.kinematics._solvers import QPSolver
-from kinreach.robots import ArmDescription, Workcell, get_arm
+from kinreach.robots import ArmDescription, Box, Workcell, get_arm
 
 REGION = get_arm("ur5-thesis").workcell.goals
 
@@ -80,6 +81,20 @@ def test_an_arm_without_goals_is_given_some_of_its_size(file):
         assert result.success
         np.testing.assert_allclose(kin.fk(result.q)[:3, 3], goal, atol=2e-4)
     assert len(goals) == 8
+
+
+def test_goals_are_where_no_obstacle_is():
+    """A block fills half of the space about the arm, beside its base."""
+    bare = ArmDescription.from_urdf(ROBOTS / "ur_description/urdf/ur10_robot.urdf")
+    block = Box("block", (3.0, 6.0, 3.0), (1.8, 0.0, 1.0))
+    goals = {
+        obstacles: with_goals(replace(bare, workcell=Workcell(obstacles=obstacles))).workcell.draw_goals(
+            np.random.default_rng(0), 12
+        )
+        for obstacles in ((), (block,))
+    }
+    assert (goals[()][:, 0] > 0.3).sum() >= 3
+    assert (goals[(block,)][:, 0] < 0.3).all()
 
 
 def test_goals_that_nothing_reaches(monkeypatch):
