@@ -26,6 +26,8 @@ _WITH_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 _MAYBE_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}[.,][0-9]{3}")
 #: The line with which Excel says what separates cells.
 _EXCEL = re.compile(r'"?sep=(.)"?', re.IGNORECASE)
+#: Lines in which a header is looked for.
+MAX_ABOVE = 20
 _NOT_FINITE = ("nan", "inf", "infinity")
 
 
@@ -70,10 +72,12 @@ class Table:
         rows = []
         for row, line in zip(self.cells, self.lines, strict=True):
             words = [row[place] for place in places]
-            for word in words:
+            for word, place in zip(words, places, strict=True):
                 if _NUMBER.fullmatch(word) is None:
                     got = f"{needed}, got {shown(','.join(words))}: " if needed and not _is_not_finite(word) else ""
-                    raise InputError(f"{self.name}, line {line}: {got}{_why_no_number(word)}")
+                    column = shown(self.header[place]) if self.header else place + 1
+                    why = _why_no_number(word) if word else f"a number is missing in column {column}"
+                    raise InputError(f"{self.name}, line {line}: {got}{why}")
             rows.append([float(word) for word in words])
         values = np.array(rows, dtype=np.float64).reshape(len(rows), len(places))
         if not np.isfinite(values).all():
@@ -110,6 +114,7 @@ def table_of(text: str, name: str) -> Table:
     if (said := _EXCEL.fullmatch(lines[first].rstrip("\r\n"))) is not None:
         separator, first = said[1], first + 1
     start = lines[first] if first < len(lines) else ""
+    _refuse_title(lines, first, separator, name)
     separator = separator or _separator(start)
     rows, numbers = _rows(lines[first:], separator, first, name)
     if not rows:
@@ -136,6 +141,31 @@ def _separator(line: str) -> str:
     if "," in outside and len(words) > 1 and all(_WITH_COMMA.fullmatch(word) or word.isdigit() for word in words):
         return ""
     return next((sign for sign in ";\t," if sign in outside), "")
+
+
+def _refuse_title(lines: Sequence[str], first: int, separator: str | None, name: str) -> None:
+    """Refuse a table with text above its header, which is the line before the first numbers and as wide as they are."""
+    above: list[tuple[int, int, str]] = []
+    for number, line in enumerate(lines[first : first + MAX_ABOVE], start=first):
+        sign = _separator(line) if separator is None else separator
+        try:
+            rows, _ = _rows([line], sign, number, name)
+        except InputError:  # a part of a cell of several lines
+            continue
+        if not rows:
+            continue
+        count = len(rows[0])
+        if 2 * sum(_LIKE_A_NUMBER.fullmatch(cell) is not None for cell in rows[0]) <= count:
+            above.append((number, count, sign))
+            continue
+        if len(above) > 1:
+            (_, width, sign), (header, most, other) = above[0], above[-1]
+            if count <= most and (width < min(count, most) or (not sign and other)):
+                raise InputError(
+                    f"{name}, line {first + 1}: {shown(lines[first].strip())} stands above the header, which is line "
+                    f"{header + 1}; delete it, or begin it with #"
+                )
+        return
 
 
 def _rows(lines: Sequence[str], separator: str, before: int, name: str) -> tuple[list[list[str]], list[int]]:
@@ -207,8 +237,6 @@ def _is_not_finite(word: str) -> bool:
 
 def _why_no_number(word: str) -> str:
     """Say what is wrong with a cell that must be a number."""
-    if not word:
-        return "a number is missing"
     if _is_not_finite(word):
         return f"the numbers must be finite, got {shown(word)}"
     if _WITH_COMMA.fullmatch(word):

@@ -89,8 +89,9 @@ REFUSED = {
     "either": ("x;y\n1,234;2\n-5,678;3\n", "line 2: '1,234' could be 1.234 or 1234; write 1234, or four"),
     "either, with points": ("x;y\n1.234;2\n-5.678;3\n", "line 2: '1.234' could be 1.234 or 1234; write 1234, or four"),
     "text": ("x;y\n1;two\n", "line 2: 'two' is no number"),
-    "missing": ("x;y\n1;2\n3\n", "line 3: a number is missing"),
-    "missing amid": ("x,y\n1,2\n,4\n", "line 3: a number is missing"),
+    "missing": ("x;y\n1;2\n3\n", "line 3: a number is missing in column 'y'"),
+    "missing amid": ("x,y\n1,2\n,4\n", "line 3: a number is missing in column 'x'"),
+    "missing without a header": ("1;2\n3\n", "line 2: a number is missing in column 2"),
     "too many": ("x;y\n1;2;3\n", "line 2: 2 cells are needed, as in the header, got 3"),
     "too many without a header": ("1;2\n1;2;3\n", "line 2: 2 cells are needed, as in the first line, got 3"),
     "nan": ("x;y\n1;nan\n", "line 2: the numbers must be finite"),
@@ -112,6 +113,36 @@ def test_what_could_be_read_in_two_ways_is_refused(name):
         table_of(text, "a.csv").numbers([0, 1])
     assert str(caught.value).startswith("a.csv")
     assert "\n" not in str(caught.value)
+
+
+#: Lines that stand above a header.
+TITLES = (
+    "My robot", "Poses, measured by hand", "Poses of 12.05.2024, 13:00, cell 3; flange", '"A title, between quotes"',
+    "A title of more words than the table has columns", "Date\t12.05.2024", "Robot,,,,,",
+)  # fmt: skip
+
+
+def test_a_title_above_the_header_is_named_whatever_separates_the_cells():
+    """And no line that belongs to the table: units below the header, text in some columns, one column."""
+    tried = 0
+    for separator, comma, title in itertools.product(";\t, ", (False, True), TITLES):
+        if (separator == "," and comma) or (separator == " " and title.endswith("columns")):  # it may be the header
+            continue
+        text = written([HEADER, *POSES], separator=separator, comma=comma, first=[title])
+        for more in ("", "\n", "# a comment\n", "Second line\n"):
+            at = 1 + more.count("\n")
+            with pytest.raises(InputError) as caught:
+                table_of(text.replace(title + "\n", f"{title}\n{more}", 1), "a.csv").numbers(range(6))
+            said = str(caught.value)
+            assert said.startswith("a.csv, line 1: "), said
+            assert f"stands above the header, which is line {at + 1}; delete it, or begin it with #" in said
+            tried += 1
+    assert tried == (7 * len(TITLES) - 2) * 4
+    assert table_of("x;y;note\n1;2;no comment\n", "a").header == ["x", "y", "note"]
+    assert table_of("name;x;y\nfirst;1;2\n", "a").header == ["name", "x", "y"]
+    assert table_of("note\none\n1\n", "a").header == ["note"]
+    with pytest.raises(InputError, match="line 2: 's' is no number"):
+        table_of("t;x;note\ns;m\n1;2\n", "a").numbers([0, 1])
 
 
 @pytest.mark.parametrize(

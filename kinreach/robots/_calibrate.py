@@ -18,11 +18,11 @@ from kinreach.robots._calibration import (
     as_conf,
     as_driver_file,
     calibration_of,
+    calibrations_in,
     from_program,
     is_calibration,
     models_that_fit,
     nominal_dh,
-    read_calibration,
 )
 from kinreach.robots._calibration_fit import CalibrationFit, Fitted, fitted_chain, fitted_ur, millimetres
 from kinreach.robots._description import ArmDescription
@@ -153,7 +153,11 @@ def calibrate(
             raise InputError(f"{others[0]} carries the figures themselves: give it alone")
         if not isinstance(own, str | None):
             raise InputError(f"{paths[0].name} carries the figures of a UR, not of {own.title}")
-        return _read(paths[0], contents[0], own, tcp, robot) if programs[0] else _converted(paths[0], own, tcp)
+        return (
+            _read(paths[0], contents[0], own, tcp, robot)
+            if programs[0]
+            else _converted(paths[0], contents[0], own, tcp)
+        )
     joints = own.joints if isinstance(own, ArmDescription) else ()
     each = (
         [source]
@@ -243,12 +247,12 @@ def _of_waypoints(names: Sequence[str]) -> str:
     return f"{len(names)} waypoints, {', '.join(names[:3])}{', ...' if len(names) > 3 else ''}"
 
 
-def _converted(path: Path, model: str | None, tcp: Floats | None) -> CalibratedArm:
+def _converted(path: Path, content: bytes, model: str | None, tcp: Floats | None) -> CalibratedArm:
     """A calibration that is one already; of the models that it fits the nearest, unless it says only differences."""
-    found = []
+    found, calibration_as = [], calibrations_in(content, path)
     for name in [model] if model else UR_LENGTHS:
         try:
-            found.append(read_calibration(path, name))
+            found.append(calibration_as(name))
         except InputError as error:
             reason = error
     if not found:

@@ -16,7 +16,7 @@ import hashlib
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
@@ -98,37 +98,61 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
             in another unit, is folded (unless `repair`), or is of another model; the message names joint, value, bound.
     """
     check_known("UR model", model, UR_LENGTHS)
-    path, note = PUBLISHED_CALIBRATIONS.get(str(file)) or check_path("file", file), ""
-    content = read_bytes(path, "the calibration", most=MAX_CHARACTERS)
+    path = PUBLISHED_CALIBRATIONS.get(str(file)) or check_path("file", file)
+    return calibrations_in(read_bytes(path, "the calibration", most=MAX_CHARACTERS), path, repair=repair)(model)
+
+
+def calibrations_in(content: bytes, path: Path, *, repair: bool = False) -> Callable[[str], Calibration]:
+    """Read the content of a calibration file, as `read_calibration`, once for all models.
+
+    Returns:
+        A function that returns the calibration of a model by its name, or raises what `read_calibration` does.
+    """
+    if len(content) > MAX_CHARACTERS:
+        raise InputError(f"cannot read the calibration {path}: it has {len(content)} bytes, too many for one")
     if is_program(content):
-        return from_program(_only_robot(read_program(content, path.name), path.name, model), model, path)
+        program = read_program(content, path.name)
+        return lambda model: from_program(_only_robot(program, path.name, model), model, path)
+    placed_as = _figures_in(content, path)
+
+    def calibration(model: str) -> Calibration:
+        placed, note = placed_as(model)
+        placements, repaired = _placements(placed, model), ""
+        wrong = _what_is_wrong(placements, model)
+        if wrong:
+            link, unfolded = _unfolded(placed, model)
+            if not link:
+                raise InputError(f"{wrong}{_better_model(placed, model)}")
+            if not repair:
+                raise InputError(
+                    f"the calibration is folded at {link}: {wrong}; with x and y of {link} negated it fits {model}, "
+                    "as after a known fault of old exporters. repair=True does that; better is to export it again"
+                )
+            placements, repaired = unfolded, link
+        return Calibration(model, placements, path, repaired, note)
+
+    return calibration
+
+
+def _figures_in(content: bytes, path: Path) -> Callable[[str], tuple[_Placed, str]]:
+    """Return the figures of a file by the model, and what is assumed of them."""
     try:
         text = content.decode()
     except UnicodeDecodeError as error:
         raise InputError(f"cannot read the calibration {path}: it is not UTF-8 text ({error})") from None
-    if text.lstrip().startswith("<"):
-        placed = _from_urdf(text)
-    elif "delta_theta" in text:
-        placed = _from_controller(text, model)
-        fits = [name for name in UR_LENGTHS if _fits(_from_controller(text, name), name)]
-        note = f"{path.name} does not name its model: {model} is assumed, it fits {', '.join(fits) or 'none well'}"
-        if fits and model not in fits:
-            raise InputError(f"the calibration is not that of a {model}: it fits {' or '.join(fits)}")
-    else:
-        placed = _from_driver(text)
-    placements, repaired = _placements(placed, model), ""
-    wrong = _what_is_wrong(placements, model)
-    if wrong:
-        link, unfolded = _unfolded(placed, model)
-        if not link:
-            raise InputError(f"{wrong}{_better_model(placed, model)}")
-        if not repair:
-            raise InputError(
-                f"the calibration is folded at {link}: {wrong}; with x and y of {link} negated it fits {model}, as "
-                "after a known fault of old exporters. repair=True does that; better is to export it again"
-            )
-        placements, repaired = unfolded, link
-    return Calibration(model, placements, path, repaired, note)
+    if "delta_theta" in text and not text.lstrip().startswith("<"):
+        each = {name: _from_controller(text, name) for name in UR_LENGTHS}
+        fits = [name for name in UR_LENGTHS if _fits(each[name], name)]
+
+        def assumed(model: str) -> tuple[_Placed, str]:
+            if fits and model not in fits:
+                raise InputError(f"the calibration is not that of a {model}: it fits {' or '.join(fits)}")
+            well = ", ".join(fits) or "none well"
+            return each[model], f"{path.name} does not name its model: {model} is assumed, it fits {well}"
+
+        return assumed
+    placed = _from_urdf(text) if text.lstrip().startswith("<") else _from_driver(text)
+    return lambda _: (placed, "")
 
 
 def is_calibration(content: bytes) -> bool:

@@ -23,9 +23,9 @@ from kinreach.robots._calibration import (
     PUBLISHED_CALIBRATIONS,
     Calibration,
     calibration_of,
+    calibrations_in,
     is_calibration,
     nominal_placements,
-    read_calibration,
 )
 from kinreach.robots._identification import IdentifiedArm, Prior, frames_of, turns_between
 from kinreach.robots._pairs import PosePairs, looks_like_rows, pairs_of
@@ -594,7 +594,7 @@ def calibration_from(file: str | Path, model: str, *, repair: bool = False) -> C
     path = PUBLISHED_CALIBRATIONS.get(str(file)) or check_path("file", file)
     content = read_bytes(path, "the calibration", most=2**28)
     if is_program(content) or is_calibration(content) or not looks_like_rows(content):
-        return read_calibration(file, model, repair=repair)
+        return calibrations_in(content, path, repair=repair)(model)
     found = fitted_ur(model, pairs_of(content, path.name))
     if found.missing:
         raise InputError(f"{path.name} does not determine the calibration: {found.missing}")

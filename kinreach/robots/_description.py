@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_ANGLE, as_floats, as_vector, check_known, check_number, shown
-from kinreach.errors import InputError, UnknownOptionError
+from kinreach.errors import InputError, UnknownNameError, UnknownOptionError
 from kinreach.robots._calibration import Calibration, calibrated_urdf
 from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots._tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
@@ -132,10 +132,14 @@ class ArmDescription:
         self._check_kinds()
         for name in PER_JOINT:
             object.__setattr__(self, name, tuple(as_floats(name, getattr(self, name)).ravel().tolist()))
-        if self.tips and self.default_tip:
-            check_known(f"tip of arm {self.name!r}", self.default_tip, self.tips)
-        elif self.tips:
+        if self.tips and not self.default_tip:
             object.__setattr__(self, "default_tip", next(iter(self.tips)))
+        elif self.tips and self.default_tip not in self.tips:
+            raise UnknownNameError(
+                f"default_tip of arm {self.name!r} is {shown(self.default_tip)}, which is none of its tips "
+                f"{', '.join(self.tips)}; with other tips give a default_tip, too, such as "
+                f"default_tip={next(iter(self.tips))!r}"
+            )
         missing = [name for name in defaults if not getattr(self, name)]
         if missing:
             tip = self.tips.get(self.default_tip, self.default_tip) if self.default_tip else None
@@ -163,6 +167,7 @@ class ArmDescription:
         kinds: Mapping[str, tuple[type | UnionType, str]] = {
             "name": (str, "text"),
             "title": (str, "text"),
+            "default_tip": (str, "text"),
             "build_urdf": (Callable, "a function"),  # type: ignore[dict-item]
             "package_root": (Callable, "a function"),  # type: ignore[dict-item]
             "workcell": (Workcell, "a Workcell"),

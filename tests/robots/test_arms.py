@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from kinreach.errors import InputError, InstallationError
+from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
 from kinreach.robots import (
     PUBLISHED_CALIBRATIONS,
@@ -274,3 +274,15 @@ def test_a_registered_arm_has_its_name():
 def test_only_arms_are_registered(other):
     with pytest.raises(InputError, match="an arm must be an ArmDescription"):
         register_arm(other)
+
+
+def test_other_tips_need_a_default_tip():
+    arm = get_arm("ur5e")
+    with pytest.raises(UnknownNameError) as caught:
+        replace(arm, tips={"wrist": "wrist_3_link", "flange": "tool0"})
+    assert str(caught.value) == (
+        "default_tip of arm 'ur5e' is 'tool0', which is none of its tips wrist, flange; with other tips give a "
+        "default_tip, too, such as default_tip='wrist'"
+    )
+    changed = replace(arm, tips={"wrist": "wrist_3_link", "flange": "tool0"}, default_tip="flange")
+    assert ArmKinematics(changed).tip == "flange"

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kinreach import _files
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.robots import PosePairs, calibrate, get_arm, read_calibration
+from kinreach.robots import PUBLISHED_CALIBRATIONS, PosePairs, _calibration, calibrate, get_arm, read_calibration
 from kinreach.robots._calibration import nominal_dh, nominal_placements
+from kinreach.robots._calibration_fit import calibration_from
 from kinreach.robots._identification import frames_of, moved_frames
 from kinreach.robots._ur import UR_LENGTHS
 from kinreach.robots._urdf_chain import UrdfChain
@@ -563,3 +565,33 @@ def test_models_that_rows_do_not_tell_apart_are_named():
     true, q = made_up("ur5e", 10), postures(20, 10, turn=0.01)
     said = refused(pairs_of(true, q, known=False))
     assert "do not tell" in said or "no model" in said or "posture" in said
+
+
+def test_a_calibration_is_read_once(tmp_path, monkeypatch):
+    """However many models it is held against: the file, and what is written in it."""
+    arm = get_arm("ur5e").calibrated("ur5e_a")
+    (tmp_path / "my.urdf").write_text(arm.urdf)
+    calibrate(PUBLISHED_CALIBRATIONS["ur5e_a"]).save(tmp_path / "my.conf")
+    files = [PUBLISHED_CALIBRATIONS["ur5e_a"], tmp_path / "my.urdf", tmp_path / "my.conf"]
+    read, parsed = [], []
+    opened, from_urdf = _files.open_input, _calibration._from_urdf
+
+    def opening(path, *rest, **more):
+        read.append(path)
+        return opened(path, *rest, **more)
+
+    def parsing(text):
+        parsed.append(text)
+        return from_urdf(text)
+
+    monkeypatch.setattr(_files, "open_input", opening)
+    monkeypatch.setattr(_calibration, "_from_urdf", parsing)
+    for file in files:
+        for result in (calibrate(file, arm="ur5e"), calibration_from(file, "ur5e"), read_calibration(file, "ur5e")):
+            assert "ur5e" in (result.models if hasattr(result, "models") else [result.model])
+        assert read == [file] * 3
+        read.clear()
+    for file in files[:2]:
+        assert "ur5e" in calibrate(file).models
+    assert read == files[:2]
+    assert len(parsed) == 4
