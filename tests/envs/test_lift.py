@@ -557,5 +557,9 @@ def test_a_grasp_is_a_posture_and_an_opening():
     np.testing.assert_allclose(postures, np.pi * actions[:, :-1], atol=1e-12)
     np.testing.assert_allclose(openings, 0.08 * (1.0 + actions[:, -1]), atol=1e-12)
     np.testing.assert_allclose(openings[:3], [0.0, 0.08, 0.16], atol=1e-12)
-    for action, q, opening in zip(actions, postures, openings, strict=True):
-        np.testing.assert_allclose(task.action_for(q, opening), action, atol=1e-12)
+    narrow = get_arm("ur5e").with_limits({"elbow_joint": (-1.0, 2.5), "wrist_1_joint": (-3.0, 0.5)})
+    narrow = make(arm=narrow).unwrapped._task
+    np.testing.assert_allclose(narrow.grasps(actions)[0][:, 2], 0.75 + 1.75 * actions[:, 2], atol=1e-12)
+    for one in (task, narrow):
+        for action, q, opening in zip(actions, *one.grasps(actions), strict=True):
+            np.testing.assert_allclose(one.action_for(q, opening), action, atol=1e-12)

@@ -70,6 +70,12 @@ def played(env):
     return np.array(numbers)
 
 
+@pytest.mark.parametrize("name", DYNAMIC)
+def test_the_textures_of_a_model_are_small(name):
+    """A thousand environments have a thousand models: all their textures are half a gigabyte."""
+    assert 0 < made(name).unwrapped.model.ntexdata < 500_000
+
+
 def test_these_are_all_ids_with_dynamics():
     assert {name for name in IDS if hasattr(gym.make(name).unwrapped, "model")} == set(DYNAMIC)
     assert {name for name in IDS if hasattr(gym.make(name).unwrapped, "data")} == set(DYNAMIC)
