@@ -83,7 +83,7 @@ def checked(name: str, errors: bool, posture: int, *, full: bool) -> dict[str, A
     if full:
         T = kin.fk(q)
         samples, charts = (np.empty((0, 7)), np.empty((0, 7))) if errors else theirs(name, T)
-        more = np.vstack([np.empty((0, 7)), *(curve for curve, _ in finer(kin).curves(T))])
+        more = np.vstack([np.empty((0, 7)), *(curve for curve, _ in finer(kin).curves(T)[0])])
         counts = len(samples) + len(charts), *(_lost(kin, curves, each, T) for each in (samples, charts, more))
         others = dict(zip(COMPARED, counts, strict=True))
     return {"arm": name, "errors": int(errors), "posture": posture, **found, **others}

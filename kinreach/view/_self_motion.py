@@ -55,6 +55,9 @@ class SelfMotionFolder(Branch):
         if not motions.success:
             self.clear(f"There is no self-motion: {motions.reason}.")
             return
+        if not motions.curves:
+            self.clear("The postures of this pose are a surface, not curves: two pairs of axes coincide.")
+            return
         curves, count = motions.curves, len(motions)
         ends = ["closed" if curve.closed else "ends at limits" for curve in curves]
         self._curves = [

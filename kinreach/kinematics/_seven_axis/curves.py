@@ -37,7 +37,7 @@ class SelfMotion:
 
     Attributes:
         q: Postures along the curve [rad], shape (m, 7), at most 0.15 rad apart, without jumps. A curve that is shorter
-            than 1e-4 rad may be one posture, and a surface of postures is as many curves of one posture each.
+            than 1e-4 rad may be one posture.
         tangent: Unit tangents there, shape (m, 7): the tip does not move along them.
         length: Arc length from the first posture [rad], shape (m,): the parameter of the curve.
         closed: Whether the last posture leads back to the first. If not, the curve ends at joint limits, or where it
@@ -76,11 +76,15 @@ class SelfMotions:
 
     Attributes:
         curves: The curves, the longest first.
-        status: `OK` if there is at least one.
+        surfaces: Families of postures of two parameters, or three: postures all over each [rad], shape (m, 7), at most
+            0.4 rad apart in every joint, or twice or four times that if there are many. A pose has some only where
+            pairs of axes coincide, as where the shoulder and the wrist of an iiwa are straight.
+        status: `OK` if there is at least one curve or surface.
         reason: Why there is none, else empty.
     """
 
     curves: Sequence[SelfMotion]
+    surfaces: Sequence[Floats]
     status: Status
     reason: str
     _kinematics: SevenAxisKinematics
@@ -102,7 +106,8 @@ class SelfMotions:
     def nearest(self, seed: Floats, *, accept: Accept | None = None) -> IKResult:
         """Return the posture nearest to a seed (7,) that is accepted; `branch` is the index of its curve.
 
-        Newton's method from the seed itself finds a posture, too. If that is on none of the curves, its index is -1.
+        Indices of surfaces follow those of the curves. Newton's method from the seed itself finds a posture, too. If
+        that is on none of them, its index is -1.
         """
         least: list[tuple[float, int, Floats, Floats]] = []
         rest: list[tuple[float, int, Floats]] = []
@@ -111,6 +116,11 @@ class SelfMotions:
             apart = np.linalg.norm(q - seed, axis=1)
             rest += [(float(d), index, posture) for d, posture in zip(apart, q, strict=True)]
             least += [(float(apart[i]), index, q[i], curve.tangent[i]) for i in _least(apart, closed=curve.closed)]
+        for index, cover in enumerate(self.surfaces, start=len(self.curves)):
+            q = nearest_windings(cover.T, seed[:, None], self._lower, self._upper)[0].T
+            apart = np.linalg.norm(q - seed, axis=1)
+            rest += [(float(d), index, posture) for d, posture in zip(apart, q, strict=True)]
+            least += [(float(apart[i]), index, q[i], np.zeros(7)) for i in np.argsort(apart)[:CLIMBS]]
         least += self._beside(seed)
         worth = min((each[0] for each in least), default=0.0) + 2.0 * LONGEST if accept is None else np.inf
         found = []
@@ -161,6 +171,9 @@ class SelfMotions:
             padded = np.pad(values, 1, constant_values=-np.inf)
             highest = np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]))
             tops += [(float(values[k]), index, curve.q[spaced[k]], curve.tangent[spaced[k]]) for k in highest]
+        for index, cover in enumerate(self.surfaces, start=len(self.curves)):
+            values = np.array([measure(q) for q in cover])
+            tops += [(float(values[k]), index, cover[k], np.zeros(7)) for k in np.argsort(-values)[:CLIMBS]]
         if not tops:
             return self._none(np.array(kin.arm.home))
         best = sorted(tops, key=lambda each: -each[0])[:CLIMBS]
@@ -176,13 +189,14 @@ class SelfMotions:
     def _uphill(
         self, measure: Callable[[Floats], float], value: float, q: Floats, t: Floats, size: float
     ) -> tuple[float, Floats]:
-        """The largest measure along a curve from a posture, and where it is."""
+        """The largest measure along a curve or over a surface from a posture, and where it is."""
         while size > 1e-4:
-            moves = [(measure(other), other) for other in (self._moved(q, t, size), self._moved(q, t, -size))]
-            best, other = max(moves, key=lambda move: move[0])
+            moves = [(measure(other), other) for other in self._moves(q, t, size)]
+            best, other = max(moves, key=lambda move: move[0], default=(value, q))
             if best > value:
                 value, q = best, other
-                t = self._kinematics._tracer.corrected(q[None], self._T, t[None], steps=1)[1][0]
+                if t.any():
+                    t = self._kinematics._tracer.corrected(q[None], self._T, t[None], steps=1)[1][0]
             else:
                 size *= 0.5
         return value, q
@@ -206,14 +220,11 @@ class SelfMotions:
         return [(float(np.linalg.norm(posture - seed)), index, posture, tracer.tangents(q)[0])]
 
     def _walked(self, q: Floats, t: Floats, seed: Floats) -> Floats:
-        """Go along a curve towards a seed, as far as the limits allow; on a surface of postures straight to it."""
-        tracer = self._kinematics._tracer
-        share, surface = 1.0, tracer.on_surface(q, self._T)
+        """Go along a curve towards a seed, as far as the limits allow; on a surface straight to it."""
+        tracer, share = self._kinematics._tracer, 1.0
+        if tracer.on_surface(q, self._T):
+            return self._walked_on_surface(q, seed)
         for _ in range(STEPS):
-            if surface:
-                plane = tracer.plane(q)
-                way = (seed - q) @ plane.T @ plane
-                t = way / max(float(np.linalg.norm(way)), ARRIVED)
             step = share * float(np.clip((seed - q) @ t, -LONGEST, LONGEST))
             if abs(step) < ARRIVED:
                 break
@@ -224,6 +235,30 @@ class SelfMotions:
             else:
                 share *= 0.5
         return q
+
+    def _walked_on_surface(self, q: Floats, seed: Floats) -> Floats:
+        tracer, longest = self._kinematics._tracer, 2.0 * LONGEST
+        for _ in range(STEPS):
+            plane = tracer.onto_surface(q, self._T)[1]
+            way = (seed - q) @ plane.T @ plane
+            way *= min(1.0, longest / max(float(np.linalg.norm(way)), ARRIVED))
+            if np.linalg.norm(way) < ARRIVED:
+                break
+            trial, _, off = tracer.onto_surface(q + way, self._T)
+            if np.linalg.norm(seed - trial) < np.linalg.norm(seed - q) and off < MISSED and self._within(trial):
+                q = trial
+            else:
+                longest = 0.5 * min(longest, float(np.linalg.norm(way)))
+        return q
+
+    def _moves(self, q: Floats, t: Floats, step: float) -> list[Floats]:
+        """Postures a step away, along the curve both ways, or on a surface if the tangent is 0."""
+        if t.any():
+            return [self._moved(q, t, step), self._moved(q, t, -step)]
+        tracer = self._kinematics._tracer
+        plane = step * tracer.onto_surface(q, self._T)[1]
+        trials = [tracer.onto_surface(q + way, self._T) for way in np.vstack([plane, -plane])]
+        return [trial for trial, _, off in trials if off < MISSED and self._within(trial)]
 
     def _moved(self, q: Floats, t: Floats, step: float) -> Floats:
         """A posture farther along the curve, or the same where that is not on it or outside of the limits."""
@@ -249,6 +284,16 @@ def within_limits(
     """The parts of curves within the joint limits, the longest first."""
     parts = [part for curve in curves for part in cut(tracer, T, curve, lower, upper)]
     return sorted((_motion(tracer, T, *part) for part in parts), key=lambda motion: -motion.total)
+
+
+def surfaces_within_limits(surfaces: Sequence[Floats], lower: Floats, upper: Floats) -> list[Floats]:
+    """The postures of surfaces that can be wound into the joint limits, the most first."""
+    found = []
+    for q in surfaces:
+        seed = np.clip(q, lower, upper)
+        wound, within = nearest_windings(q.T, seed.T, lower, upper)
+        found.append(wound.T[within])
+    return sorted((q for q in found if len(q)), key=len, reverse=True)
 
 
 def _motion(tracer: SelfMotionTracer, T: Floats, q: Floats, closed: bool) -> SelfMotion:

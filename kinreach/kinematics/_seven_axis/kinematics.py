@@ -13,7 +13,7 @@ from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._chain import poses_about
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, goal_error, nearest_rotations, pose_error
-from kinreach.kinematics._seven_axis.curves import SelfMotions, within_limits
+from kinreach.kinematics._seven_axis.curves import SelfMotions, surfaces_within_limits, within_limits
 from kinreach.kinematics._seven_axis.starts import JOINTS
 from kinreach.kinematics._seven_axis.tracing import SelfMotionTracer
 from kinreach.kinematics._six_axis.methods import WAYS
@@ -70,24 +70,25 @@ class SevenAxisKinematics(ArmKinematics):
         Returns:
             The curves, or the reason why there is none. Where every posture is singular, because the elbow of an arm
             such as an iiwa is stretched to less than 1e-5 rad, each curve is there twice, once for either side of the
-            elbow, 3e-5 rad apart. Its postures miss the pose by up to 1e-10 m and rad. Where postures form a surface,
-            because two pairs of axes coincide, postures all over it are there as curves of one posture each.
+            elbow, 3e-5 rad apart. Its postures miss the pose by up to 1e-10 m and rad. Where two pairs of axes
+            coincide, or almost, the postures are a surface: it is among `surfaces`, by postures all over it.
 
         Raises:
             InputError: `T` is not a finite rigid motion, or the seed is malformed.
         """
         T = as_pose("T", T).copy()
         T[:3, :3] = nearest_rotations(T[:3, :3])
-        curves = self._tracer.curves(T, None if seed is None else self.as_posture("seed", seed))
+        curves, wide = self._tracer.curves(T, None if seed is None else self.as_posture("seed", seed))
         far = np.full(self.n, MAX_ANGLE)
         lower, upper = (self.lower, self.upper) if limits else (-far, far)
         found = within_limits(self._tracer, T, curves, lower, upper)
+        surfaces = surfaces_within_limits(wide, lower, upper)
         status, reason = Status.OK, ""
-        if not found:
+        if not (found or surfaces):
             status, reason = Status.OUT_OF_REACH, UNREACHED
-        if curves and not found:
-            status, reason = Status.OUT_OF_LIMITS, "every posture is outside the joint limits"
-        return SelfMotions(found, status, reason, self, T, lower, upper)
+            if curves or wide:
+                status, reason = Status.OUT_OF_LIMITS, "every posture is outside the joint limits"
+        return SelfMotions(found, surfaces, status, reason, self, T, lower, upper)
 
     def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture for a pose that is nearest to a seed, over all self-motions.

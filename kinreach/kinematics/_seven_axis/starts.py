@@ -43,6 +43,8 @@ GOLDEN = 0.6180339887498949
 REACHED, NOT_BETTER = 1e-13, 1e-11
 #: Steps of Newton's method; after so many only what misses the pose by less goes on [m, rad].
 STEPS, NEAR = 12, 1e-4
+#: Steps without it where that is slow, and singular values below this share of the largest are 0 there.
+POLISHING, ROUNDING = 3, 1e-12
 #: Random starts where there are no others, and steps from them.
 RANDOM, RANDOM_STEPS = 128, 40
 #: A curve is not followed at a posture at which the Jacobian's smallest singular value is less than this, or than so
@@ -164,12 +166,30 @@ class Starts:
             left = off >= REACHED
             going, error, J, off = going[left], error[left], J[left], off[left]
             if step == steps or not len(going):
+                going = going[off < NEAR]
+                q[going], off = self._polished(q[going], T)
                 found.append(going[off < NOT_BETTER])
-                going = going[(off >= NOT_BETTER) & (off < NEAR)]
+                going = going[off >= NOT_BETTER]
                 break
             turned = J.transpose(0, 2, 1)
             q[going] += limited((turned @ solved(J @ turned + NUDGE * np.eye(6), error[..., None]))[..., 0])
         return q[np.sort(np.concatenate(found))], q[going]
+
+    def _polished(self, q: Floats, T: Floats) -> tuple[Floats, Floats]:
+        """Postures (m, 7) brought nearer to a pose where `NUDGE` slows Newton's method, and how far they miss it (m,).
+
+        Two pairs of axes that almost coincide make a small singular value, although the curve there is regular.
+        """
+        best, best_off = q, self.loop.step(q, T[None])[2]
+        for _ in range(POLISHING):
+            if not (best_off >= REACHED).any():
+                break
+            error, J, _ = self.loop.step(q, T[None])
+            q = q + limited((np.linalg.pinv(J, rcond=ROUNDING) @ error[..., None])[..., 0])
+            off = self.loop.step(q, T[None])[2]
+            better = off < best_off
+            best, best_off = np.where(better[:, None], q, best), np.where(better, off, best_off)
+        return best, best_off
 
     def _vertices(self, q: Floats, T: Floats) -> Floats:
         """Vertices (k, 7) of the conics that a pose's curves are, beside singular postures near some (m, 7)."""

@@ -19,6 +19,7 @@ from kinreach.kinematics._angles import TURN, wrapped
 from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._general_6r import Chain, first_of_each
 from kinreach.kinematics._seven_axis.starts import GOLDEN, JOINTS, NUDGE, REACHED, Starts, limited, solved
+from kinreach.kinematics._seven_axis.surfaces import FREE, beside, moved_onto, surfaces_through
 
 #: Postures from which curves are followed at once.
 SEEDS = 64
@@ -43,7 +44,7 @@ BESIDE = 1e-4
 STRAIGHT, ASIDE = 0.97, 0.15
 
 #: Postures along a curve [rad], shape (m, 7), without jumps, and whether it is closed. A curve that is smaller than
-#: `BESIDE` may be a single posture, and a surface of postures is given as many.
+#: `BESIDE` may be a single posture.
 Curve = tuple[Floats, bool]
 
 
@@ -66,25 +67,30 @@ class SelfMotionTracer:
         """Of the better method of the two ends, as in `Method`."""
         return self._starts.ends[0].method.rank
 
-    def curves(self, T: Floats, seed: Floats | None = None) -> list[Curve]:
-        """Compute all curves of a pose of the tip, shape (4, 4).
+    def curves(self, T: Floats, seed: Floats | None = None) -> tuple[list[Curve], list[Floats]]:
+        """Compute all curves of a pose of the tip, shape (4, 4), and postures (k, 7) all over each of its surfaces.
 
         Args:
             T: The pose.
-            seed: A posture (7,); the curve that is found from it is among them.
+            seed: A posture (7,); the curve or surface that is found from it is among them.
         """
         seeds = np.empty((0, JOINTS)) if seed is None else self.reached(seed, T)
         if np.linalg.norm(T[:3, 3] - self._loop.placements[0][:3, 3]) > self._reach and not len(seeds):
-            return []
+            return [], []
         q = np.vstack([seeds, self._starts.of(T)])
         if not len(q):
-            return []
+            return [], []
         singular, surface, twists = self._starts.singular(q, T)
-        points, along = q[surface], singular & ~surface
-        if np.count_nonzero(along) >= 0.25 * len(q):
+        surfaces, points = surfaces_through(self._loop, q[surface], T)
+        if surfaces:
+            away = self._off_surfaces(q, surfaces)
+            q, singular, surface, twists = q[away], singular[away], surface[away], twists[away]
+        along = singular & ~surface
+        if along.any() and np.count_nonzero(along) >= 0.25 * len(q):
             T, q = self._beside_boundary(T, q, twists[np.argmax(along)], seeds)
         else:
             q = q[~surface]
+        q = q[self._off_surfaces(q, surfaces)]
         first = np.arange(len(q)) < len(seeds)
         q = q[np.argsort(np.where(first, -1.0, np.arange(len(q)) * GOLDEN % 1.0), kind="stable")]
         curves: list[Curve] = []
@@ -93,7 +99,8 @@ class SelfMotionTracer:
             curves += found
             points = np.vstack([points, alone])
             q = self.beside(curves, q[SEEDS:], T)
-        return curves + [(point[None], True) for point in _apart(points, curves)]
+        points = points[self._off_surfaces(points, surfaces)]
+        return curves + [(point[None], True) for point in _apart(points, curves)], surfaces
 
     def reached(self, seed: Floats, T: Floats) -> Floats:
         """The posture of a pose to which the shortest steps lead from a seed (7,), shape (1, 7); (0, 7) without one."""
@@ -121,6 +128,15 @@ class SelfMotionTracer:
             found.append((moved, np.vstack([self._starts.reached(seeds, moved), self._starts.of(moved)])))
         moved, near = max(found, key=lambda each: len(each[1]))
         return (moved, near) if len(near) else (T, q)
+
+    def _off_surfaces(self, q: Floats, surfaces: list[Floats]) -> NDArray[np.bool_]:
+        """Which of postures (m, 7) are on none of some surfaces."""
+        away = np.ones(len(q), dtype=np.bool_)
+        if surfaces and len(q):
+            free = np.linalg.svd(self._loop.jacobian(q)[1])[1][:, 5] < FREE
+            for cover in surfaces:
+                away &= ~(free & beside(cover, q))
+        return away
 
     def beside(self, curves: list[Curve], q: Floats, T: Floats) -> Floats:
         """Those of postures (m, 7) of a pose that are on none of some of its curves."""
@@ -162,9 +178,10 @@ class SelfMotionTracer:
         """Whether postures around one (7,) of a pose's form a surface."""
         return bool(self._starts.singular(q[None], T)[1][0])
 
-    def plane(self, q: Floats) -> Floats:
-        """Orthonormal directions (2, 7) in which a posture (7,) moves on a surface."""
-        return np.linalg.svd(self._loop.step(q[None], np.eye(4)[None])[1][0])[2][5:]
+    def onto_surface(self, q: Floats, T: Floats) -> tuple[Floats, Floats, float]:
+        """The posture of a surface of a pose next to one (7,), its plane (k, 7), and by how much it misses the pose."""
+        there, off, s, V = moved_onto(self._loop, q[None], T)
+        return there[0], V[0, np.append(s[0] >= FREE, False).sum() :], float(off[0])
 
     def missed(self, q: Floats, T: Floats) -> Floats:
         """How far postures (m, 7) miss a pose [m, rad], shape (m,)."""
