@@ -114,19 +114,21 @@ def singular_postures(kin: CalibratedURKinematics, case: str, rng: np.random.Gen
 
     Args:
         kin: The arm.
-        case: "elbow", "wrist" or "shoulder": which of the data sheet's singularities is near.
+        case: "elbow", "wrist", "shoulder" or "wrist and shoulder": which of the data sheet's singularities is near.
         rng: Source of the other joints.
         count: How many.
     """
-    joint = {"elbow": 2, "wrist": 4, "shoulder": 3}[case]
+    joint = {"elbow": 2, "wrist": 4, "shoulder": 3, "wrist and shoulder": 4}[case]
     g, chain = kin.geometry, kin._solver.chain
     q = rng.uniform(-np.pi, np.pi, (40 * count, 6))
-    if case == "shoulder":
+    if "shoulder" in case:
         ratio = -(g.a2 * np.cos(q[:, 1]) + g.a3 * np.cos(q[:, 1] + q[:, 2])) / g.d5
         q, ratio = q[np.abs(ratio) < 0.9], ratio[np.abs(ratio) < 0.9]
         q[:, 3] = np.arcsin(ratio) - q[:, 1] - q[:, 2]
-    else:
-        q[:, joint] = rng.choice((0.0, np.pi), len(q)) if case == "wrist" else 0.0
+    if case == "elbow":
+        q[:, 2] = 0.0
+    if "wrist" in case:
+        q[:, 4] = rng.choice((0.0, np.pi), len(q))
 
     def determinant(angle: Floats) -> Floats:
         moved = q.copy()

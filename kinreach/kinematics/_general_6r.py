@@ -396,7 +396,7 @@ class General6R:
                 angles, others = again[:, 1], np.vstack([others, again])
             more, miss_by = newton(self.chain, others, T[row, None].repeat(len(others), axis=0), steps=2 * STEPS)
             kept = np.vstack([kept, wrapped(more[miss_by < EXACT])])
-            kept = self._distinct(kept, T[row])
+            kept = self.distinct(kept, T[row])
             if not len(kept) or _in_doubt(len(kept), angles, complexity):
                 kept = self._solve_near_singular(T[row], kept, tol)
             found.append(kept)
@@ -412,21 +412,21 @@ class General6R:
         late = np.flatnonzero(off >= EXACT)  # slow convergence, to double or nearly double postures
         late = late[first_of_each(seeds[late], SAME_START)]
         q[late], off[late] = nearest_by_newton(self.chain, seeds[late], poses[late])
-        found = self._distinct(np.vstack([known, wrapped(q[off < EXACT])]), T)
+        found = self.distinct(np.vstack([known, wrapped(q[off < EXACT])]), T)
         merging = found[np.linalg.svd(self.chain.jacobian(found)[1])[1][:, -1] < MERGING] if len(found) else found
         if len(merging):  # solutions that merge are close to each other
             rng = np.random.default_rng(0)
             away = rng.normal(size=(RESTARTS, 6)) * 10.0 ** rng.uniform(-4.0, -1.5, (RESTARTS, 1))
             around = merging[rng.integers(len(merging), size=RESTARTS)] + away
             q, off = newton(self.chain, around, np.broadcast_to(T, (RESTARTS, 4, 4)), steps=MAX_STEPS)
-            found = self._distinct(np.vstack([found, wrapped(q[off < EXACT])]), T)[:MAX_POSTURES]
+            found = self.distinct(np.vstack([found, wrapped(q[off < EXACT])]), T)[:MAX_POSTURES]
         elif not len(found) and (off <= tol).any():
             order = np.argsort(off)
             nearest = wrapped(q[order][off[order] <= tol])
             found = nearest[first_of_each(nearest, SAME_IF_CONNECTED)]
         return found
 
-    def _distinct(self, q: Floats, T: Floats) -> Floats:
+    def distinct(self, q: Floats, T: Floats) -> Floats:
         """Distinct postures of (m, 6): two are the same if they are close, or if the one between them reaches too."""
         q = q[first_of_each(q, SAME)]
         if len(q) < 2:

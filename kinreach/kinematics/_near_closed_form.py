@@ -49,10 +49,12 @@ class NearClosedForm(ABC):
         found, _, index = self._every(T[None], seed[None], tol)
         return sorted((branch, 0, *angles) for branch, angles in zip(index.tolist(), found.tolist(), strict=True))
 
-    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+    def many(
+        self, T: Floats, seeds: Floats, tol: float, free: list[int] | None = None
+    ) -> tuple[Floats, NDArray[np.bool_]]:
         """Compute the postures (6, 16, m) for poses (m, 4, 4), NaN where there is none, and which there are (16, m).
 
-        Arguments are those of `one`, for each pose.
+        Arguments are those of `one`, for each pose; no joint is free, so that `free` learns nothing.
         """
         q, valid = no_postures(len(T))
         doubtful = np.empty(len(T), dtype=np.bool_)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.ik_arms.random_arms import moves_to
 from benchmarks.studies.calibrated_arms import CASES as SINGULAR
 from benchmarks.studies.calibrated_arms import SAME, main, recall, singular_postures
 from kinreach.errors import InputError
@@ -113,6 +114,53 @@ def test_the_arms_own_singularities(robot, case):
             assert max(max(pose_error(pose, kin.fk(found))) for found in row[valid]) < (5e-7 if rounded else 1e-9)
             if not rounded:
                 assert distance(posture, row[valid]) < SAME
+
+
+def some_calibration(rng, model, folder):
+    """Kinematics of a UR with random deviations from its data sheet: 0.1 or 0.3 mm, 0.3 to 2 mrad."""
+    scale = rng.choice([0.3, 1.0])
+    sizes = {"theta": 2e-3, "a": 3e-4, "d": 3e-4, "alpha": 1e-3}
+    rows = [
+        f"delta_{name} = [{', '.join(map(repr, (scale * size * rng.normal(size=6)).tolist()))}]"
+        for name, size in sizes.items()
+    ]
+    file = folder / "calibration.conf"
+    file.write_text("\n".join(["[mounting]", "[calibration]", *rows, ""]))
+    return URKinematics.from_calibration(file, model=model)
+
+
+E_SERIES = ("ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e")
+#: How many poses of each model.
+HARD = {"wrist and shoulder": 14, "wrist": 2, "elbow": 2, "shoulder": 2, "zero": 2}
+
+
+@pytest.mark.parametrize(("model", "arms"), [("ur10e", 1), *slow(*((model, 3) for model in E_SERIES))])
+def test_the_posture_of_a_singular_pose_is_found(model, arms, tmp_path):
+    """Or one that the arm can move to while its tip stays; alone as in a batch, with the posture as a seed too."""
+    rng, joined, poses = np.random.default_rng(len(model)), 0, 0
+    for _ in range(arms):
+        kin = some_calibration(rng, model, tmp_path)
+        chain = kin._solver.chain
+        for case, count in HARD.items():
+            if case == "zero":
+                q = rng.integers(-2, 3, (count, 6)) * (np.pi / 2)
+            else:
+                q = singular_postures(kin, case, rng, count)
+            T = np.tile(np.eye(4), (len(q), 1, 1))
+            T[:, :3] = chain.fk(q)
+            batch = kin.batch(kin.fk(q), limits=False)
+            for posture, pose, given, row, valid in zip(q, T, kin.fk(q), batch.q, batch.valid, strict=True):
+                found = kin.all_solutions(given, limits=False)
+                assert found.residual.max() < 1e-9
+                assert found.branch.tolist() == np.flatnonzero(valid).tolist()
+                near = distance(posture, found.q) < SAME
+                assert near or moves_to(chain, posture, found.q, pose), (case, posture.tolist())
+                assert max(distance(one, found.q) for one in row[valid]) < SAME
+                seeded = kin.all_solutions(given, seed=posture, limits=False)
+                assert seeded.success
+                joined, poses = joined + (not near), poses + 1
+    assert poses == 22 * arms
+    assert joined <= 2 * arms
 
 
 @pytest.mark.parametrize("robot", ["ur5_c", "ur3e_a"])

@@ -146,6 +146,57 @@ def test_a_free_joint_keeps_the_seeds_value_and_the_limits(tmp_path):
     assert moved > 30
 
 
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_batch_keeps_a_free_joint_within_the_limits(backwards, tmp_path):
+    """As single poses do, with limits that the seed's value of the free joint does not fit."""
+    rng, kept = np.random.default_rng(15), 0
+    for _ in range(2):
+        arm = some_arm(rng, "right angles", backwards=backwards)
+        kin = kinematics(tmp_path, arm)
+        form = (kin._method._method if backwards else kin._method)._arm
+        q = rng.uniform(-3, 3, (2, 6))
+        q[:, 1 if backwards else 4] = -form.dh.offset[4] * form.dh.sign[4] * (-1 if backwards else 1)
+        for posture in q:
+            limits = np.array([posture - 0.3, posture + 0.3])
+            narrow = kinematics(tmp_path, arm, limits)
+            T = narrow.fk(posture + np.linspace(0.0, 0.2, 9)[:, None])  # the first is singular
+            alone = narrow.all_solutions(T[0])
+            assert alone.success
+            batch = narrow.batch(T)
+            assert np.flatnonzero(batch.valid[0]).tolist() == alone.branch.tolist()
+            assert apart(batch.q[0][batch.valid[0]][0], alone.q) < 1e-6
+            assert narrow.nearest_batch(T, np.zeros(6)).success.all()
+            kept += 1
+    assert kept == 4
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-8, 1e-7, 1e-6])
+def test_a_wrist_centre_beside_the_first_axis(off, tmp_path):
+    """Within rounding joint 1 is free, a little further it is not: found, alone as in a batch."""
+    rng, solved, turn = np.random.default_rng(16), 0, np.random.default_rng(17).uniform(-1, 1, 5)
+    for lengths in ((0.3, 0.3), (0.35, 0.25)):
+        links = (
+            motion(turn[i], (0, 0, 0, 0, 0.1)[i], (0, *lengths, 0, 0)[i], (RIGHT, 0, 0, RIGHT, -RIGHT)[i])
+            for i in range(5)
+        )
+        kin = kinematics(tmp_path, np.array([np.eye(4), *links, motion(0.3, 0.1, 0, 0)]))
+        assert used(kin) is ClosedForm
+        q = rng.uniform(-2.5, 2.5, (24, 6))
+        ahead = lengths[0] * np.cos(q[:, 1] + turn[1]) + lengths[1] * np.cos(q[:, 1] + turn[1] + q[:, 2] + turn[2])
+        q[:, 3] = np.arcsin(np.clip((off - ahead) / 0.1, -1.0, 1.0)) - q[:, 1] - q[:, 2] - turn[1:4].sum()
+        q = q[np.abs(ahead) < 0.09]
+        T = kin.fk(q)
+        batch = kin.batch(np.vstack([T, kin.fk(rng.uniform(-2.5, 2.5, (9, 6)))]), limits=False)
+        for posture, pose, valid in zip(q, T, batch.valid[: len(q)], strict=True):
+            found = kin.all_solutions(pose, limits=False)
+            assert found.success
+            assert found.residual.max() < 1e-9
+            assert np.flatnonzero(valid).tolist() == found.branch.tolist()
+            assert off < 1e-8 or apart(posture, found.q) < 1e-4
+            solved += 1
+    assert solved >= 4
+
+
 @pytest.mark.parametrize(("backwards", "off"), [(False, 1e-6), (True, 1e-4)])
 def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off, tmp_path):
     """As many as by elimination, near singular poses too, where some appear and others vanish."""

@@ -57,6 +57,7 @@ def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, 
         m2 = r2 - across * across
         r = np.sqrt(r2)
         doubtful = (m2 <= NEAR * r2 + ZERO * ZERO) & (r >= np.abs(across) - amiss) | (np.abs(m2) < 4.0 * off * r)
+        doubtful |= r <= amiss  # joint 1 is free, or almost
         along = np.sqrt(m2)
         reached = m2 > 0.0
         moved: Floats | float = 0.0

@@ -210,8 +210,14 @@ class SixAxisKinematics(ClosedFormKinematics):
         return [kept.get(row[BRANCH], row) for row in rows]
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
-        T = rigid_poses(T)
-        return self._method.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol)
+        T, free = rigid_poses(T), list[int]()
+        q, valid = self._method.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol, free)
+        for row in free if limits and not self._full_turn else ():
+            q[..., row], valid[:, row] = np.nan, False
+            start, error_of = None if seeds is None else seeds[row], self._error_of(PoseGoal(T[row]))
+            for branch, _, *angles in self._rows(T[row], start, error_of, limits=True, tol=tol):
+                q[:, branch, row], valid[branch, row] = angles, True
+        return q, valid
 
     def _last_turns_tip(self, off: float = ON_AXIS) -> bool:
         """Whether the last joint turns the tip about its own z axis, either way, and moves it nowhere, or hardly."""

@@ -85,8 +85,13 @@ class Method(Protocol):
         Joints that are free keep the seed's value, as far as they can.
         """
 
-    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        """Compute postures (6, branches, m) for poses (m, 4, 4), NaN where there is none, and which there are."""
+    def many(
+        self, T: Floats, seeds: Floats, tol: float, free: list[int] | None = None
+    ) -> tuple[Floats, NDArray[np.bool_]]:
+        """Compute postures (6, branches, m) for poses (m, 4, 4), NaN where there is none, and which there are.
+
+        `free` learns the rows of poses with a flag, where joints may be free.
+        """
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """Compute starts of Newton's method for poses (m, 4, 4), faster than `many`; some may be missing.
@@ -116,15 +121,20 @@ class ClosedForm:
             return self._singular(T, seed, tol)
         return [(*row[: ANGLES.start], *angles) for row, angles in zip(rows, q.tolist(), strict=True)]
 
-    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+    def many(
+        self, T: Floats, seeds: Floats, tol: float, free: list[int] | None = None
+    ) -> tuple[Floats, NDArray[np.bool_]]:
         q, valid, singular = solve_poses(self._arm, T, tol)
         if not self._exact:
             branch, pose = np.nonzero(valid)
             singular[pose[missed_by(miss(self._chain.fk(q[:, branch, pose].T), T[pose])) > MISSED]] = True
         for row in np.flatnonzero(singular):
             q[..., row], valid[:, row] = np.nan, False
-            for branch, _, *angles in self.one(T[row], seeds[row], tol):
+            rows = self.one(T[row], seeds[row], tol)
+            for branch, _, *angles in rows:
                 q[:, branch, row], valid[branch, row] = angles, True
+            if free is not None and any(found[FLAGS] for found in rows):
+                free.append(int(row))
         return q, valid
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
@@ -234,13 +244,25 @@ class NearlyDecoupled(NearClosedForm):
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         return _starts(self._arm, T)
 
-    def _near_singular(self, T: Floats, seed: Floats, tol: float, eliminated: Floats) -> list[Row]:
-        """Postures of a pose for which the closed form may have others; those near one of its have its branch index.
+    def near_singular(
+        self, T: Floats, seed: Floats, tol: float, eliminated: Floats, *, sound: bool = True
+    ) -> tuple[Floats, list[Row]]:
+        """Postures of a pose for which the closed form may have others.
 
-        By elimination; and where that may be singular for the arm, by Newton's method from the closed form's postures
-        for this pose and for others about it, too.
+        Newton's method starts from the closed form's postures, and from the seed; and where elimination may be singular
+        for the arm, from those for other poses about it, too.
+
+        Args:
+            T: Pose (4, 4).
+            seed: As in `one`.
+            tol: As in `one`.
+            eliminated: Postures (k, 6) that elimination has found.
+            sound: Whether elimination is regular for the arm.
+
+        Returns:
+            Postures (m, 6), and those of the closed form near them.
         """
-        sound, wide, given = self._elimination[1] >= MIN_SHARE, 10.0 * self._off, seed.tolist()
+        wide, given = 10.0 * self._off, seed.tolist()
         near = self._arm.solve(T, tol=wide, seed=given)
         # At one singularity an angle moves by the root of what the arm is off; at a second, that counts.
         rows, free = self._arm.near_singular(T, (sqrt(wide),), given)
@@ -255,7 +277,7 @@ class NearlyDecoupled(NearClosedForm):
             more = reached_beside(self.chain, T, starts[first_of_each(starts, NEAR_START)])
         else:
             more = starts + rng.normal(size=starts.shape) * sqrt(self._off)
-        starts = np.vstack([starts, more])
+        starts = np.vstack([seed, starts, more])
         q, off = nearest_by_newton(self.chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
         every = np.vstack([eliminated, wrapped(q[off < EXACT])])
         if not len(every):
@@ -263,6 +285,12 @@ class NearlyDecoupled(NearClosedForm):
         every = every[first_of_each(every, SAME)]
         if len(every) > MAX_POSTURES:
             every = every[_families(self.chain, every, T)][:MAX_POSTURES]
+        return every, near
+
+    def _near_singular(self, T: Floats, seed: Floats, tol: float, eliminated: Floats) -> list[Row]:
+        """As `near_singular`; postures near those of the closed form have their branch index."""
+        sound, given = self._elimination[1] >= MIN_SHARE, seed.tolist()
+        every, near = self.near_singular(T, seed, tol, eliminated, sound=sound)
         exact = self._arm.solve(T, tol=EXACT, seed=given)
         near_by = sorted(
             (wider, float(np.abs(wrapped(one - row[ANGLES])).max()), index, int(row[BRANCH]))
@@ -297,7 +325,9 @@ class Elimination:
         (found,) = self._general.solve(T[None], tol=tol)
         return [(index, 0, *q) for index, q in enumerate(found.tolist())]
 
-    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+    def many(
+        self, T: Floats, seeds: Floats, tol: float, free: list[int] | None = None
+    ) -> tuple[Floats, NDArray[np.bool_]]:
         q, valid = no_postures(len(T))
         for row, found in enumerate(self._general.solve(T, tol=tol)):
             q[:, : len(found), row], valid[: len(found), row] = found.T, True
@@ -317,8 +347,10 @@ class Backwards:
         rows = self._method.one(_inverse(T), -seed[::-1], tol)
         return [(branch, flags, *[-angle for angle in q[::-1]]) for branch, flags, *q in rows]
 
-    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        q, valid = self._method.many(_inverse(T), -seeds[:, ::-1], tol)
+    def many(
+        self, T: Floats, seeds: Floats, tol: float, free: list[int] | None = None
+    ) -> tuple[Floats, NDArray[np.bool_]]:
+        q, valid = self._method.many(_inverse(T), -seeds[:, ::-1], tol, free)
         return -q[::-1], valid
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:

@@ -11,7 +11,8 @@ A calibrated arm has no closed form: its axes are tilted by milliradians, so no 
 3. If a pose within the bounds is singular (wrist centre near the shoulder's cylinder, sin q5 near 0, elbow nearly
    stretched or folded), branches may merge or vanish, and near sin q5 = 0 there may be more than eight postures. Two
    postures of a stretched elbow are all if both are found. In the other cases, and if Newton's method left its branch,
-   `General6R` finds all postures without branches.
+   `General6R` finds all postures without branches. Where it finds singular ones, or an odd number, Newton's method also
+   starts from all postures of the fitted arm that are near (`NearlyDecoupled.near_singular`).
 
 The branch index is that of the fitted arm's closed form at the same posture. It is continuous as long as no singularity
 is crossed. Two postures near a singularity may have the same index: the one farther from the singularity keeps it, and
@@ -37,8 +38,13 @@ from kinreach.kinematics._general_6r import (
     Chain,
     General6R,
     miss,
+    nearest_by_newton,
 )
 from kinreach.kinematics._near_closed_form import NearClosedForm
+from kinreach.kinematics._six_axis.closed_form import ZERO, DecoupledArm
+from kinreach.kinematics._six_axis.dh import DenavitHartenberg
+from kinreach.kinematics._six_axis.methods import CAUTION, NearlyDecoupled
+from kinreach.kinematics._six_axis.near_misses import reached_beside
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics._ur.batch import flange_entries, solve_poses
 from kinreach.kinematics._ur.closed_form import solve_pose
@@ -46,6 +52,7 @@ from kinreach.kinematics._ur.geometry import BRANCHES, Miss, Rows, URGeometry
 from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.kinematics._ur.refine import Refinement
 from kinreach.robots._identification import moved_frames
+from kinreach.robots._rotations import turns_about_z
 
 #: Random postures at which the fitted arm is compared with the real one, and Gauss-Newton steps of the fit.
 SAMPLES, FIT_STEPS = 400, 5
@@ -55,6 +62,9 @@ SAFETY_FACTOR = 1.5
 WRIST_MARGIN = 3.0
 #: An arm that differs more from the fitted one is not a UR [m, rad].
 MAX_MISFIT = 0.1
+#: Elimination may miss postures where one has a smaller singular value of its Jacobian and is near two singularities by
+#: this (sines, and the wrist centre's distance from axis 1 in arm's lengths); or a singular value as good as 0.
+HARD, TWICE, EXACTLY_SINGULAR = 1e-3, 0.05, 1e-6
 #: Largest correction of q4 and q6 for a pose out of reach that is valid to first order [rad].
 MAX_CORRECTION = 0.3
 
@@ -149,13 +159,45 @@ class CalibratedSolver(NearClosedForm):
         return self._index(found)[0] == branch
 
     def _every(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
-        lists = self.general.solve(T, tol=tol)
+        lists = self.general.solve(T)
+        for which, found in enumerate(lists):
+            if self._is_hard(found):
+                more = self._hard(T[which], seeds[which], found, tol)
+                lists[which] = more if len(more) else self.general.solve(T[which, None], tol=tol)[0]
         postures, pose = np.vstack(lists), np.repeat(np.arange(len(T)), [len(found) for found in lists])
         index = self._index(postures.T)[0]
         counts = np.bincount(MAX_POSTURES * pose + index, minlength=MAX_POSTURES * len(T))
         for which in np.flatnonzero(counts.reshape(-1, MAX_POSTURES).max(axis=1) > 1):
             index[pose == which] = self.branches_of(lists[which])
         return postures, pose, index
+
+    def _is_hard(self, found: Floats) -> bool:
+        """Whether a pose with these postures (k, 6) may have more.
+
+        They come and go in pairs, and elimination is ill-conditioned near two singularities at once.
+        """
+        if len(found) % 2 or not len(found):
+            return True
+        least = np.linalg.svd(self.chain.jacobian(found)[1], compute_uv=False)[:, -1]
+        margins = np.sort(np.abs(self._sides(found.T)) / ((self.fit.geometry.stretched,), (1.0,), (1.0,)), axis=0)
+        return bool(((least < HARD) & (margins[1] < TWICE)).any() or least.min() < EXACTLY_SINGULAR)
+
+    def _hard(self, T: Floats, seed: Floats, found: Floats, tol: float) -> Floats:
+        """All postures (k, 6) of a pose of which elimination has found some; arguments are those of `one`."""
+        every, _ = self._nearly.near_singular(T, seed, tol, found)
+        starts = reached_beside(self.chain, T, every)
+        more, off = nearest_by_newton(self.chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
+        every = self.general.distinct(np.vstack([found, every, wrapped(more[off < EXACT])]), T)
+        return every[:MAX_POSTURES]
+
+    @cached_property
+    def _nearly(self) -> NearlyDecoupled:
+        """The arm as one that almost decouples."""
+        fitted = self.fit.chain.placements.copy()
+        fitted[:-1] = fitted[:-1] @ turns_about_z(self.fit.zeros)
+        dh = DenavitHartenberg.of(fitted, length=0.0, angle=ZERO)
+        off = max(self.fit.position, self.fit.orientation)
+        return NearlyDecoupled(DecoupledArm(dh), self.chain.placements, off / CAUTION)
 
     def _one_near_singular(self, rows: Rows, T: Floats, branches: Sequence[int]) -> bool:
         """As `_near_singular`, for one pose and the branches that it has."""
@@ -213,12 +255,18 @@ class CalibratedSolver(NearClosedForm):
 
     def _index(self, q: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Branch of postures (6, m) of the fitted arm, and how far each is from the nearest singularity."""
-        g = self.fit.geometry
-        _, q2, q3, q4, q5, _ = (wrapped(q) + self.fit.zeros[:, None]).astype(np.float32)
-        shoulder = g.a2 * np.cos(q2) + g.a3 * np.cos(q2 + q3) + g.d5 * np.sin(q2 + q3 + q4)
-        wrist, elbow = np.sin(q5), np.sin(q3)
+        shoulder, wrist, elbow = self._sides(q)
         index = 4 * (shoulder < 0.0) + 2 * (wrist < 0.0) + (elbow < 0.0)
         return index, np.minimum(np.abs(shoulder), np.minimum(np.abs(wrist), np.abs(elbow)))
+
+    def _sides(self, q: Floats) -> tuple[Floats, Floats, Floats]:
+        """Distance of the wrist centre from axis 1, in the arm's plane [m], and sines of q5 and q3, of postures (6, m).
+
+        They are 0 where the fitted arm is singular.
+        """
+        g = self.fit.geometry
+        _, q2, q3, q4, q5, _ = (wrapped(q) + self.fit.zeros[:, None]).astype(np.float32)
+        return g.a2 * np.cos(q2) + g.a3 * np.cos(q2 + q3) + g.d5 * np.sin(q2 + q3 + q4), np.sin(q5), np.sin(q3)
 
     def _near_singular(self, T: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether a pose within the fit's bounds is singular, except where both postures of the elbow are found.

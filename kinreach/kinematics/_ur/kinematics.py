@@ -469,12 +469,12 @@ class CalibratedURKinematics(URKinematics):
 
     def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
         T = np.array([*rows, (0.0, 0.0, 0.0, 1.0)])
-        found = self._solver.one(T, np.zeros(self.n), tol)
+        found = self._solver.one(T, np.zeros(self.n) if start is None else start, tol)
         return found, 0 if found else self._solver.why_empty(T)
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         T = self._T_dh_base @ rigid_poses(T) @ self._T_tip_flange
-        return self._solver.many(T, np.zeros((len(T), self.n)), tol)
+        return self._solver.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol)
 
     _tensor_batch = ClosedFormKinematics._tensor_batch
 
