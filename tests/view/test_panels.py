@@ -7,6 +7,7 @@ import json
 import re
 import threading
 import weakref
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -143,6 +144,17 @@ def test_a_target_that_is_dragged_is_answered(serve):
             wait_for(lambda: panel.answer.verdict in tab.text)
             answers += 1
         assert answers == 10
+
+
+def test_a_pose_whose_postures_are_a_surface_has_no_curves_to_choose_from(serve):
+    with Tab(serve("panda")) as tab:
+        panel = tab.page.target
+        motions = panel.model.kinematics.self_motions(panel.T)
+        wait_for(lambda: panel._motion._curves)
+        with tab.page.lock:
+            panel._motion.show(replace(motions, curves=[], surfaces=[motions[0].q]))
+            assert panel._motion.take() is None
+        assert "are a surface, not curves" in tab.text
 
 
 def test_the_self_motion_of_a_seven_axis_arm(serve):
