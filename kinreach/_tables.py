@@ -159,8 +159,8 @@ def _refuse_title(lines: Sequence[str], first: int, separator: str | None, name:
             above.append((number, count, sign))
             continue
         if len(above) > 1:
-            (_, width, sign), (header, most, other) = above[0], above[-1]
-            if count <= most and (width < min(count, most) or (not sign and other)):
+            (_, width, at_top), (header, most, in_header) = above[0], above[-1]
+            if count <= most and (width < count or (not at_top and in_header)):
                 raise InputError(
                     f"{name}, line {first + 1}: {shown(lines[first].strip())} stands above the header, which is line "
                     f"{header + 1}; delete it, or begin it with #"

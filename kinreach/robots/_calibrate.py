@@ -153,11 +153,9 @@ def calibrate(
             raise InputError(f"{others[0]} carries the figures themselves: give it alone")
         if not isinstance(own, str | None):
             raise InputError(f"{paths[0].name} carries the figures of a UR, not of {own.title}")
-        return (
-            _read(paths[0], contents[0], own, tcp, robot)
-            if programs[0]
-            else _converted(paths[0], contents[0], own, tcp)
-        )
+        if programs[0]:
+            return _read(paths[0], contents[0], own, tcp, robot)
+        return _converted(paths[0], contents[0], own, tcp)
     joints = own.joints if isinstance(own, ArmDescription) else ()
     each = (
         [source]
