@@ -111,11 +111,12 @@ def report(subject: Subject, *, poses: int, seed: int) -> Iterator[str]:
 
 def _class_of(kin: ArmKinematics) -> str:
     if isinstance(kin, CalibratedURKinematics):
-        return "UR with its calibration: every posture of a pose exactly, singular poses too"
+        return f"UR with its calibration: every posture of a pose exactly, singular poses too; {kin.special_axes}"
     if isinstance(kin, URKinematics):
         return "UR: every posture of a pose exactly, singular poses too"
     if isinstance(kin, SixAxisKinematics):
-        return f"six joints: every posture of a pose exactly, {kin.solved}"
+        special = f"; {kin.special_axes}" if kin.special_axes else ""
+        return f"six joints: every posture of a pose exactly, {kin.solved}{special}"
     if isinstance(kin, SevenAxisKinematics):
         numeric = "placo, lm and qp give one posture at a time"
         return f"seven joints: every posture of a pose as curves, {kin.solved}; {numeric}"

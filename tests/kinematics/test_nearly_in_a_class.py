@@ -9,6 +9,7 @@ from benchmarks.ik_arms.arms import singular_poses
 from benchmarks.ik_arms.random_arms import (
     CLASSES,
     OTHERS,
+    Judge,
     apart,
     kinematics,
     motion,
@@ -16,8 +17,10 @@ from benchmarks.ik_arms.random_arms import (
     some_arm,
     some_figures,
 )
+from kinreach.cli import main
 from kinreach.kinematics import ArmKinematics, AxisGoal
 from kinreach.kinematics._general_6r import Chain, miss, missed_by
+from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._six_axis import methods
 from kinreach.robots._ur import nominal_urdf
 from tests.cases import slow
@@ -26,23 +29,53 @@ from tests.cases import slow
 FEW = ("right angles",)
 
 
-def placements_of(rng, name, perturbed):
-    """Placements of a random arm of a class, with some Denavit-Hartenberg figures off by 1e-12 to 1e-2."""
+def placements_of(rng, name):
+    """Placements of a random arm of a class, with one Denavit-Hartenberg figure off by 1e-12 to 1e-2."""
     a, d, alpha, turn = some_figures(rng, name)
-    for _ in range(perturbed):
-        values, joint = (a, d, alpha)[rng.integers(3)], rng.integers(5)
-        values[joint] += rng.choice([-1, 1]) * 10.0 ** rng.uniform(-12, -2)
+    values, joint = (a, d, alpha)[rng.integers(3)], rng.integers(5)
+    values[joint] += rng.choice([-1, 1]) * 10.0 ** rng.uniform(-12, -2)
     links = [motion(turn[i], d[i], a[i], alpha[i]) for i in range(5)]
     chain = [random_motion(rng, 0.3, np.pi), *links, random_motion(rng, 0.2, np.pi)]
     return np.array(list(np.linalg.inv(chain[::-1])) if rng.random() < 0.5 else chain)
 
 
-@pytest.mark.parametrize("perturbed", [1, *slow(2)])
+@pytest.mark.slow
+@pytest.mark.parametrize("perturbed", [1, 2])
 @pytest.mark.parametrize("name", [*CLASSES, *OTHERS])
-def test_no_posture_of_an_arm_near_a_class_is_lost_or_wrong(name, perturbed):
-    rng, poses = np.random.default_rng([len(name), perturbed]), 0
+def test_every_figure_off_by_every_power_of_ten(name, perturbed):
+    """Each Denavit-Hartenberg value, alone or with another one, by 1e-12 to 1e-2, of arms of 0.1, 1 and 10 m."""
+    rng, poses = np.random.default_rng([len(name), perturbed, 1]), 0
+    sweep = [(values, joint, power) for power in range(-12, -1) for values in range(3) for joint in range(5)]
+    for index, (values, joint, power) in enumerate(sweep):
+        figures = a, d, alpha, turn = some_figures(rng, name)
+        figures[values][joint] += rng.choice([-1, 1]) * 10.0**power
+        if perturbed == 2:
+            figures[rng.integers(3)][rng.integers(5)] += rng.choice([-1, 1]) * 10.0 ** rng.integers(-12, -1)
+        size = 10.0 ** (index % 3 - 1)
+        links = [motion(turn[i], size * d[i], size * a[i], alpha[i]) for i in range(5)]
+        chain = [random_motion(rng, 0.3 * size, np.pi), *links, random_motion(rng, 0.2 * size, np.pi)]
+        placements = np.array(list(np.linalg.inv(chain[::-1])) if index % 2 else chain)
+        method, judge = methods.method_of(placements), Judge(placements)
+        assert not isinstance(method, float), (values, joint, power)
+        q = rng.uniform(-np.pi, np.pi, (3, 6))
+        T = np.array([judge.fk(posture) for posture in q])
+        found, valid = method.many(T, np.zeros_like(q), 1e-7)
+        alone = np.array([row[2:] for row in method.one(T[0], np.zeros(6), 1e-7)])
+        for posture, pose, postures in (
+            (q[0], T[0], alone),
+            *((q[pose], T[pose], found[:, valid[:, pose], pose].T) for pose in range(3)),
+        ):
+            assert apart(posture, postures) < 1e-5, (values, joint, power, index)
+            assert max(max(pose_error(pose, judge.fk(one))) for one in postures) < 1e-9, (values, joint, power, index)
+            poses += 1
+    assert poses == 4 * 165
+
+
+@pytest.mark.parametrize("name", [*CLASSES, *OTHERS])
+def test_no_posture_of_an_arm_near_a_class_is_lost_or_wrong(name):
+    rng, poses = np.random.default_rng([len(name), 1]), 0
     for _ in range(12):
-        placements = placements_of(rng, name, perturbed)
+        placements = placements_of(rng, name)
         method, chain = methods.method_of(placements), Chain(placements)
         assert not isinstance(method, float)
         q = rng.uniform(-np.pi, np.pi, (6, 6))
@@ -126,3 +159,26 @@ def test_a_file_with_rounded_right_angles_is_solved_as_it_is(tmp_path, digits):
         result = kin.nearest(T, posture)
         assert result.success
         assert np.abs(result.q - posture).max() < 1e-6
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("name", ["right angles", "three parallel axes"])
+def test_check_says_which_class_an_arm_is_nearly_in(name, backwards, tmp_path, capsys):
+    """Exactly, nearly with how far poses differ, and with two axes on one line."""
+    rng = np.random.default_rng(18)
+    axes = {("right angles", False): "4, 5 and 6", ("right angles", True): "1, 2 and 3"}.get((name, backwards))
+    axes, what = (axes, "meet in a point") if axes else ("3, 4 and 5" if backwards else "2, 3 and 4", "parallel")
+    for off in (0.0, 1e-4):
+        kin = kinematics(tmp_path, some_arm(rng, name, backwards=backwards, off=off))
+        assert re.fullmatch(rf"axes {axes} (are )?(nearly )?{what}.*", kin.special_axes)
+        assert ("nearly" in kin.special_axes) == bool(off)
+        if off:
+            assert off / 10 < float(re.search(r"up to (\S+) m", kin.special_axes)[1]) < 100 * off
+        assert main(["check", str(tmp_path / "arm.urdf"), "--poses", "1"]) == 0
+        assert kin.special_axes in capsys.readouterr().out
+    placements = some_arm(rng, "no class")
+    placements[3] = motion(0.3, 0.2, 0.0, 0.0)
+    kin = kinematics(tmp_path, placements)
+    assert kin.no_closed_form.startswith("arm 'arm' is singular in every posture: axes 3 and 4 (j3, j4) coincide;")
+    placements[3] = motion(0.3, 0.2, 1e-6, 1e-6)
+    assert "axes 3 and 4 (j3, j4) nearly coincide" in kinematics(tmp_path, placements).no_closed_form

@@ -148,6 +148,10 @@ class DecoupledArm:
             self.length_divisor = abs(self.a5)
         elif not self.by_shoulder and not (meet or level):
             self.length_divisor, self.sine_divisor = abs(self.a1), abs(self.sa1)
+        #: Axes that make it decouple, counted from 1, and what they do, with a place for an adverb.
+        self.special_axes: tuple[tuple[int, ...], str] = (
+            ((4, 5, 6), "{}meet in a point") if self.spherical else ((2, 3, 4), "are {}parallel")
+        )
         self.upper = self.a2
         self.stretched, self.folded = self.upper + self.fore, abs(self.upper - self.fore)
 

@@ -24,7 +24,7 @@ from kinreach.kinematics._goals import (
     rigid_poses,
 )
 from kinreach.kinematics._near_closed_form import FAR
-from kinreach.kinematics._six_axis.methods import MIN_SHARE, MISSED, SINGULAR, WAYS, method_of
+from kinreach.kinematics._six_axis.methods import EXACTLY, MIN_SHARE, MISSED, NEARLY, SINGULAR, WAYS, method_of
 from kinreach.kinematics._six_axis.reach import WristReach
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, ErrorOf, IKResult, IKSolutions, Row, Tolerance
 from kinreach.kinematics._solvers.iterative import GoalTask
@@ -71,14 +71,15 @@ class SixAxisKinematics(ClosedFormKinematics):
         self._placements = about_z(placements, axes, self.model.frames[self.tip_frame].placement.homogeneous)
         method = method_of(self._placements)
         if method == SINGULAR:
+            why = self._coinciding(EXACTLY) or "its six joints move the tip in five directions or fewer"
             raise InputError(
-                f"arm {self.arm.name!r} is singular in every posture: its six joints move the tip in five directions "
-                "or fewer, and a pose has no posture or infinitely many"
+                f"arm {self.arm.name!r} is singular in every posture: {why}; a pose has no posture or infinitely many"
             )
         if isinstance(method, float):
+            why = self._coinciding(NEARLY) or "its axes make the elimination singular"
             raise InputError(
-                f"arm {self.arm.name!r}: its axes make the elimination singular; of random postures it finds "
-                f"{100 * method:.0f} % again, and {100 * MIN_SHARE:.0f} % are needed"
+                f"arm {self.arm.name!r}: {why}; of random postures elimination finds {100 * method:.0f} % again, and "
+                f"{100 * MIN_SHARE:.0f} % are needed"
             )
         self._method = method
 
@@ -90,6 +91,26 @@ class SixAxisKinematics(ClosedFormKinematics):
     def solved(self) -> str:
         """How postures are found, in closed form, by Newton's method from one, or by elimination."""
         return WAYS[self._method.rank]
+
+    @property
+    def special_axes(self) -> str:
+        """Which axes give the arm its closed form, and how nearly; empty without one."""
+        axes, what = self._method.special_axes
+        if not axes:
+            return ""
+        *most, last = axes
+        named, off = f"axes {', '.join(map(str, most))} and {last} {what}", self._method.off
+        return named.format("nearly ") + f": poses differ by up to {off:.1e} m or rad" if off else named.format("")
+
+    def _coinciding(self, nearer: tuple[float, float]) -> str:
+        """Which neighbouring axes are one line, or nearer than that [m, rad]; empty if none are."""
+        for joint, placement in enumerate(self._placements[1:-1], start=1):
+            length, angle = (float(np.hypot(*placement[:2, column])) for column in (3, 2))
+            if length < nearer[0] and angle < nearer[1]:
+                names = self.arm.joints[joint - 1 : joint + 1]
+                how = "coincide" if nearer == EXACTLY else f"nearly coincide ({length:.1e} m, {angle:.1e} rad)"
+                return f"axes {joint} and {joint + 1} ({names[0]}, {names[1]}) {how}"
+        return ""
 
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7

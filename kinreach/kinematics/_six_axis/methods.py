@@ -74,10 +74,15 @@ class Method(Protocol):
     Attributes:
         branches: Most postures of a pose.
         rank: 2 in closed form, 1 nearly so, 0 by elimination.
+        off: How far poses are from those of an arm of the closed form, at most [m, rad].
+        special_axes: Axes that give the closed form, counted from 1 at the base, and what they do, with a place for an
+            adverb; none without one.
     """
 
     branches: int
     rank: int
+    off: float
+    special_axes: tuple[tuple[int, ...], str]
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
         """Compute the postures for a pose (4, 4): branch index, flags and angles of each, by branch index.
@@ -108,6 +113,7 @@ class ClosedForm:
 
     def __init__(self, arm: DecoupledArm, placements: Floats) -> None:
         self._arm, self._chain = arm, Chain(placements)
+        self.off, self.special_axes = 0.0, arm.special_axes
         self._exact = self._is_exact()
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
@@ -210,6 +216,7 @@ class NearlyDecoupled(NearClosedForm):
     def __init__(self, arm: DecoupledArm, placements: Floats, off: float) -> None:
         super().__init__(placements)
         self._arm, self._off = arm, CAUTION * off
+        self.off, self.special_axes = off, arm.special_axes
 
     @cached_property
     def _elimination(self) -> tuple[Method, float]:
@@ -320,6 +327,8 @@ class Elimination:
 
     def __init__(self, general: General6R) -> None:
         self._general = general
+        self.off = np.inf
+        self.special_axes: tuple[tuple[int, ...], str] = ((), "")
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
         (found,) = self._general.solve(T[None], tol=tol)
@@ -342,6 +351,8 @@ class Backwards:
 
     def __init__(self, method: Method) -> None:
         self._method, self.branches, self.rank = method, method.branches, method.rank
+        axes, what = method.special_axes
+        self.off, self.special_axes = method.off, (tuple(_JOINTS + 1 - axis for axis in reversed(axes)), what)
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
         rows = self._method.one(_inverse(T), -seed[::-1], tol)

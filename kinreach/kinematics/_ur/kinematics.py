@@ -456,6 +456,12 @@ class CalibratedURKinematics(URKinematics):
         last = self._solver.chain.placements[6]
         return self._reach is not None and bool(np.abs(last[:2, 2:]).max() <= AXIS_TOLERANCE)
 
+    @property
+    def special_axes(self) -> str:
+        """How nearly the arm has the axes of a data sheet."""
+        off, turned = 1e3 * self._solver.fit.position, 1e3 * self._solver.fit.orientation
+        return f"axes 2, 3 and 4 are nearly parallel: poses differ by less than {off:.2g} mm and {turned:.2g} mrad"
+
     def shortfalls(self, T: ArrayLike) -> dict[int, Shortfall]:
         """As `URKinematics.shortfalls`, of the nearest arm that has a closed form: right to about a millimetre."""
         return self._solver.shortfalls(np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)]))
