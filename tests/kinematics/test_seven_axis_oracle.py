@@ -101,6 +101,7 @@ def test_next_to_its_singularities_a_panda_loses_no_posture(where, part):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_what_newtons_method_reaches_from_anywhere_is_on_the_curves(name):
+    pytest.importorskip("ssik")
     kin, compared = arm_of(name, False), 0
     for index in range(ORACLE_POSES):
         rng = np.random.default_rng([index, 11])

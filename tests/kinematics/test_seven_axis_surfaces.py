@@ -76,7 +76,10 @@ def test_the_nearest_posture_of_a_surface_is_nearer_than_any_sample(kin, name):
         assert max(found.position_error, found.orientation_error) < 1e-9
         assert np.linalg.norm(found.q - seed) <= np.linalg.norm(on_it - seed, axis=1).min() + 1e-6
         tried += len(on_it) > 100
-        assert np.linalg.norm(kin.nearest(T, q).q - q) < 1e-6
+        itself = kin.nearest(T, q)
+        assert np.linalg.norm(itself.q - q) < 1e-6
+        motions = kin.self_motions(T, seed=q)
+        assert farthest_joint(q, motions.surfaces[itself.branch - len(motions)]) < NEXT
         assert kin.manipulable(T).success
     assert tried == 3
 

@@ -216,6 +216,9 @@ class SelfMotions:
         if index < 0:  # where whole curves are singular they are a little beside
             away = [float(np.linalg.norm(wrapped(curve - q), axis=1).min()) for curve, _ in known]
             index = int(np.argmin(away)) if away and min(away) < 2.0 * LONGEST else -1
+        on = [not tracer.off_surfaces(q, [cover])[0] for cover in self.surfaces]
+        if any(on):
+            index = len(self.curves) + on.index(True)
         posture = wound[:, 0]
         return [(float(np.linalg.norm(posture - seed)), index, posture, tracer.tangents(q)[0])]
 

@@ -2,9 +2,9 @@
 
 With the shoulder and the wrist of an arm such as an iiwa straight, joint 1 turns against joint 3, and joint 5 against
 joint 7. From one posture a surface is covered outwards: a step in each of some directions of the plane in which the
-joints move without the tip, and back to the pose by the shortest way. Singular values below `FREE` are 0 there: a pose
-that is next to such a one has a curve that winds closely over the whole surface, and between its windings the postures
-miss the pose by less than a tip can be told apart.
+joints move without the tip, and back to the pose by the shortest way. Singular values below `FREE` are 0 there: beside
+a pose with a surface are others whose curves go all over it, and between them the postures miss the pose by less than
+`ON_SURFACE`.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ def surfaces_through(loop: Chain, q: Floats, T: Floats) -> tuple[list[Floats], F
             q = q[1:]
             continue
         found.append(cover)
-        q = q[~beside(cover, q, stride)]
+        q = q[~on_cover(cover, q, stride)]
     return found, np.vstack(others)
 
 
-def beside(cover: Floats, q: Floats, stride: float = STRIDES[0]) -> NDArray[np.bool_]:
+def on_cover(cover: Floats, q: Floats, stride: float = STRIDES[0]) -> NDArray[np.bool_]:
     """Which of postures (m, 7) are as near to some of a surface (k, 7) as those are to each other."""
     return _farthest_joint(q, cover).min(axis=1, initial=np.inf) < stride
 

@@ -19,7 +19,7 @@ from kinreach.kinematics._angles import TURN, wrapped
 from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._general_6r import Chain, first_of_each
 from kinreach.kinematics._seven_axis.starts import GOLDEN, JOINTS, NUDGE, REACHED, Starts, limited, solved
-from kinreach.kinematics._seven_axis.surfaces import FREE, beside, moved_onto, surfaces_through
+from kinreach.kinematics._seven_axis.surfaces import FREE, moved_onto, on_cover, surfaces_through
 
 #: Postures from which curves are followed at once.
 SEEDS = 64
@@ -83,14 +83,14 @@ class SelfMotionTracer:
         singular, surface, twists = self._starts.singular(q, T)
         surfaces, points = surfaces_through(self._loop, q[surface], T)
         if surfaces:
-            away = self._off_surfaces(q, surfaces)
+            away = self.off_surfaces(q, surfaces)
             q, singular, surface, twists = q[away], singular[away], surface[away], twists[away]
         along = singular & ~surface
         if along.any() and np.count_nonzero(along) >= 0.25 * len(q):
             T, q = self._beside_boundary(T, q, twists[np.argmax(along)], seeds)
         else:
             q = q[~surface]
-        q = q[self._off_surfaces(q, surfaces)]
+        q = q[self.off_surfaces(q, surfaces)]
         first = np.arange(len(q)) < len(seeds)
         q = q[np.argsort(np.where(first, -1.0, np.arange(len(q)) * GOLDEN % 1.0), kind="stable")]
         curves: list[Curve] = []
@@ -99,12 +99,13 @@ class SelfMotionTracer:
             curves += found
             points = np.vstack([points, alone])
             q = self.beside(curves, q[SEEDS:], T)
-        points = points[self._off_surfaces(points, surfaces)]
+        points = points[self.off_surfaces(points, surfaces)]
         return curves + [(point[None], True) for point in _apart(points, curves)], surfaces
 
     def reached(self, seed: Floats, T: Floats) -> Floats:
         """The posture of a pose to which the shortest steps lead from a seed (7,), shape (1, 7); (0, 7) without one."""
-        return self._starts.reached(wrapped(seed)[None], T)[:1]
+        q = self._starts.reached(wrapped(seed)[None], T)
+        return q[np.argsort(np.linalg.norm(wrapped(q - seed), axis=1))[:1]]
 
     def _beside_boundary(self, T: Floats, q: Floats, twist: Floats, seeds: Floats) -> tuple[Floats, Floats]:
         """Where whole curves are singular, the pose `INWARDS` of one, and its postures; else the same (m, 7).
@@ -129,13 +130,13 @@ class SelfMotionTracer:
         moved, near = max(found, key=lambda each: len(each[1]))
         return (moved, near) if len(near) else (T, q)
 
-    def _off_surfaces(self, q: Floats, surfaces: list[Floats]) -> NDArray[np.bool_]:
+    def off_surfaces(self, q: Floats, surfaces: list[Floats]) -> NDArray[np.bool_]:
         """Which of postures (m, 7) are on none of some surfaces."""
         away = np.ones(len(q), dtype=np.bool_)
         if surfaces and len(q):
             free = np.linalg.svd(self._loop.jacobian(q)[1])[1][:, 5] < FREE
             for cover in surfaces:
-                away &= ~(free & beside(cover, q))
+                away &= ~(free & on_cover(cover, q))
         return away
 
     def beside(self, curves: list[Curve], q: Floats, T: Floats) -> Floats:
