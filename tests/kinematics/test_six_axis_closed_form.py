@@ -197,6 +197,24 @@ def test_a_wrist_centre_beside_the_first_axis(off, tmp_path):
     assert solved >= 4
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-8])
+def test_a_wrist_centre_on_the_first_axis_with_a_hand_that_turns_fast(off, tmp_path):
+    """Axis 6 is nearly parallel to axis 2: a long hand comes into the elbow's reach at few angles of joint 1."""
+    rng, solved, lengths = np.random.default_rng(18), 0, (0.0, 0.106, 0.155, -0.427, 0.0)
+    links = [motion(0.0, 0.0, a, tilt) for a, tilt in zip(lengths, (RIGHT, 0.0, 0.0, RIGHT, RIGHT), strict=True)]
+    chain = [np.eye(4), *links, motion(0.3, 0.1, 0.0, 0.0)]
+    kin = kinematics(tmp_path, np.array([step @ random_motion(rng, off, off) for step in chain]))
+    for q in rng.uniform(-np.pi, np.pi, (12, 6)):
+        ahead = lengths[1] * np.cos(q[1]) + lengths[2] * np.cos(q[1] + q[2])
+        q[3] = np.arccos(ahead / -lengths[3]) - q[1] - q[2]
+        q[4] = np.pi + rng.choice([-1, 1]) * rng.uniform(0.02, 0.06)
+        found = kin.all_solutions(kin.fk(q), limits=False)
+        assert found.success
+        assert found.residual.max() < 1e-9
+        solved += 1
+    assert solved == 12
+
+
 @pytest.mark.parametrize(("backwards", "off"), [(False, 1e-6), (True, 1e-4)])
 def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off, tmp_path):
     """As many as by elimination, near singular poses too, where some appear and others vanish."""
@@ -267,7 +285,12 @@ def test_two_joints_about_one_axis_are_refused(joint, off, tmp_path):
     arm = np.array([step @ random_motion(rng, off, off) for step in arm])
     kin = kinematics(tmp_path, arm)
     assert not isinstance(kin, SixAxisKinematics)
-    with pytest.raises(InputError, match="of random postures it finds" if off else "singular in every posture"):
+    with pytest.raises(
+        InputError,
+        match=rf"axes {joint + 1} and {joint + 2} .* nearly coincide"
+        if off
+        else "every posture: axes . and . .* coincide;",
+    ):
         SixAxisKinematics(kin.arm)
 
 

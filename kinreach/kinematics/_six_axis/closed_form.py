@@ -56,6 +56,8 @@ POLISH, APART = 4, 1e-6
 AMISS, CLOSE = 1e-4, 1e-5
 #: How many angles of a free joint are tried; and shares of a turn by which one is after the other, of each such joint.
 TURNS, SHARES = 36, np.sqrt([5.0, 2.0, 3.0, 7.0, 11.0, 13.0]) % 1.0
+#: Sine between axes that are nearly parallel, and tangents of turns of the hand that are tried then.
+NEARLY_PARALLEL, TANGENTS = 0.3, np.tan(np.linspace(-1.4, 1.4, 9)).tolist()
 #: By how much an elbow may be missed at such an angle, to be reached at one near it [m, rad].
 FAR_MISS = 0.03
 #: How far a complex root may be off the unit circle to count.
@@ -221,7 +223,7 @@ class DecoupledArm:
         starts = np.tile(seed, (count, 1))
         starts[:, joints] += 2.0 * np.pi * np.arange(1, count + 1)[:, None] * SHARES[: len(joints)]
         if 0 in free:
-            for q1 in self._parallel_hands(T, tol):
+            for q1 in (*self._parallel_hands(T, tol), *self._turning_hands(T, tol)):
                 more = starts[:count:3].copy()
                 more[:, 0] = q1
                 starts = np.vstack([starts, more])
@@ -236,6 +238,22 @@ class DecoupledArm:
         if self.spherical or np.abs(off).max() > tol:
             return []
         return [self._sign[0] * (turned - self._offset[0]) for turned in (q1, q1 + pi)]
+
+    def _turning_hands(self, T: Floats, tol: float) -> list[float]:
+        """Angles of a free joint 1 that turn the hand evenly, where axis 6 is nearly parallel to three parallel axes.
+
+        The hand turns by as much as joint 1 divided by the angle between them: few of evenly spaced angles would reach.
+        """
+        (_, _, x, _), (_, _, y, _), (_, _, z, _) = (self.before @ T @ self.after)[:3].tolist()
+        found: list[float] = []
+        if self.spherical:
+            return found
+        nearest = atan2(self.sa1 * x, -self.sa1 * y)
+        for q1 in (nearest, nearest + pi):
+            tilt = hypot(*_cross((x, y, z), (sin(q1) * self.sa1, -cos(q1) * self.sa1, self.ca1)))
+            if tol < tilt < NEARLY_PARALLEL:
+                found += [self._sign[0] * (q1 + tilt * turn - self._offset[0]) for turn in TANGENTS]
+        return found
 
     def _spherical(
         self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None, aligned: float
