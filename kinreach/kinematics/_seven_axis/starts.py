@@ -44,7 +44,7 @@ REACHED, NOT_BETTER = 1e-13, 1e-11
 #: Steps of Newton's method; after so many only what misses the pose by less goes on [m, rad].
 STEPS, NEAR = 12, 1e-4
 #: Steps without it where that is slow, and singular values below this share of the largest are 0 there.
-POLISHING, ROUNDING = 3, 1e-12
+POLISHING, ROUNDING = 8, 1e-12
 #: Random starts where there are no others, and steps from them.
 RANDOM, RANDOM_STEPS = 128, 40
 #: A curve is not followed at a posture at which the Jacobian's smallest singular value is less than this, or than so
@@ -180,15 +180,16 @@ class Starts:
 
         Two pairs of axes that almost coincide make a small singular value, although the curve there is regular.
         """
-        best, best_off = q, self.loop.step(q, T[None])[2]
+        best, best_off, going = q.copy(), self.loop.step(q, T[None])[2], np.arange(len(q))
         for _ in range(POLISHING):
-            if not (best_off >= REACHED).any():
+            going = going[best_off[going] >= REACHED]
+            if not len(going):
                 break
-            error, J, _ = self.loop.step(q, T[None])
-            q = q + limited((np.linalg.pinv(J, rcond=ROUNDING) @ error[..., None])[..., 0])
-            off = self.loop.step(q, T[None])[2]
-            better = off < best_off
-            best, best_off = np.where(better[:, None], q, best), np.where(better, off, best_off)
+            error, J, _ = self.loop.step(q[going], T[None])
+            q[going] += limited((np.linalg.pinv(J, rcond=ROUNDING) @ error[..., None])[..., 0])
+            off = self.loop.step(q[going], T[None])[2]
+            better = off < best_off[going]
+            best[going[better]], best_off[going[better]] = q[going[better]], off[better]
         return best, best_off
 
     def _vertices(self, q: Floats, T: Floats) -> Floats:
