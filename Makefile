@@ -19,11 +19,12 @@ DEV := $(VENV)/.installed-dev
 DOCS := $(VENV)/.installed-docs
 BENCH := $(VENV)/.installed-bench
 VIEW := $(VENV)/.installed-view
+CODE_IN_C := hatch_build.py $(wildcard kinreach/kinematics/_core/*.[ch])
 CLIENTS_VENV ?= build/venv-clients
 CLIENTS := $(CLIENTS_VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare view examples test test-all lint bench clients digest endurance notebooks docs clean
+.PHONY: help setup compare view examples test test-all lint bench clients wheels core-check digest endurance notebooks docs clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -65,6 +66,12 @@ digest: $(CORE) ## Compare fixed results with tools/digest.txt, for example PYTH
 endurance: $(DEV) ## What takes too long for the tests: faults, long runs, processes; ARGS="--quick" for some minutes
 	$(BIN)/python -m tools.endurance $(ARGS)
 
+wheels: $(DEV) ## Make wheels for Linux and macOS, x86-64 and ARM, on any of them, into dist/
+	$(BIN)/python -m tools.wheels $(ARGS)
+
+core-check: $(DEV) ## Run the compiled core's tests under address and undefined-behaviour sanitizers
+	$(BIN)/python -m tools.core_check $(ARGS)
+
 notebooks: $(DEV) ## Run all notebooks from top to bottom and keep their outputs
 	$(BIN)/python notebooks/execute.py $(ARGS)
 
@@ -80,11 +87,11 @@ $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "kinreach needs Python 3.11 or newer, this is %d.%d: make PYTHON=python3.11" % sys.version_info[:2])'
 	$(PYTHON) -m venv $(VENV)
 
-$(CORE): pyproject.toml constraints.txt | $(BIN)/python
+$(CORE): pyproject.toml constraints.txt $(CODE_IN_C) | $(BIN)/python
 	$(PIP_INSTALL) -e .
 	@touch $@
 
-$(DEV): pyproject.toml constraints.txt | $(BIN)/python
+$(DEV): pyproject.toml constraints.txt $(CODE_IN_C) | $(BIN)/python
 	$(call install_torch,$(VENV))
 	$(PIP_INSTALL) -e '.[dev]'
 	@touch $(CORE) $(VIEW) $@

@@ -96,7 +96,7 @@ def test_what_is_exported_comes_back_as_it_was(again):
         tried.add(type(value).__name__)
         back = again(value)
         if type(value).__name__ == "IKSolutions":
-            names = ("q", "branch", "singularity", "residual", "status", "reason", "n", "found")
+            names = ("q", "branch", "singularity", "residual", "status", "reason", "rows")
             assert all(same(getattr(value, name), getattr(back, name)) for name in names)
             assert again(back).residual.tolist() == value.residual.tolist()
         else:

@@ -240,18 +240,11 @@ class Arm3Kinematics(ClosedFormKinematics):
             InputError: Malformed target or seed.
         """
         start = self._posture_or_none(seed)
-        goal, tol = _goal_of(as_floats("T", T)), check_tolerance(tol)
-        found, miss = self._solve(goal, tol)
-        return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
-
-    def _found(self, T: Floats, tol: float, *, limits: bool) -> Sequence[Row]:
-        goal = _goal_of(T)
-        return self._within(self._solve(goal, tol)[0], self._error_of(goal), None, limits, tol)
-
-    def _solve(self, goal: PositionGoal, tol: float) -> tuple[list[Row], int]:
-        """As `solve_position`."""
+        target, tol = as_floats("T", T), check_tolerance(tol)
+        goal = PositionGoal(as_pose("T", target)[:3, 3] if target.shape == (4, 4) else target)
         p = self._in_joint_frame(goal.position[None])[:, 0]
-        return solve_position(p.tolist(), self.geometry, tol=tol)
+        found, miss = solve_position(p.tolist(), self.geometry, tol=tol)
+        return self._solutions(found, "" if found else miss_text(miss), goal, start, limits, tol)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Solve a `PositionGoal`.
@@ -275,8 +268,3 @@ class Arm3Kinematics(ClosedFormKinematics):
     def _in_joint_frame(self, p: Floats) -> Floats:
         """Express points of the base frame (count, 3) in the first joint's (3, count)."""
         return self._T_joint_base[:3, :3] @ p.T + self._T_joint_base[:3, 3:]
-
-
-def _goal_of(target: Floats) -> PositionGoal:
-    """A point, or where a pose is."""
-    return PositionGoal(as_pose("T", target)[:3, 3] if target.shape == (4, 4) else target)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
-from itertools import chain
-from math import dist, pi
-from struct import pack
+from math import pi
 from typing import Any, ClassVar
 
 import numpy as np
@@ -27,16 +26,15 @@ from kinreach._checks import (
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._chain import blocks
-from kinreach.kinematics._goals import Goal, goal_error
+from kinreach.kinematics._chain import about_z, blocks
+from kinreach.kinematics._core import NULL, Struct, doubles, lib
+from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal
 from kinreach.kinematics._solutions import (
     ANGLES,
     BRANCH,
-    FLAGS,
     NEAR_LIMIT,
     SLACK,
     Accept,
-    ErrorOf,
     IKBatch,
     IKBatchNearest,
     IKResult,
@@ -44,13 +42,14 @@ from kinreach.kinematics._solutions import (
     Row,
     Status,
     check_accept,
-    nearest_winding,
     nearest_windings,
 )
 from kinreach.kinematics._tensors import like, namespace, on_host
 
-#: Steps with which a posture is moved into the limits, and the error at which it has arrived [m, rad].
-STEPS, ARRIVED = 10, 1e-12
+#: By how much a clamped posture may miss, unless the caller says it [m, rad].
+TOLERANCE = 1e-7
+#: What is asked of the tip, as the core has it.
+CoreGoal = tuple[int, Floats]
 #: Joints that a full pose needs.
 POSE_JOINTS = 6
 #: Up to so many poses are solved one by one: a batch takes as long for two as for fifteen.
@@ -76,11 +75,18 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         # where every joint covers a full turn, a principal value is always within the limits,
         # and where it covers no more than that, the only one there is (its two ends apart)
         self._full_turn = bool((self.lower <= -pi + SLACK).all() and (self.upper >= pi - SLACK).all())
-        self._one_turn = self._full_turn and bool((self.upper - self.lower <= TURN + SLACK).all())
+        one_turn = self._full_turn and bool((self.upper - self.lower <= TURN + SLACK).all())
+        placements, axes = self._joint_frames()
+        placements[0] = self.T_base_world @ placements[0]
+        self._placements = about_z(placements, axes, self.model.frames[self.tip_frame].placement.homogeneous)
+        self._core = Struct(
+            "kr_arm", n=self.n, full_turn=self._full_turn, one_turn=one_turn, lower=self._low, upper=self._high,
+            placements=self._placements[:, :3].ravel().tolist(),
+        )  # fmt: skip
 
     @abstractmethod
     def all_solutions(
-        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
+        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = TOLERANCE
     ) -> IKSolutions:
         """Compute every posture that reaches a goal."""
 
@@ -98,7 +104,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         start = self.as_posture("seed", seed)
         return self._choose(self.all_solutions(T, seed=start), start, accept)
 
-    def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = 1e-7) -> IKBatch:
+    def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE) -> IKBatch:
         """Compute every posture of many poses.
 
         Args:
@@ -117,14 +123,12 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             return self._tensor_batch(T, check_tolerance(tol), limits=limits)
         T, tol = as_floats("T", T), check_tolerance(tol)
         if T.ndim > 1 and 0 < len(T) <= FEW_POSES:
-            try:
+            with suppress(InputError):  # the batch names the pose that is refused
                 return self._few(T, tol, limits=limits)
-            except InputError:  # the batch names the pose that is refused
-                pass
         q, valid = self._batch(T, None, tol, limits=limits)
         return self._batch_within(T, q, valid, tol, limits=limits)
 
-    def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = 1e-7) -> IKBatchNearest:
+    def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = TOLERANCE) -> IKBatchNearest:
         """Compute for each of many poses the posture nearest to its seed, over all branches and windings.
 
         Args:
@@ -137,18 +141,13 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         """
         T = as_floats("T", T)
         count = len(np.atleast_1d(T))
-        start = as_floats("seeds", seeds)
-        if start.shape not in ((self.n,), (count, self.n)):
-            raise InputError(f"seeds must have shape ({count}, {self.n}) or ({self.n},), got {start.shape}")
-        check_entries("seeds", start, MAX_ANGLE)
-        start = np.broadcast_to(start, (count, self.n))
-        tol = check_tolerance(tol)
+        start, tol = self._as_seeds(seeds, count), check_tolerance(tol)
         if T.ndim > 1 and 0 < count <= FEW_POSES:
             with suppress(InputError):
                 pairs = zip(T, start, strict=True)
-                found = [self.all_solutions(pose, seed=seed, tol=tol).found for pose, seed in pairs]
-                q = np.array([rows[0][ANGLES] if rows else [np.nan] * self.n for rows in found])
-                branch = np.array([rows[0][BRANCH] if rows else -1 for rows in found])
+                found = [self.all_solutions(pose, seed=seed, tol=tol) for pose, seed in pairs]
+                q = np.array([each.q[0] if each else [np.nan] * self.n for each in found])
+                branch = np.array([each.branch[0] if each else -1 for each in found])
                 return IKBatchNearest(q, branch, branch >= 0)
         q, valid = self._batch(T, start, tol, limits=True)
         chosen, branch = np.empty((count, self.n)), np.empty(count, dtype=np.int64)
@@ -156,27 +155,22 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             chosen[rows], branch[rows] = self._nearest(T[rows], q[..., rows], valid[..., rows], start[rows], tol)
         return IKBatchNearest(chosen, branch, branch >= 0)
 
+    def _as_seeds(self, seeds: ArrayLike, count: int) -> Floats:
+        """Check seeds, one for each of so many poses or one for all; return one for each, shape (count, n)."""
+        start = as_floats("seeds", seeds)
+        if start.shape not in ((self.n,), (count, self.n)):
+            raise InputError(f"seeds must have shape ({count}, {self.n}) or ({self.n},), got {start.shape}")
+        check_entries("seeds", start, MAX_ANGLE)
+        return np.broadcast_to(start, (count, self.n))
+
     def _few(self, T: Floats, tol: float, *, limits: bool) -> IKBatch:
         """`batch`, one pose after the other."""
-        branches, columns = self._branches, ANGLES.start + self.n
-        none: Row = (-1, 0, *[np.nan] * self.n)
-        slots: list[Row] = []
-        for pose in T:
-            found = self._found(pose, tol, limits=limits)  # in the order of the branch index
-            if len(found) == branches:
-                slots += found
-            else:
-                some = [none] * branches
-                for row in found:
-                    some[row[BRANCH]] = row
-                slots += some
-        packed = pack(f"{columns * len(slots)}d", *chain.from_iterable(slots))  # half the time of an array of a list
-        rows = np.frombuffer(bytearray(packed)).reshape(len(T), branches, columns)
-        return IKBatch(rows[..., ANGLES], rows[..., BRANCH] >= 0)
-
-    def _found(self, T: Floats, tol: float, *, limits: bool) -> Sequence[Row]:
-        """`all_solutions` without a seed, and without the reason where there are none."""
-        return self.all_solutions(T, limits=limits, tol=tol).found
+        found = [self.all_solutions(pose, limits=limits, tol=tol).rows for pose in T]
+        q, rows = np.full((len(T), self._branches, self.n), np.nan), np.concatenate(found)
+        valid = np.zeros(q.shape[:2], dtype=np.bool_)
+        slots = np.repeat(np.arange(len(T)), [len(each) for each in found]), rows[:, BRANCH].astype(np.int64)
+        q[slots], valid[slots] = rows[:, ANGLES], True
+        return IKBatch(q, valid)
 
     @cached_property
     def _branches(self) -> int:
@@ -188,13 +182,13 @@ class ClosedFormKinematics(ArmKinematics, ABC):
     def _batch_within(self, T: Any, q: Any, valid: Any, tol: float, *, limits: bool) -> IKBatch:
         """Wind the postures of `_batch` into the limits."""
         if limits and not self._full_turn:
-            found, within, near = self._windings(q, like(q, 0.0), valid)
-            q = namespace(q).where(within, found, np.nan)
+            wound, within, near = self._windings(q, like(q, 0.0), valid)
+            q = namespace(q).where(within, wound, np.nan)
             valid = within
             for row in near:
                 exact, exists = np.full((self.n, len(valid)), np.nan), np.zeros(len(valid), dtype=np.bool_)
-                for branch, _, *angles in self.all_solutions(on_host(T[row]), tol=tol).found:
-                    exact[:, branch], exists[branch] = angles, True
+                found = self.all_solutions(on_host(T[row]), tol=tol)
+                exact[:, found.branch], exists[found.branch] = found.q.T, True
                 q[..., row], valid[..., row] = like(q, exact), like(valid, exists)
         return IKBatch(q.swapaxes(0, 2), valid.T)
 
@@ -227,8 +221,8 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         found = np.isfinite(distance[best, columns])
         chosen, branch = np.where(found, q[:, best, columns], np.nan).T, np.where(found, best, -1)
         for row in near:
-            rows = self.all_solutions(T[row], seed=seeds[row], tol=tol).found
-            chosen[row], branch[row] = (rows[0][ANGLES], rows[0][BRANCH]) if rows else (np.nan, -1)
+            every = self.all_solutions(T[row], seed=seeds[row], tol=tol)
+            chosen[row], branch[row] = (every.q[0], every.branch[0]) if every else (np.nan, -1)
         return chosen, branch
 
     @abstractmethod
@@ -251,114 +245,74 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         With `limits`, what the goal leaves free is chosen so that the posture is within them.
         """
 
-    def _error_of(self, goal: Goal) -> ErrorOf:
-        return lambda q: goal_error(goal, self.fk(q))
-
     def _solutions(
         self,
-        found: Sequence[Row],
+        found: Sequence[Row] | Floats,
         unreached: str,
-        error_of: ErrorOf,
+        goal: Goal | Floats,
         seed: Floats | None,
         limits: bool,
         tol: float,
     ) -> IKSolutions:
         """Apply limits and windings; sort by distance where there is a seed."""
-        if not found:
-            return IKSolutions((), Status.OUT_OF_REACH, unreached, error_of, self.n)
-        kept = self._within(found, error_of, seed, limits, tol)
-        if not kept:
-            reason = f"all {len(found)} postures are outside the joint limits ({self._limiting_joints(found)})"
-            return IKSolutions((), Status.OUT_OF_LIMITS, reason, error_of, self.n)
-        return IKSolutions(kept, Status.OK, "", error_of, self.n)
+        rows = np.array(found, dtype=np.float64).reshape(-1, self.n + ANGLES.start)
+        kind, T = core_goal(goal)
+        errors = self._errors, (kind, T)
+        if not len(rows):
+            return IKSolutions(rows, Status.OUT_OF_REACH, unreached, errors)
+        kept = rows.copy()
+        start = NULL if seed is None else doubles(seed)
+        count = lib.kr_within(self._core.pointer, kind, doubles(T), start, limits, tol, doubles(kept), len(kept))
+        if not count:
+            return IKSolutions(kept[:0], Status.OUT_OF_LIMITS, self._all_outside(rows), errors)
+        return IKSolutions(kept[:count], Status.OK, "", errors)
 
-    def _within(
-        self, found: Sequence[Row], error_of: ErrorOf, seed: Floats | None, limits: bool, tol: float
-    ) -> Sequence[Row]:
-        """Solutions within the limits, in the winding nearest to a seed, and sorted by distance from it."""
-        if seed is None and (self._full_turn or not limits):
-            return found
-        wanted = [0.0] * self.n if seed is None else seed.tolist()
-        low, high = (self._low, self._high) if limits else ([-np.inf] * self.n, [np.inf] * self.n)
-        single = limits and self._one_turn
-        kept: list[Row] = []
-        for row in found:
-            if single and _inside_turn(row[ANGLES]):
-                kept.append(row)
-            elif (q := self._wound(row[ANGLES], wanted, low, high, error_of, tol)) is not None:
-                kept.append((row[BRANCH], row[FLAGS], *q))
-        if seed is not None:
-            kept.sort(key=lambda row: dist(row[ANGLES], wanted))
-        return kept
+    def _allows(self, q: ArrayLike, goal: Goal | Floats, seed: Floats, tol: float) -> bool:
+        """Whether a posture has a winding within the limits, or is next to one that reaches the goal."""
+        posture, found, (kind, T) = np.array(q, dtype=np.float64), np.empty(self.n), core_goal(goal)
+        arm, to, wanted = self._core.pointer, doubles(T), doubles(np.ascontiguousarray(seed))
+        return bool(lib.kr_allowed(arm, kind, to, doubles(posture), wanted, True, tol, doubles(found)))
 
-    def _wound(
-        self,
-        angles: Sequence[float],
-        wanted: Sequence[float],
-        low: Sequence[float],
-        high: Sequence[float],
-        error_of: ErrorOf,
-        tol: float,
-    ) -> list[float] | None:
-        """`nearest_winding`; one that is barely past a limit is moved into the limits if it then reaches the goal."""
-        q = nearest_winding(angles, wanted, low, high, slack=NEAR_LIMIT)
-        if q is None or all(
-            bottom - SLACK <= angle <= top + SLACK for angle, bottom, top in zip(q, low, high, strict=True)
-        ):
-            return q
-        moved = self._moved_into_limits(q)
-        return moved.tolist() if max(error_of(moved)) <= tol else nearest_winding(angles, wanted, low, high)
+    def _errors(self, goal: CoreGoal, rows: Floats) -> Floats:
+        """Position [m] and orientation [rad] errors of rows of postures, shape (k, 2)."""
+        errors, (kind, T) = np.empty((len(rows), 2)), goal
+        lib.kr_errors(self._core.pointer, kind, doubles(T), doubles(rows), len(rows), doubles(errors))
+        return errors
 
-    def _moved_into_limits(self, q: Sequence[float]) -> Floats:
-        """Return the posture within the limits whose pose of the tip is nearest to that of another, by damped Newton.
-
-        Fewer than six joints keep the position alone.
-        """
-        target = self.fk(q)
-        task = slice(6 if self.n >= POSE_JOINTS else 3)
-        found = best = np.clip(q, self.lower, self.upper)
-        least = np.inf
-        for _ in range(STEPS):
-            T = self.fk(found)
-            turn = target[:3, :3] @ T[:3, :3].T
-            twist = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-            error = np.concatenate([target[:3, 3] - T[:3, 3], twist])[task]
-            size = float(np.abs(error).max())
-            if size < least:
-                best, least = found, size
-            if size < ARRIVED:
-                break
-            J = self.jacobian(found)[task]
-            down = J.T @ error
-            J[:, ((found <= self.lower) & (down < 0.0)) | ((found >= self.upper) & (down > 0.0))] = 0.0
-            damping = (size + ARRIVED) * np.eye(len(error))
-            found = np.clip(found + J.T @ np.linalg.solve(J @ J.T + damping, error), self.lower, self.upper)
-        return best
-
-    def _limiting_joints(self, found: Sequence[Row]) -> str:
-        def blocked(j: int) -> bool:
-            low, high = self._low[j : j + 1], self._high[j : j + 1]
-            return any(nearest_winding([row[ANGLES][j]], [0.0], low, high) is None for row in found)
-
-        return ", ".join(name for j, name in enumerate(self.arm.joints) if blocked(j))
+    def _all_outside(self, rows: Floats) -> str:
+        """Why no posture of some rows is within the limits."""
+        q, _ = nearest_windings(rows[:, ANGLES].T, 0.0, self.lower, self.upper)
+        past = (q > self.upper[:, None] + SLACK).any(axis=1)
+        blocked = [name for name, out in zip(self.arm.joints, past, strict=True) if out]
+        return f"all {len(rows)} postures are outside the joint limits ({', '.join(blocked)})"
 
     def _choose(self, solutions: IKSolutions, seed: Floats, accept: Accept | None) -> IKResult:
         """Return the first of the sorted solutions that the caller accepts."""
         check_accept(accept)
-        for row in solutions.found:
-            q = np.array(row[ANGLES])
+        for row in solutions.rows:
+            q = row[ANGLES].copy()
             if accept is None or accept(q.copy()):
-                return IKResult(q, Status.OK, *solutions.error_of(q), branch=row[BRANCH])
+                position, orientation = solutions.errors(row[None])[0].tolist()
+                return IKResult(q, Status.OK, position, orientation, branch=int(row[BRANCH]))
         if solutions.success:
-            q = np.array(solutions.found[0][ANGLES])
             reason = f"accept refused all {len(solutions)} postures"
-            return IKResult(q, Status.REJECTED, *solutions.error_of(q), reason)
-        return IKResult(seed.copy(), solutions.status, *solutions.error_of(seed), solutions.reason)
+            return replace(solutions[0], status=Status.REJECTED, reason=reason, branch=-1)
+        position, orientation = solutions.errors(np.array([[0.0, 0.0, *seed]]))[0].tolist()
+        return IKResult(seed.copy(), solutions.status, position, orientation, solutions.reason)
 
     def _posture_or_none(self, seed: ArrayLike | None) -> Floats | None:
-        return None if seed is None else self.as_posture("seed", seed)
+        return None if seed is None else np.ascontiguousarray(self.as_posture("seed", seed))
 
 
-def _inside_turn(q: Sequence[float]) -> bool:
-    """Whether no joint is at an end of (-pi, pi)."""
-    return max(q) < pi - NEAR_LIMIT and min(q) > NEAR_LIMIT - pi
+def core_goal(goal: Goal | Floats) -> CoreGoal:
+    """A goal, or the pose (4, 4) that is one, as the core has it: its kind, and a pose that has what it asks."""
+    if isinstance(goal, np.ndarray):
+        return 0, np.ascontiguousarray(goal)
+    if isinstance(goal, PoseGoal):
+        return 0, np.ascontiguousarray(goal.T)
+    T = np.eye(4)
+    T[:3, 3] = goal.position
+    if isinstance(goal, AxisGoal):
+        T[:3, 2] = goal.axis
+        return 1, T
+    return 2, T

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
-from itertools import chain
-from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach._checks import Floats, shown
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import TURN
+from kinreach.kinematics._core import as_rows
 from kinreach.kinematics._goals import Goal, goal_error
 from kinreach.kinematics._tensors import namespace
 
@@ -54,7 +52,7 @@ class Tolerance:
     orientation: float = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class IKResult:
     """One posture, or the reason why there is none.
 
@@ -77,6 +75,22 @@ class IKResult:
     branch: int = -1
     iterations: int = 0
     restarts: int = 0
+
+    def __init__(
+        self,
+        q: Floats,
+        status: Status,
+        position_error: float,
+        orientation_error: float,
+        reason: str = "",
+        branch: int = -1,
+        iterations: int = 0,
+        restarts: int = 0,
+    ) -> None:
+        self.__dict__.update(  # a third of the time of a frozen dataclass's own
+            q=q, status=status, position_error=position_error, orientation_error=orientation_error, reason=reason,
+            branch=branch, iterations=iterations, restarts=restarts,
+        )  # fmt: skip
 
     @classmethod
     def of(
@@ -135,78 +149,92 @@ SLACK = 1e-9
 #: the goal within the caller's tolerance. Next to a singular posture, rounding of lengths and limits grows to this.
 NEAR_LIMIT = 1e-3
 
-#: One solution as the closed forms give it, plain and flat because it is made eight times in some microseconds: branch
-#: index, singularity flags, joint angles [rad].
+#: One solution as the closed forms give it: branch index, singularity flags, joint angles [rad]. All of a goal's are
+#: such rows, an array or a list of tuples.
 Row = tuple[Any, ...]
 BRANCH, FLAGS, ANGLES = 0, 1, slice(2, None)
-
-#: Position error [m] and orientation error [rad] of a posture.
-ErrorOf = Callable[[Floats], tuple[float, float]]
-
-
-@dataclass(frozen=True)
-class _Known:
-    """Errors by posture, instead of the function that computed them."""
-
-    errors: dict[tuple[float, ...], tuple[float, float]]
-
-    def __call__(self, q: Floats) -> tuple[float, float]:
-        return self.errors[tuple(q.tolist())]
+#: Errors [m, rad] of rows, shape (k, 2), for a goal.
+ErrorsOf = Callable[[Any, Floats], Floats]
 
 
-@dataclass(frozen=True)
 class IKSolutions:
     """Every posture that reaches a goal, in the order of the branch index, or of the distance from the seed.
 
-    Arrays are made on first use.
+    Its length is how many there are. An index, or a loop, gives an `IKResult` for each; arrays are made when asked for.
 
     Attributes:
-        found: One `Row` per solution.
         status: `OK` if there is at least one.
         reason: Why there is none, else empty.
-        error_of: Forward-kinematics check of a posture against the goal.
-        n: Number of joints.
     """
 
-    found: Sequence[Row]
-    status: Status
-    reason: str
-    error_of: ErrorOf
-    n: int
+    __slots__ = ("_errors", "_found", "reason", "status")
+
+    def __init__(
+        self, rows: Any, status: Status, reason: str, errors: tuple[Callable[[Any, Floats], Floats], Any]
+    ) -> None:
+        self._found, self.status, self.reason, self._errors = rows, status, reason, errors
+
+    @property
+    def rows(self) -> Floats:
+        """A `Row` of each, shape (k, 2 + n)."""
+        if type(self._found) is tuple:
+            memory, count = self._found
+            self._found = as_rows(memory)[:count]
+        return self._found
+
+    def errors(self, rows: Floats) -> Floats:
+        """Compute errors [m, rad] of such rows by forward kinematics, shape (k, 2)."""
+        of, goal = self._errors
+        return of(goal, rows)
 
     def __len__(self) -> int:
-        return len(self.found)
+        return self._found[1] if type(self._found) is tuple else len(self._found)
 
-    def __getstate__(self) -> dict[str, Any]:
-        errors = {tuple(q): tuple(error) for q, error in zip(self.q.tolist(), self.residual.tolist(), strict=True)}
-        return {**vars(self), "error_of": _Known(errors)}
+    def __getitem__(self, index: int) -> IKResult:
+        row, (position, orientation) = self.rows[index], self.residual[index].tolist()
+        return IKResult(row[ANGLES].copy(), Status.OK, position, orientation, branch=int(row[BRANCH]))
+
+    def __iter__(self) -> Iterator[IKResult]:
+        return (self[index] for index in range(len(self)))
+
+    def __repr__(self) -> str:
+        reason = f", reason={self.reason!r}" if self.reason else ""
+        return f"{type(self).__name__}({len(self)} postures, status={self.status}{reason})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.rows, self.status, self.reason, (_known, self.residual))
 
     @property
     def success(self) -> bool:
         """Whether there is a solution."""
         return self.status is Status.OK
 
-    @cached_property
+    @property
     def q(self) -> Floats:
         """Postures [rad], shape (k, n)."""
-        columns = ANGLES.start + self.n
-        rows = np.fromiter(chain.from_iterable(self.found), np.float64, columns * len(self.found))
-        return rows.reshape(-1, columns)[:, ANGLES]
+        return self.rows[:, ANGLES]
 
-    @cached_property
+    @property
     def branch(self) -> NDArray[np.int64]:
         """Branch index of each solution, shape (k,)."""
-        return np.array([row[BRANCH] for row in self.found], dtype=np.int64)
+        return self.rows[:, BRANCH].astype(np.int64)
 
-    @cached_property
+    @property
     def singularity(self) -> NDArray[np.int64]:
         """Flags of what was clamped, free or moved in each solution, shape (k,); 0 is regular."""
-        return np.array([row[FLAGS] for row in self.found], dtype=np.int64)
+        return self.rows[:, FLAGS].astype(np.int64)
 
-    @cached_property
+    @property
     def residual(self) -> Floats:
         """Position [m] and orientation [rad] error of each solution, by forward kinematics, shape (k, 2)."""
-        return np.array([self.error_of(q) for q in self.q]).reshape(-1, 2)
+        of, goal = self._errors
+        if of is not _known:
+            self._errors = _known, of(goal, self.rows)
+        return self._errors[1]
+
+
+def _known(errors: Floats, rows: Floats) -> Floats:
+    return errors
 
 
 @dataclass(frozen=True)
@@ -237,31 +265,22 @@ class IKBatchNearest:
     success: NDArray[np.bool_]
 
 
-def nearest_winding(
-    q: Sequence[float], seed: Sequence[float], lower: Sequence[float], upper: Sequence[float], *, slack: float = SLACK
-) -> list[float] | None:
-    """Compute the posture equal to `q` modulo full turns that is nearest to `seed` within the limits [rad].
-
-    Joints do not interact here, so taking the best turn of each joint is exact for any norm that grows with
-    every joint's distance; nothing is enumerated. A joint may be past its limits by `slack`; None if one has no turn.
-    """
-    shifted = []
-    for value, wanted, low, high in zip(q, seed, lower, upper, strict=True):
-        turns = (wanted - value) / TURN
-        if not -0.5 <= turns <= 0.5:
-            value += TURN * round(turns)
-        if value > high + slack:
-            value -= TURN * ceil((value - high - slack) / TURN)
-        elif value < low - slack:
-            value += TURN * ceil((low - slack - value) / TURN)
-        if not low - slack <= value <= high + slack:
-            return None
-        shifted.append(value)
-    return shifted
-
-
 def nearest_windings(q: Any, seed: Any, lower: Any, upper: Any, *, slack: float = SLACK) -> tuple[Any, Any]:
-    """Compute `nearest_winding` for arrays (n, ...), joints first; and which postures are within the limits."""
+    """Compute the postures equal to `q` modulo full turns that are nearest to a seed within the limits [rad].
+
+    Joints do not interact here, so taking the best turn of each joint is exact for any norm that grows with every
+    joint's distance; nothing is enumerated.
+
+    Args:
+        q: Postures, shape (n, ...), joints first.
+        seed: Of the same shape, or one that broadcasts to it.
+        lower: Limits, shape (n,).
+        upper: Limits, shape (n,).
+        slack: How far a joint may be past them.
+
+    Returns:
+        The postures, and which of them are within the limits, shape (...).
+    """
     xp = namespace(q)
     low = (lower - slack).reshape(-1, *[1] * (q.ndim - 1))
     high = (upper + slack).reshape(-1, *[1] * (q.ndim - 1))

@@ -25,7 +25,7 @@ from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import NoShapesError, Pair
 from kinreach.kinematics._goals import Goal, goal_error
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
-from kinreach.kinematics._solutions import ANGLES, BRANCH, nearest_winding
+from kinreach.kinematics._solutions import SLACK, nearest_windings
 from kinreach.kinematics._solvers import SOLVERS, LevenbergMarquardtSolver, Solver, new_solver
 from kinreach.kinematics._solvers.iterative import goal_frame
 from kinreach.kinematics._ur.geometry import Miss
@@ -311,8 +311,7 @@ class TargetModel:
                 solutions = kinematics.all_solutions(goal.T, seed=seed, limits=False)  # type: ignore[union-attr]
         else:
             solutions = kinematics.all_solutions(goal.position, seed=seed, limits=False)  # type: ignore[attr-defined]
-        for row in solutions.found:
-            yield row[BRANCH], np.array(row[ANGLES])
+        yield from zip(solutions.branch.tolist(), solutions.q, strict=True)
 
     def _ends(self, goal: Goal, seed: Floats) -> list[IKResult]:
         """Ends of searches from fixed starts."""
@@ -341,10 +340,10 @@ class TargetModel:
 
     def _judged(self, branch: int, q: Floats, seed: Floats) -> Posture:
         name = branch_name(self.kinematics, branch)
-        wound = nearest_winding(q.tolist(), seed.tolist(), self.lower.tolist(), self.upper.tolist())
-        if wound is None:
+        wound, within = nearest_windings(q, seed, self.lower, self.upper)
+        if not within:
             return Posture(branch, name, State.LIMITS, self._why_outside(q), q)
-        q = np.array(wound)
+        q = wound
         pairs = () if self.checker is None else self.checker.contacts(q)
         reason = f"collision: {listed([self._touch(pair) for pair in pairs])}" if pairs else ""
         state = State.COLLIDES if pairs else State.USABLE
@@ -364,10 +363,11 @@ class TargetModel:
 
     def _outside(self, q: Floats) -> Iterator[tuple[str, float, float, float]]:
         """Joints without a turn within their limits: name, the angle nearest to these, and the limits [rad]."""
-        for name, at, low, high in zip(
-            self.kinematics.arm.joints, q.tolist(), self.lower.tolist(), self.upper.tolist(), strict=True
+        wound, _ = nearest_windings(q, np.zeros(len(q)), self.lower, self.upper)
+        for name, at, nearest, low, high in zip(
+            self.kinematics.arm.joints, *np.stack([q, wound, self.lower, self.upper]).tolist(), strict=True
         ):
-            if nearest_winding([at], [0.0], [low], [high]) is None:
+            if nearest > high + SLACK:
                 yield name, at + 2 * pi * round(((low + high) / 2 - at) / (2 * pi)), low, high
 
     def _excess(self, q: Floats) -> float:

@@ -11,10 +11,12 @@ import pytest
 
 from kinreach.kinematics import ArmKinematics, PoseGoal, URKinematics
 from kinreach.kinematics._collision import Cause, CollisionChecker
-from kinreach.kinematics._solutions import Status, nearest_winding, nearest_windings
+from kinreach.kinematics._core import Struct, doubles, lib
+from kinreach.kinematics._solutions import Status, nearest_windings
 from kinreach.kinematics._solvers import LevenbergMarquardtSolver, QPSolver
 from kinreach.kinematics._ur.geometry import Singularity
 from kinreach.robots import get_arm
+from kinreach.robots._rotations import turns_about_z
 
 FLANGE = URKinematics("ur5-thesis")
 TCP = URKinematics("ur5-thesis", tip="tcp", base="world")
@@ -205,13 +207,26 @@ def test_the_tolerance_holds_in_a_batch(kind, beyond, solved):
 # limits and windings
 
 
+def nearest_winding(q, seed, lower, upper):
+    """The core's winding of one posture of joints that turn about one axis, or None."""
+    n, found = len(q), np.empty(len(q))
+    T = turns_about_z(np.array([q.sum()]))[0]
+    placements = np.tile(np.eye(4)[:3].ravel(), n + 1).tolist()
+    arm = Struct("kr_arm", n=n, lower=lower.tolist(), upper=upper.tolist(), placements=placements)
+    return (
+        found
+        if lib.kr_allowed(arm.pointer, 0, doubles(T), doubles(q), doubles(seed), True, 1e-9, doubles(found))
+        else None
+    )
+
+
 def test_the_slack_at_both_limits_is_the_same_for_one_and_for_many():
     lower, upper = np.array([-1.0, -np.pi]), np.array([1.0, np.pi])
     cases = 0
     for end, sign in ((lower, -1.0), (upper, 1.0)):
         for past, inside in ((5e-10, True), (5e-9, False), (-5e-9, True)):
             q = np.array([end[0] + sign * past, 0.3])
-            one = nearest_winding(q.tolist(), [0.0, 0.0], lower.tolist(), upper.tolist())
+            one = nearest_winding(q, np.zeros(2), lower, upper)
             many, within = nearest_windings(q[:, None], np.zeros((2, 1)), lower, upper)
             assert (one is not None) == inside
             assert within.tolist() == [inside]
@@ -232,7 +247,7 @@ def test_windings_are_the_nearest_of_all_however_far_the_seed_is():
     for i in range(400):
         allowed = q[i] + turns
         allowed = allowed[(allowed >= lower[i]) & (allowed <= upper[i])]
-        one = nearest_winding(q[[i]].tolist(), seed[[i]].tolist(), lower[[i]].tolist(), upper[[i]].tolist())
+        one = nearest_winding(q[[i]], seed[[i]], lower[[i]], upper[[i]])
         assert (one is not None) == (lower[i] <= many[i] <= upper[i]) == (len(allowed) > 0)
         counts[one is not None] += 1
         if one is not None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kinreach.errors import InputError, KinreachError
-from kinreach.kinematics import Arm3Kinematics, AxisGoal, IKResult, PoseGoal, PositionGoal, UR5Kinematics
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, AxisGoal, IKResult, PoseGoal, PositionGoal, UR5Kinematics
 
 KIN = UR5Kinematics(tip="tool0")
 ARM3 = Arm3Kinematics()
@@ -129,3 +129,21 @@ def test_what_becomes_of_the_callers_array_changes_neither_goals_nor_solutions()
     for found in solutions:
         assert len(found)
         assert found.residual.max() < 1e-9
+
+
+@pytest.mark.parametrize("arm", ["ur5e", "arm3", "ur5-thesis"])
+def test_arrays_in_any_order_of_memory_are_read_as_they_are(arm):
+    kin, rng, tried = ArmKinematics.of(arm), np.random.default_rng(3), 0
+    for _ in range(20):
+        q = rng.uniform(kin.lower, kin.upper)
+        T, seed = kin.fk(q), rng.uniform(kin.lower, kin.upper)
+        strided = np.repeat(seed, 2)[::2]
+        assert not strided.flags.c_contiguous
+        plain, other = kin.nearest(T, seed), kin.nearest(np.asfortranarray(T), strided)
+        np.testing.assert_array_equal(plain.q, other.q)
+        rows = [kin.all_solutions(a, seed=b).q for a, b in ((T, seed), (np.asfortranarray(T), strided))]
+        np.testing.assert_array_equal(*rows)
+        many = [kin.nearest_batch(a, b).q for a, b in ((T[None], seed), (np.asfortranarray(T)[None], strided))]
+        np.testing.assert_array_equal(*many)
+        tried += 1
+    assert tried == 20

@@ -5,10 +5,11 @@ import pytest
 
 from benchmarks.speed.poses import CASES, FLANGE
 from benchmarks.speed.suites.ik_edge_cases import judge
+from kinreach.kinematics._core import Struct, doubles, ffi, lib
 from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS
-from kinreach.kinematics._ur.closed_form import reaches_pose, solve_pose
-from kinreach.kinematics._ur.free_wrist import free_wrist_within
+from kinreach.kinematics._ur.calibrated import _chain
+from kinreach.kinematics._ur.closed_form import core_arm, solve_pose
 from kinreach.kinematics._ur.geometry import Singularity, URGeometry, ur_fk
 
 COUNT = 400
@@ -96,7 +97,6 @@ def test_a_free_wrist_that_moves_goes_no_farther_than_it_must():
 def test_both_arcs_of_a_free_wrist_are_listed():
     """With d5 as long as the arm, wrist_1 comes from two sides: held against all values of wrist_3 on a grid."""
     g, rng, both = URGeometry(0.1, -0.3, -0.25, 0.1, 0.5, 0.08), np.random.default_rng(13), 0
-    limits = np.full(6, -2 * np.pi), np.full(6, 2 * np.pi)
     for q in rng.uniform(-np.pi, np.pi, (60, 6)) * (1, 1, 1, 1, 0, 1):
         rows, kept = ur_fk(q, g), set()
         for wanted in np.linspace(-np.pi, np.pi, 30):
@@ -105,11 +105,31 @@ def test_both_arcs_of_a_free_wrist_are_listed():
         free = [row for row in found if row[FLAGS] & Singularity.WRIST]
         assert {branch & 6 for branch in kept} == {row[BRANCH] & 6 for row in free}  # a moved elbow may be straight
         assert len(found) == len({row[BRANCH] for row in found})
-        assert all(reaches_pose(row[ANGLES], g, rows, 1e-7) for row in found)
-        within = free_wrist_within(rows, g, *limits, seed=np.zeros(6), tol=1e-7)
-        assert kept <= {row[BRANCH] for row in within}
+        for row in found:
+            np.testing.assert_allclose(ur_fk(row[ANGLES], g), rows, atol=1e-7)
         both += {0, 2} <= kept
     assert both >= 4
+
+
+def test_a_free_wrist_is_turned_into_its_limits():
+    """On both arcs, held against all values of wrist_3 on a grid within its limits."""
+    g, rng, turned = URGeometry(0.1, -0.3, -0.25, 0.1, 0.5, 0.08), np.random.default_rng(14), 0
+    placements = _chain(np.array([g.d1, g.a2, g.a3, g.d4, g.d5, g.d6]), np.eye(4), np.eye(4)).placements
+    ur, rows, miss = core_arm(g), np.empty((8, 8)), ffi.new("int *")
+    for q in rng.uniform(-np.pi, np.pi, (40, 6)) * (1, 1, 1, 1, 0, 1):
+        T, low = np.array(ur_fk(q, g)), rng.uniform(-3, 2.4)
+        limits = {"lower": [-7.0] * 5 + [low], "upper": [7.0] * 5 + [low + 0.6]}
+        arm = Struct("kr_arm", n=6, placements=placements[:, :3].ravel().tolist(), **limits)
+        count = lib.kr_ur_postures(ur.pointer, arm.pointer, doubles(T), doubles(np.zeros(6)), 1e-7, doubles(rows), miss)
+        inside = [row for row in rows[:count] if low - 1e-3 <= row[7] <= low + 0.6 + 1e-3]
+        expected = set()
+        for wanted in np.linspace(low, low + 0.6, 20):
+            expected |= {row[BRANCH] for row in solve_pose(T, g, q6=wanted)[0] if row[FLAGS] == Singularity.WRIST}
+        assert {branch & 6 for branch in expected} <= {int(row[BRANCH]) & 6 for row in inside}  # as above
+        for row in inside:
+            np.testing.assert_allclose(ur_fk(row[ANGLES], g), T, atol=1e-7)
+        turned += len(inside) > 0
+    assert turned > 15
 
 
 @pytest.mark.parametrize("tol", [1e-7, 1e-5])

@@ -29,7 +29,7 @@ a case, each of which a posture within +-pi reaches to 1e-8.
 
 kinreach clamps what leaves its domain by rounding, and chooses the free wrist angle so that the elbow can still reach.
 Every solution in which something was clamped or moved is checked by forward kinematics
-(`kinreach/kinematics/_ur/closed_form.py`)."""
+(`kinreach/kinematics/_core/ur.c`)."""
 
 
 @dataclass(frozen=True)

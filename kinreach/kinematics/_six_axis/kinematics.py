@@ -12,21 +12,20 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach._checks import Floats, as_floats, as_pose, check_tolerance, shown
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import wrapped
-from kinreach.kinematics._chain import about_z, poses_about
-from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics
+from kinreach.kinematics._chain import poses_about
+from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics, core_goal
 from kinreach.kinematics._goals import (
     AxisGoal,
     Goal,
     PoseGoal,
     PositionGoal,
     exactly_rigid,
-    pose_error,
     rigid_poses,
 )
 from kinreach.kinematics._near_closed_form import FAR
 from kinreach.kinematics._six_axis.methods import EXACTLY, MIN_SHARE, MISSED, NEARLY, SINGULAR, WAYS, method_of
 from kinreach.kinematics._six_axis.reach import WristReach
-from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, ErrorOf, IKResult, IKSolutions, Row, Tolerance
+from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, IKResult, IKSolutions, Row, Tolerance
 from kinreach.kinematics._solvers.iterative import GoalTask
 
 #: Values of free joints that are tried beside the seed's where the limits forbid that [rad], the nearest first.
@@ -66,9 +65,6 @@ class SixAxisKinematics(ClosedFormKinematics):
         super()._prepare()
         if self.n != self.joints:
             raise InputError(f"arm {self.arm.name!r} has {self.n} joints; six are needed")
-        placements, axes = self._joint_frames()
-        placements[0] = self.T_base_world @ placements[0]
-        self._placements = about_z(placements, axes, self.model.frames[self.tip_frame].placement.homogeneous)
         method = method_of(self._placements)
         if method == SINGULAR:
             why = self._coinciding(EXACTLY) or "its six joints move the tip in five directions or fewer"
@@ -135,13 +131,9 @@ class SixAxisKinematics(ClosedFormKinematics):
         T = as_floats("T", T).copy()
         rigid = T if T.shape == (4, 4) and exactly_rigid(T.tolist()) else rigid_poses(as_pose("T", T)[None])[0]
         tol = check_tolerance(tol)
-
-        def error_of(q: Floats) -> tuple[float, float]:
-            return pose_error(T, self.fk(q))
-
-        rows = self._rows(rigid, start, error_of, limits=limits, tol=tol)
+        rows = self._rows(rigid, start, T, limits=limits, tol=tol)
         unreached = "" if rows else self._wrist_reach.why(rigid) or UNREACHED
-        return self._solutions(rows, unreached, error_of, start, limits, tol)
+        return self._solutions(rows, unreached, T, start, limits, tol)
 
     def axis_solutions(
         self,
@@ -171,11 +163,11 @@ class SixAxisKinematics(ClosedFormKinematics):
         start = self._posture_or_none(seed)
         goal = AxisGoal(position, axis)  # type: ignore[arg-type]
         free = self._last_turns_tip()
-        tol, error_of = check_tolerance(tol), self._error_of(goal)
+        tol = check_tolerance(tol)
 
         def rows_at(turns: Floats, *, limits: bool) -> list[Row]:
             poses = poses_about(goal.position, goal.axis, turns)
-            return [row for T in poses for row in self._rows(T, start, error_of, limits=limits, tol=tol)]
+            return [row for T in poses for row in self._rows(T, start, goal, limits=limits, tol=tol)]
 
         found: list[Row] = []
         if free:
@@ -191,10 +183,10 @@ class SixAxisKinematics(ClosedFormKinematics):
                 found.append((row[BRANCH], *turned[FLAGS:]))
         if not found and not self._last_turns_tip(ON_AXIS_EXACTLY):
             found = [(index, *row[1:]) for index, row in enumerate(rows_at(TURNS_ABOUT, limits=limits))]
-        found = [row for row in found if max(error_of(np.array(row[ANGLES]))) <= MISSED] or found
+        found = [row for row in found if self._missed_by(row, goal) <= MISSED] or found
         (T,) = poses_about(goal.position, goal.axis, np.zeros(1))
         unreached = "" if found else (free and self._wrist_reach.why(T)) or UNREACHED
-        return self._solutions(found, unreached, error_of, start, limits, tol)
+        return self._solutions(found, unreached, goal, start, limits, tol)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture nearest to a seed for a `PoseGoal` or an `AxisGoal`.
@@ -211,7 +203,7 @@ class SixAxisKinematics(ClosedFormKinematics):
             raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
         return self.nearest(goal.T, seed, accept=accept)
 
-    def _rows(self, T: Floats, start: Floats | None, error_of: ErrorOf, *, limits: bool, tol: float) -> list[Row]:
+    def _rows(self, T: Floats, start: Floats | None, goal: Goal | Floats, *, limits: bool, tol: float) -> list[Row]:
         """Postures for a pose; free joints take values with which the posture is within the limits, if there are."""
         seed = np.zeros(self.n) if start is None else start
         rows = self._method.one(T, seed, tol)
@@ -219,7 +211,7 @@ class SixAxisKinematics(ClosedFormKinematics):
             return rows
 
         def allowed(row: Row) -> bool:
-            return self._wound(row[ANGLES], seed.tolist(), self._low, self._high, error_of, tol) is not None
+            return self._allows(row[ANGLES], goal, seed, tol)
 
         kept = {row[BRANCH]: row for row in rows if allowed(row)}
         for other in OTHERS:
@@ -235,8 +227,8 @@ class SixAxisKinematics(ClosedFormKinematics):
         q, valid = self._method.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol, free)
         for row in free if limits and not self._full_turn else ():
             q[..., row], valid[:, row] = np.nan, False
-            start, error_of = None if seeds is None else seeds[row], self._error_of(PoseGoal(T[row]))
-            for branch, _, *angles in self._rows(T[row], start, error_of, limits=True, tol=tol):
+            start = None if seeds is None else np.ascontiguousarray(seeds[row])
+            for branch, _, *angles in self._rows(T[row], start, T[row], limits=True, tol=tol):
                 q[:, branch, row], valid[branch, row] = angles, True
         return q, valid
 
@@ -256,8 +248,12 @@ class SixAxisKinematics(ClosedFormKinematics):
             if np.abs(error).max() < OFF_AXIS:
                 break
             q[:-1] += np.linalg.lstsq(J[:, :-1], error, rcond=None)[0]
-        near = np.abs(q - row[ANGLES]).max() < FAR
-        return (row[BRANCH], row[FLAGS], *q.tolist()) if near and max(self._error_of(goal)(q)) < MISSED else None
+        moved = (row[BRANCH], row[FLAGS], *q.tolist())
+        return moved if np.abs(q - row[ANGLES]).max() < FAR and self._missed_by(moved, goal) < MISSED else None
+
+    def _missed_by(self, row: Row, goal: Goal) -> float:
+        """The larger of position [m] and orientation [rad] error."""
+        return float(self._errors(core_goal(goal), np.array([row])).max())
 
 
 def _apart(q: Sequence[float], other: Sequence[float]) -> float:

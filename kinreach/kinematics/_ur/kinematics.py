@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,17 +12,17 @@ from kinreach._checks import (
     Floats,
     as_floats,
     as_pose,
-    check_poses,
     check_tolerance,
-    is_tensor,
     shown,
 )
 from kinreach._engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._arm import link_frame
-from kinreach.kinematics._chain import about_z, poses_about, rotation_to
-from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics
+from kinreach.kinematics._chain import about_z, poses_about
+from kinreach.kinematics._closed_form import TOLERANCE, TURNS_ABOUT, ClosedFormKinematics
+from kinreach.kinematics._compiled import CompiledKinematics
+from kinreach.kinematics._core import doubles, ffi, lib
 from kinreach.kinematics._goals import (
     AxisGoal,
     Goal,
@@ -31,25 +30,20 @@ from kinreach.kinematics._goals import (
     PositionGoal,
     exactly_rigid,
     nearest_rotations,
-    pose_error,
     rigid_poses,
 )
 from kinreach.kinematics._solutions import (
-    ANGLES,
-    BRANCH,
-    FLAGS,
     Accept,
     IKBatch,
     IKResult,
     IKSolutions,
     Row,
     Status,
-    nearest_winding,
+    nearest_windings,
 )
 from kinreach.kinematics._tensors import like, on_host
 from kinreach.kinematics._ur.batch import SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
-from kinreach.kinematics._ur.closed_form import WRIST, solve_axis, solve_pose
-from kinreach.kinematics._ur.free_wrist import free_wrist_within
+from kinreach.kinematics._ur.closed_form import core_arm
 from kinreach.kinematics._ur.geometry import BRANCHES, Rows, URGeometry, miss_text, ur_fk
 from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.robots import ArmDescription, Tool, get_arm
@@ -73,7 +67,7 @@ class NotOfThisKind(InputError):
     """The arm does not have the geometry of a closed form."""
 
 
-class URKinematics(ClosedFormKinematics):
+class URKinematics(CompiledKinematics):
     """Kinematics of a UR-type arm. Threads may share an instance.
 
     Link lengths are read from the URDF.
@@ -97,7 +91,7 @@ class URKinematics(ClosedFormKinematics):
         `ArmKinematics.of` is the arm's own, `"tcp"` of `ur5-thesis`.
     """
 
-    joints = 6
+    branches = BRANCHES
 
     def __init__(
         self,
@@ -112,8 +106,6 @@ class URKinematics(ClosedFormKinematics):
         T_flange_tip = self._flange.inverse() * self.model.frames[self.tip_frame].placement
         self._T_dh_base: Floats = FLIP @ np.linalg.inv(self.T_world_arm) @ self.T_world_base
         self._T_tip_flange: Floats = T_flange_tip.inverse().homogeneous
-        # with tool0 in base_link only two rows change their sign
-        self._plain = bool((self._T_dh_base == FLIP).all() and (self._T_tip_flange == np.eye(4)).all())
         self._reach = _reach_along_tool(T_flange_tip.homogeneous)
         self._check_fit()
 
@@ -174,7 +166,7 @@ class URKinematics(ClosedFormKinematics):
             return CalibratedURKinematics(arm, tip=tip, base=base, tool=tool)
 
     def all_solutions(
-        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
+        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = TOLERANCE
     ) -> IKSolutions:
         """Compute every posture that brings the tip to a pose, singular cases included.
 
@@ -192,17 +184,10 @@ class URKinematics(ClosedFormKinematics):
         Raises:
             InputError: `T` is not a finite rigid motion, or the seed is malformed.
         """
-        start = self._posture_or_none(seed)
-        T = as_floats("T", T).copy()
-        rows = self._flange_rows(T)
-        tol = check_tolerance(tol)
-        found, miss = self._solve_pose(rows, start, limits=limits, tol=tol)
-        unreached = "" if found else miss_text(miss)
-        return self._solutions(found, unreached, lambda q: pose_error(T, self.fk(q)), start, limits, tol)
+        return self._every(T, seed, limits=limits, tol=tol)
 
-    def _found(self, T: Floats, tol: float, *, limits: bool) -> Sequence[Row]:
-        found, _ = self._solve_pose(self._flange_rows(T), None, limits=limits, tol=tol)
-        return self._within(found, lambda q: pose_error(T, self.fk(q)), None, limits, tol)
+    def _miss_text(self, T: Floats, miss: int) -> str:
+        return miss_text(miss)
 
     def axis_solutions(
         self,
@@ -211,7 +196,7 @@ class URKinematics(ClosedFormKinematics):
         *,
         seed: ArrayLike | None = None,
         limits: bool = True,
-        tol: float = 1e-7,
+        tol: float = TOLERANCE,
     ) -> IKSolutions:
         """Compute every posture with the tip at a point and its z axis along a direction; rotation about it is free.
 
@@ -237,16 +222,20 @@ class URKinematics(ClosedFormKinematics):
         q6 = 0.0 if start is None else float(start[WRIST_3])
         if limits:  # wrist_3 is free, so what the limits ask of it costs no solution
             q6 = min(max(q6, self._low[WRIST_3]), self._high[WRIST_3])
-        found, miss = self._solve_axis(goal, start, q6, tol)
-        return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
+        found, miss = self._axis_postures(goal, start, q6, tol)
+        return self._solutions(found, miss_text(miss), goal, start, limits, tol)
 
-    def _solve_axis(self, goal: AxisGoal, start: Floats | None, q6: float, tol: float) -> tuple[list[Row], int]:
-        """As `solve_axis`, where wrist_3 turns the tip."""
-        p = self._T_dh_base[:3, :3] @ goal.position + self._T_dh_base[:3, 3]
-        a = self._T_dh_base[:3, :3] @ goal.axis
+    def _axis_postures(self, goal: AxisGoal, start: Floats | None, q6: float, tol: float) -> tuple[Floats, int]:
+        """Rows of postures where wrist_3 turns the tip, and the parts that missed."""
+        T = np.zeros((3, 4))
+        T[:, 2] = self._T_dh_base[:3, :3] @ goal.axis
+        T[:, 3] = self._T_dh_base[:3, :3] @ goal.position + self._T_dh_base[:3, 3]
         pitch = 0.0 if start is None else float(start[SHOULDER_LIFT : WRIST_1 + 1].sum())
-        reach: Any = self._reach
-        return solve_axis(p.tolist(), a.tolist(), self.geometry, reach=reach, tol=tol, pitch=pitch, q6=q6)
+        rows, miss = np.empty((BRANCHES, BRANCHES)), ffi.new("int *")
+        count = lib.kr_ur_axis_postures(
+            self._prepared.pointer, doubles(T), self._reach, pitch, q6, tol, doubles(rows), miss
+        )  # fmt: skip
+        return rows[:count], miss[0]
 
     @property
     def _wrist_3_turns_tip(self) -> bool:
@@ -254,11 +243,10 @@ class URKinematics(ClosedFormKinematics):
         return self._reach is not None
 
     def _at_turns(self, goal: AxisGoal, start: Floats | None, *, limits: bool, tol: float) -> IKSolutions:
-        found: list[Row] = []
-        for T in poses_about(goal.position, goal.axis, TURNS_ABOUT):
-            found += self._solve_pose(self._flange_rows(T), None, limits=False, tol=tol)[0]
-        unreached = "" if found else "no posture reaches the point with any of 36 turns about the direction"
-        return self._solutions(found, unreached, self._error_of(goal), start, limits, tol)
+        turned = poses_about(goal.position, goal.axis, TURNS_ABOUT)
+        found = np.concatenate([self.all_solutions(T, limits=False, tol=tol).rows for T in turned])
+        unreached = "" if len(found) else "no posture reaches the point with any of 36 turns about the direction"
+        return self._solutions(found, unreached, goal, start, limits, tol)
 
     def axis_goal(
         self, position: ArrayLike, axis: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None
@@ -280,11 +268,11 @@ class URKinematics(ClosedFormKinematics):
         if result.status is not Status.REJECTED or not self._wrist_3_turns_tip:
             return result
         for turn in TURNS:
-            wrist_3 = float(start[WRIST_3])
-            last = nearest_winding([wrist_3 + turn], [wrist_3], self._low[WRIST_3:], self._high[WRIST_3:])
-            if last is None:
+            wrist_3 = start[WRIST_3:]
+            last, within = nearest_windings(wrist_3 + turn, wrist_3, self.lower[WRIST_3:], self.upper[WRIST_3:])
+            if not within:
                 continue
-            turned = np.array([*start[:WRIST_3], *last])
+            turned = np.concatenate([start[:WRIST_3], last])
             other = self._choose(self.axis_solutions(position, axis, seed=turned), start, accept)
             if other.success:
                 return other
@@ -334,52 +322,20 @@ class URKinematics(ClosedFormKinematics):
             raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
         return self.nearest(goal.T, seed, accept=accept)
 
-    def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
-        """As `solve_pose`; a free wrist_3 gets a value with which the posture is within the limits."""
-        q6 = 0.0 if start is None else float(start[WRIST_3])
-        found, miss = solve_pose(rows, self.geometry, tol=tol, q6=q6)
-        if not limits or self._full_turn:
-            return found, miss
-        seed = np.zeros(self.n) if start is None else start
-        free = [row for row in found if row[FLAGS] & WRIST]
-        if not all(self._allows(row, seed, tol) for row in free):
-            fitting = free_wrist_within(rows, self.geometry, self.lower, self.upper, seed=seed, tol=tol)
-            kept = [row for row in found if not row[FLAGS] & WRIST or self._allows(row, seed, tol)]
-            chosen = {row[BRANCH]: row for row in (*found, *fitting, *kept)}
-            found = [chosen[branch] for branch in sorted(chosen)]
-        return found, miss
-
-    def _allows(self, row: Row, seed: Floats, tol: float) -> bool:
-        """Whether a solution has a winding within the limits."""
-        error_of = self._error_of(PoseGoal(self.fk(row[ANGLES])))
-        return self._wound(row[ANGLES], seed.tolist(), self._low, self._high, error_of, tol) is not None
-
-    def _batch(self, T: Any, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Any, Any]:
-        """Postures (6, 8, count) and their validity (8, count), before limits; tensors where `T` is one."""
-        if T.ndim != 3 or T.shape[1:] != (4, 4):
-            raise InputError(f"T must have shape (count, 4, 4), got {tuple(T.shape)}")
-        left, right, g = self._T_dh_base, self._T_tip_flange, self.geometry
-        q, valid, singular, skewed = solve_poses(T, left, right, g, tol=tol)
-        if skewed.any() or (T[:, 3] != like(T, (0.0, 0.0, 0.0, 1.0))).any():
-            check_poses("T", on_host(T))
-            rotations = nearest_rotations(T[:, :3, :3])
-            T = T.clone() if is_tensor(T) else T.copy()
-            T[:, :3, :3] = rotations
-            q, valid, singular, _ = solve_poses(T, left, right, g, tol=tol)
-        if len(rows := np.flatnonzero(on_host(singular))):
-            exact, exists = np.full((self.n, BRANCHES, len(rows)), np.nan), np.zeros((BRANCHES, len(rows)), np.bool_)
-            for column, (row, pose) in enumerate(zip(rows, on_host(T[rows]), strict=True)):
-                start = None if seeds is None else seeds[row]
-                found, _ = self._solve_pose(self._flange_rows(pose), start, limits=limits, tol=tol)
-                for branch, _, *angles in found:
-                    exact[:, branch, column] = angles
-                    exists[branch, column] = True
-            q[:, :, rows], valid[:, rows] = like(q, exact), like(valid, exists)
-        return q, valid
-
     def _tensor_batch(self, T: Any, tol: float, *, limits: bool) -> IKBatch:
-        q, valid = self._batch(T.detach().double(), None, tol, limits=limits)
-        found = self._batch_within(T, q, valid, tol, limits=limits)
+        """`batch` for a tensor, on its device; poses near a singularity are solved by the core."""
+        poses = T.detach().double()
+        if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+            raise InputError(f"T must have shape (count, 4, 4), got {tuple(poses.shape)}")
+        left, right, g = self._T_dh_base, self._T_tip_flange, self.geometry
+        q, valid, singular, skewed = solve_poses(poses, left, right, g, tol=tol)
+        if skewed.any() or (poses[:, 3] != like(poses, (0.0, 0.0, 0.0, 1.0))).any():
+            poses = like(poses, rigid_poses(on_host(poses)))
+            q, valid, singular, _ = solve_poses(poses, left, right, g, tol=tol)
+        if len(rows := np.flatnonzero(on_host(singular))):
+            exact = self.batch(on_host(poses[rows]), limits=limits, tol=tol)
+            q[:, :, rows], valid[:, rows] = like(q, exact.q.swapaxes(0, 2)), like(valid, exact.valid.T)
+        found = self._batch_within(poses, q, valid, tol, limits=limits)
         return IKBatch(like(T, found.q), found.valid)
 
     def _flange_rows(self, T: ArrayLike) -> Rows:
@@ -387,12 +343,7 @@ class URKinematics(ClosedFormKinematics):
         T = as_floats("T", T)
         if T.shape != (4, 4):
             as_pose("T", T)
-        given = T.tolist()
-        exact = exactly_rigid(given)
-        if exact and self._plain:
-            (nx, ox, ax, px), (ny, oy, ay, py), up, _ = given
-            return (-nx, -ox, -ax, -px), (-ny, -oy, -ay, -py), up
-        if not exact:
+        if not exactly_rigid(T.tolist()):
             T = as_pose("T", T).copy()
             T[:3, :3] = nearest_rotations(T[:3, :3])
         rows = (self._T_dh_base @ T @ self._T_tip_flange).tolist()
@@ -407,9 +358,10 @@ class URKinematics(ClosedFormKinematics):
         angles = np.linalg.norm(apart[:, :3, :3], axis=(1, 2)) / np.sqrt(2.0)
         off = float(np.maximum(np.linalg.norm(apart[:, :3, 3], axis=1), angles).max())
         if off <= FIT_TOLERANCE:
-            found, valid = self._batch(T, None, FIT_TOLERANCE, limits=False)
-            near = np.abs(wrapped(found - q.T[:, None])).max(axis=0) < AGAIN
-            if (near & valid).any(axis=0).all():
+            self._way = lib.KR_UR
+            self._prepared = core_arm(self.geometry, base=self._T_dh_base, flange=self._T_tip_flange)
+            found = self.batch(T, limits=False, tol=FIT_TOLERANCE)
+            if (np.abs(wrapped(found.q - q[:, None])).max(axis=2) < AGAIN).any(axis=1).all():
                 return
         raise NotOfThisKind(
             f"arm {self.arm.name!r} does not have the geometry of a UR-type arm: its poses are up to {off:.1e} m or "
@@ -444,12 +396,13 @@ class CalibratedURKinematics(URKinematics):
         InputError: The arm is not a UR, not even one out of adjustment.
     """
 
-    def _solve_axis(self, goal: AxisGoal, start: Floats | None, q6: float, tol: float) -> tuple[list[Row], int]:
+    def _axis_postures(self, goal: AxisGoal, start: Floats | None, q6: float, tol: float) -> tuple[Floats, int]:
         """Only wrist_3 turns about the tool's axis: joints 1 to 5 are those of any pose with this direction."""
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = rotation_to(goal.axis), goal.position
-        found, miss = self._solve_pose(self._flange_rows(T), None, limits=False, tol=tol)
-        return [(*row[:-1], q6) for row in found], miss
+        (T,) = poses_about(goal.position, goal.axis, np.zeros(1))
+        found, miss = self._postures(T, None, tol)
+        rows: Floats = np.array(found).reshape(-1, BRANCHES)
+        rows[:, -1] = q6
+        return rows, miss
 
     @property
     def _wrist_3_turns_tip(self) -> bool:
@@ -473,15 +426,23 @@ class CalibratedURKinematics(URKinematics):
         nearest[:3, 3] += self._T_dh_base[:3, :3].T @ way
         return nearest
 
-    def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
-        T = np.array([*rows, (0.0, 0.0, 0.0, 1.0)])
-        found = self._solver.one(T, np.zeros(self.n) if start is None else start, tol)
-        return found, 0 if found else self._solver.why_empty(T)
+    def _every(self, T: ArrayLike, seed: ArrayLike | None, *, limits: bool, tol: float) -> IKSolutions:
+        start, T, tol = self._posture_or_none(seed), as_floats("T", T).copy(), check_tolerance(tol)
+        found, miss = self._postures(T, start, tol)
+        return self._solutions(found, miss_text(miss), T, start, limits, tol)
+
+    def _postures(self, T: Floats, start: Floats | None, tol: float) -> tuple[list[Row], int]:
+        rows = np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)])
+        found = self._solver.one(rows, np.zeros(self.n) if start is None else start, tol)
+        return found, 0 if found else self._solver.why_empty(rows)
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         T = self._T_dh_base @ rigid_poses(T) @ self._T_tip_flange
         return self._solver.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol)
 
+    nearest = ClosedFormKinematics.nearest
+    batch = ClosedFormKinematics.batch
+    nearest_batch = ClosedFormKinematics.nearest_batch
     _tensor_batch = ClosedFormKinematics._tensor_batch
 
     def _check_fit(self) -> None:

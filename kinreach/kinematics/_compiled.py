@@ -1,0 +1,117 @@
+"""Every posture of a pose by the compiled core, one pose or many, for the arms whose postures it finds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import Floats, as_floats, as_pose, check_tolerance, is_tensor
+from kinreach.errors import InputError
+from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics
+from kinreach.kinematics._core import NULL, ROW, Struct, doubles, ffi, lib, new_rows
+from kinreach.kinematics._goals import rigid_poses
+from kinreach.kinematics._solutions import Accept, IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
+
+
+class CompiledKinematics(ClosedFormKinematics):
+    """Kinematics of arms with six joints whose postures the core finds.
+
+    Attributes:
+        branches: How many postures a pose may have.
+    """
+
+    joints = 6
+    branches: ClassVar[int]
+    #: How the core finds postures, and what it needs for that.
+    _way: int
+    _prepared: Struct
+
+    def _miss_text(self, T: Floats, miss: int) -> str:
+        """Why no posture reaches a pose, from the parts that missed."""
+        raise NotImplementedError
+
+    def _every(self, T: ArrayLike, seed: ArrayLike | None, *, limits: bool, tol: float) -> IKSolutions:
+        """`all_solutions`."""
+        T, tol = as_floats("T", T).copy(), check_tolerance(tol)
+        if T.shape != (4, 4):
+            as_pose("T", T)
+        start = self._posture_or_none(seed)
+        rows, near = new_rows(self.branches), NULL if start is None else doubles(start)
+        count = lib.kr_solutions(
+            self._way, self._prepared.pointer, self._core.pointer, doubles(T), near, limits, tol, rows, NULL
+        )
+        if count > 0:
+            return IKSolutions((rows, count), Status.OK, "", (self._errors, (0, T)))
+        return self._none(T, start, limits, tol)
+
+    def _none(self, T: Floats, start: Floats | None, limits: bool, tol: float) -> IKSolutions:
+        """`all_solutions` where there are none, or where the pose's rotation is not exact."""
+        exact, rows, counts = rigid_poses(as_pose("T", T)[None])[0], new_rows(self.branches), ffi.new("int[2]")
+        near, (way, prepared, arm) = NULL if start is None else doubles(start), self._arguments
+        count = lib.kr_solutions(
+            way, prepared, arm, doubles(np.ascontiguousarray(exact)), near, limits, tol, rows, counts
+        )
+        (before, miss), status, reason = counts, Status.OK, ""
+        if not before:
+            status, reason = Status.OUT_OF_REACH, self._miss_text(exact, miss)
+        elif not count:
+            status, reason = Status.OUT_OF_LIMITS, self._all_outside(self._every(T, None, limits=False, tol=tol).rows)
+        return IKSolutions((rows, count), status, reason, (self._errors, (0, T)))
+
+    @property
+    def _arguments(self) -> tuple[int, Any, Any]:
+        return self._way, self._prepared.pointer, self._core.pointer
+
+    def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Compute the posture for a pose that is nearest to a seed; as `ClosedFormKinematics.nearest`."""
+        pose, start = as_floats("T", T), as_floats("seed", seed)
+        if accept is None and pose.shape == (4, 4) and start.shape == (6,) and pose.flags.c_contiguous:
+            rows, near = new_rows(self.branches), doubles(np.ascontiguousarray(start))
+            found = lib.kr_nearest(
+                self._way, self._prepared.pointer, self._core.pointer, doubles(pose), near, TOLERANCE, rows
+            )
+            if found > 0:
+                branch, _, *q, position, orientation = ffi.unpack(rows, ROW + 2)
+                return IKResult(np.array(q), Status.OK, position, orientation, branch=int(branch))
+        return super().nearest(pose, start, accept=accept)
+
+    def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE) -> IKBatch:
+        """Compute every posture of many poses; as `ClosedFormKinematics.batch`."""
+        if is_tensor(T):
+            return self._tensor_batch(T, check_tolerance(tol), limits=limits)
+        T, tol = _as_poses(T), check_tolerance(tol)
+        shape = len(T), self.branches
+        q, valid = np.empty((*shape, self.n)), np.empty(shape, dtype=np.bool_)
+        flags = ffi.from_buffer("unsigned char[]", valid)
+        found = doubles(q), flags
+        _over(T, lambda each: lib.kr_solutions_of_each(*self._arguments, each, len(T), limits, tol, shape[1], *found))
+        return IKBatch(q, valid)
+
+    def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = TOLERANCE) -> IKBatchNearest:
+        """Compute for each of many poses the posture nearest to its seed; as `ClosedFormKinematics.nearest_batch`."""
+        T, tol = _as_poses(T), check_tolerance(tol)
+        start = doubles(np.ascontiguousarray(self._as_seeds(seeds, len(T))))
+        q, branch = np.empty((len(T), self.n)), np.empty(len(T), dtype=np.int64)
+        found = doubles(q), ffi.from_buffer("long long[]", branch)
+        _over(T, lambda each: lib.kr_nearest_of_each(*self._arguments, each, start, len(T), tol, *found))
+        return IKBatchNearest(q, branch, branch >= 0)
+
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
+        raise NotImplementedError  # batches go to the core
+
+
+def _over(T: Floats, call: Callable[[Any], int]) -> None:
+    """Call the core with poses, and with exact rotations once more if those of one are not."""
+    if call(doubles(T)) >= 0:
+        call(doubles(np.ascontiguousarray(rigid_poses(T))))
+
+
+def _as_poses(T: ArrayLike) -> Floats:
+    """Poses (count, 4, 4) in the order of C, unchecked."""
+    T = np.ascontiguousarray(as_floats("T", T))
+    if T.ndim != 3 or T.shape[1:] != (4, 4):
+        raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
+    return T

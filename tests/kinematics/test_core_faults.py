@@ -1,0 +1,96 @@
+"""The compiled core ends, and writes where it may, whatever it is given; `make core-check` watches the memory."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kinreach
+from kinreach.kinematics import URKinematics
+from kinreach.kinematics._core import NULL, Struct, doubles, ffi, lib
+from kinreach.kinematics._ur.closed_form import core_arm
+from kinreach.kinematics._ur.geometry import URGeometry
+
+WATCHED = bool(os.environ.get("KINREACH_SANITIZED"))
+ODD = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 5e-324, -5e-324, 1e-300, 1e308, -1e308, 1e16, np.pi, 1.0])
+
+
+def spoiled(rng, values):
+    """A copy of an array in which some entries are odd ones, or all are multiplied."""
+    values = np.array(values, dtype=np.float64)
+    flat = values.reshape(-1)
+    kind = rng.integers(5)
+    if kind == 0:
+        flat *= 10.0 ** rng.uniform(-300, 300)
+    elif kind < 4:
+        at = rng.integers(len(flat), size=rng.integers(1, 4))
+        flat[at] = rng.choice(ODD, size=len(at))
+    return values
+
+
+def test_the_core_that_runs_is_the_one_beside_this_test():
+    if WATCHED:
+        assert Path(kinreach.__file__).parents[1] == Path(__file__).parents[2]
+
+
+def test_numbers_of_any_kind_go_through_the_ur():
+    rng, count = np.random.default_rng(0), 20_000 if WATCHED else 5_000
+    kin, found, ended = URKinematics("ur5e"), 0, 0
+    poses, lengths = kin.fk(rng.uniform(-3, 3, (500, 6))), np.array([0.1, 0.4, 0.4, 0.1, 0.1, 0.1])
+    rows, q, errors = np.empty((8, 8)), np.empty(6), np.empty((8, 2))
+    counts = ffi.new("int[2]")
+    for k in range(count):
+        T = spoiled(rng, poses[k % 500]) if k % 2 else poses[k % 500].copy()
+        seed, tol = spoiled(rng, rng.uniform(-3, 3, 6)), float(spoiled(rng, [1e-7])[0])
+        d1, upper, fore, d4, d5, d6 = spoiled(rng, lengths).tolist()
+        bent = Struct(
+            "kr_ur", d1=d1, upper=upper, fore=fore, d4=d4, d5=d5, d6=d6, stretched=upper + fore,
+            folded=abs(upper - fore), base=spoiled(rng, kin._T_dh_base[:3]).ravel().tolist(),
+            flange=spoiled(rng, kin._T_tip_flange[:3]).ravel().tolist(),
+        )  # fmt: skip
+        lower, high = spoiled(rng, kin.lower), spoiled(rng, kin.upper)
+        arm = Struct(
+            "kr_arm", n=6, lower=lower.tolist(), upper=high.tolist(), full_turn=int(rng.integers(2)),
+            one_turn=int(rng.integers(2)), placements=spoiled(rng, kin._placements[:, :3]).ravel().tolist(),
+        )  # fmt: skip
+        start = NULL if k % 3 == 0 else doubles(seed)
+        n = lib.kr_solutions(lib.KR_UR, bent.pointer, arm.pointer, doubles(T), start, k % 2, tol, doubles(rows), counts)
+        assert -1 <= n <= 8
+        found += n > 0
+        kind = k % 3
+        if n > 0:
+            lib.kr_errors(arm.pointer, kind, doubles(T), doubles(rows), n, doubles(errors))
+            lib.kr_allowed(
+                arm.pointer, kind, doubles(T), doubles(rows[0, 2:].copy()), doubles(seed), 1, tol, doubles(q)
+            )
+            assert 0 <= lib.kr_within(arm.pointer, kind, doubles(T), start, 1, tol, doubles(rows), n) <= n
+        reach, pitch, last = spoiled(rng, rng.uniform(-1, 1, 3)).tolist()
+        n = lib.kr_ur_axis_postures(bent.pointer, doubles(T), reach, pitch, last, tol, doubles(rows), counts)
+        assert 0 <= n <= 8
+        assert (
+            -1
+            <= lib.kr_nearest(lib.KR_UR, bent.pointer, arm.pointer, doubles(T), doubles(seed), tol, doubles(rows))
+            <= 8
+        )
+        ended += 1
+    assert ended == count
+    assert found > count // 50
+
+
+@pytest.mark.parametrize("scale", [1e-2, 1.0, 1e5])
+def test_no_length_makes_a_wrong_posture(scale):
+    """Arms of any size: what is returned without a flag reaches the pose, in units of the arm's size."""
+    rng, right = np.random.default_rng(1), 0
+    for _ in range(1_000):
+        d1, a2, a3, d4, d5, d6 = scale * rng.uniform(0.01, 1.0, 6)
+        g = URGeometry(d1, -a2, -a3, d4, d5, d6)
+        q, arm, miss = rng.uniform(-3, 3, 6), core_arm(g), ffi.new("int *")
+        T, rows = np.array(kinreach.kinematics._ur.geometry.ur_fk(q, g)), np.empty((8, 8))
+        n = lib.kr_ur_postures(arm.pointer, NULL, doubles(T), doubles(q), 1e-7, doubles(rows), miss)
+        for row in rows[:n]:
+            off = np.abs(np.array(kinreach.kinematics._ur.geometry.ur_fk(row[2:], g)) - T)
+            off[:, 3] /= scale
+            assert off.max() < 1e-5
+            right += 1
+    assert right > 1_000

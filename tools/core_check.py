@@ -1,0 +1,54 @@
+"""The compiled core's tests under address and undefined-behaviour sanitizers: `make core-check`.
+
+A copy of the package gets a core that was built with them; whatever reads outside, overflows or divides by zero among
+integers ends the run. Every allocation of Python is the system's, so that those of arrays are watched as well.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import hatch_build
+
+ROOT = Path(__file__).parents[1]
+FLAGS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g", "-O1"]
+TESTS = ["tests/kinematics/test_core_faults.py", "tests/kinematics/test_singular_cases.py"]
+
+
+def main(arguments: list[str]) -> int:
+    """Run the tests; arguments go to pytest."""
+    compiler = hatch_build.compiler()
+    if compiler is None or "ziglang" in compiler:
+        print("the sanitizers come with gcc or clang", file=sys.stderr)
+        return 2
+    # libstdc++ beside it: Pinocchio throws
+    preloaded = [
+        subprocess.run(
+            [*compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        for name in ("libasan.so", "libstdc++.so.6")
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        ignored = shutil.ignore_patterns("__pycache__")
+        for name in ("kinreach", "tests", "benchmarks", "tools"):
+            shutil.copytree(ROOT / name, Path(folder) / name, ignore=ignored)
+        shutil.copy(ROOT / "pyproject.toml", folder)
+        place = Path(folder) / hatch_build.library().relative_to(ROOT)
+        flags = [flag for flag in hatch_build.FLAGS if flag not in ("-O3", "-g0")]
+        hatch_build.build(to=place, flags=[*flags, *FLAGS])
+        watched = {
+            "LD_PRELOAD": " ".join(preloaded), "ASAN_OPTIONS": "detect_leaks=0:abort_on_error=1",
+            "PYTHONMALLOC": "malloc", "PYTHONPATH": folder, "OMP_NUM_THREADS": "1", "KINREACH_SANITIZED": "1",
+        }  # fmt: skip
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist", "-p", "no:cacheprovider", *TESTS, *arguments]
+        return subprocess.run(command, cwd=folder, env={**os.environ, **watched}).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
