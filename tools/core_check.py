@@ -18,7 +18,10 @@ import hatch_build
 
 ROOT = Path(__file__).parents[1]
 FLAGS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g", "-O1"]
-TESTS = ["tests/kinematics/test_core_faults.py", "tests/kinematics/test_singular_cases.py"]
+TESTS = [
+    f"tests/kinematics/test_{name}.py"
+    for name in ("core_faults", "core_elimination", "calibrated_ur", "singular_cases")
+]
 
 
 def main(arguments: list[str]) -> int:

@@ -119,7 +119,7 @@ def singular_postures(kin: CalibratedURKinematics, case: str, rng: np.random.Gen
         count: How many.
     """
     joint = {"elbow": 2, "wrist": 4, "shoulder": 3, "wrist and shoulder": 4}[case]
-    g, chain = kin.geometry, kin._solver.chain
+    g, chain = kin.geometry, kin._calibrated.chain
     q = rng.uniform(-np.pi, np.pi, (40 * count, 6))
     if "shoulder" in case:
         ratio = -(g.a2 * np.cos(q[:, 1]) + g.a3 * np.cos(q[:, 1] + q[:, 2])) / g.d5

@@ -15,7 +15,6 @@ from kinreach.kinematics import ArmKinematics, URKinematics
 from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._solutions import Status
 from kinreach.kinematics._ur.kinematics import FLIP, CalibratedURKinematics
-from kinreach.kinematics._ur.refine import EXACT
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 from kinreach.robots._urdf import parse_urdf, set_origin
 from tests.cases import slow
@@ -140,7 +139,7 @@ def test_the_posture_of_a_singular_pose_is_found(model, arms, tmp_path):
     rng, joined, poses = np.random.default_rng(len(model)), 0, 0
     for _ in range(arms):
         kin = some_calibration(rng, model, tmp_path)
-        chain = kin._solver.chain
+        chain = kin._calibrated.chain
         for case, count in HARD.items():
             if case == "zero":
                 q = rng.integers(-2, 3, (count, 6)) * (np.pi / 2)
@@ -170,7 +169,7 @@ def test_branches_are_all_there_are(robot):
     q = rng.uniform(-np.pi, np.pi, (150, 6))
     q[:, 4] = rng.choice((0.0, np.pi), 150) + rng.uniform(-0.06, 0.06, 150)
     T = kin.fk(q)
-    counts = [len(found) for found in kin._solver.general.solve(FLIP @ T)]
+    counts = [len(found) for found in kin._calibrated.general.solve(FLIP @ T)]
     assert max(counts) > 8
     assert counts == kin.batch(T, limits=False).valid.sum(axis=1).tolist()
 
@@ -182,7 +181,7 @@ def test_with_the_tool_straight_down():
     down = np.diag([1.0, -1.0, -1.0, 1.0])
     T = np.tile(down, (60, 1, 1))
     T[:, :3, 3] = rng.uniform((-0.7, -0.7, 0.0), (0.7, 0.7, 0.4), (60, 3))
-    postures = kin._solver.general.solve(FLIP @ T)
+    postures = kin._calibrated.general.solve(FLIP @ T)
     batch = kin.batch(T, limits=False)
     reached = [len(found) for found in postures]
     assert reached == batch.valid.sum(axis=1).tolist()
@@ -251,20 +250,3 @@ def test_a_file_of_the_data_sheet_is_the_closed_form(tmp_path):
     file.write_text(get_arm("ur5e").urdf)
     kin = URKinematics.from_calibration(file, model="ur5e")
     assert not isinstance(kin, CalibratedURKinematics)
-
-
-def test_one_round_of_newtons_method_arrives():
-    """From a degree away, away from singularities: a second round is for the few that need it."""
-    arrived = counted = 0
-    for name in ("ur5_a", "ur3_a", "ur10e_a"):
-        kin = URKinematics.from_calibration(PUBLISHED_CALIBRATIONS[name], model=name.partition("_")[0])
-        rng = np.random.default_rng(0)
-        q = rng.uniform(-2.5, 2.5, (300, 6))
-        q = q[(np.abs(np.sin(q[:, [2, 4]])) > 0.3).all(axis=1)]
-        refinement = kin._solver._refinement
-        wanted = refinement.wanted(kin._T_dh_base @ kin.fk(q) @ kin._T_tip_flange)
-        _, off = refinement.refined((q + rng.uniform(-0.01, 0.01, q.shape)).T.copy(), wanted)
-        arrived += (off < EXACT).sum()
-        counted += len(off)
-    assert counted > 600
-    assert arrived > 0.9 * counted

@@ -56,9 +56,50 @@ int kr_ur_postures(const kr_ur *ur, const kr_arm *arm, const double T[16], const
 int kr_ur_axis_postures(const kr_ur *ur, const double T[12], double reach, double pitch, double q6, double tol,
                         double *rows, int *miss);
 
+/* Six revolute axes, whose postures are found by elimination (`elimination.c`); `kr_elimination_prepare` fills it in. */
+typedef struct {
+    double placements[84];   /* 7 of (3, 4) */
+    double size;             /* unit of length of the equations [m] */
+    double near[378];        /* functions of axis 5 from the base: coefficients of joints 2, 3, 4 (14, 3, 3, 3) */
+    double left[36];         /* (A0 R1 A1)^-1 at three angles of joint 1 (3, 3, 4) */
+    double right[18];        /* third and fourth column of (A5 R6 A6)^-1 at three angles of joint 6 (3, 3, 2) */
+    double rest[384];        /* basis (24, 16) of the eigenvalue problem without what is extraneous */
+    double constant[256];    /* the part (16, 16) of its matrix that is the same for all poses */
+    int spurious_count;      /* eigenvalues that lead to no posture of any pose: */
+    double spurious[24];     /* the angles of joint 2 [rad] */
+    int singular;            /* the equations are singular for all poses: eigenvalues may be missing */
+} kr_elimination;
+
+void kr_elimination_prepare(const double placements[84], kr_elimination *arm);
+
+/* Every posture of `count` poses into q (count, 16, 6), angles in [-pi, pi], and how many each pose has. Where none
+ * reaches a pose exactly, those that miss it by at most `tol` [m, rad]. `hard`, if not null, gets 1 for each pose that
+ * is singular or almost. A pose that is not finite has no postures. */
+void kr_elimination_postures(const kr_elimination *arm, const double *T, int count, double tol, double *q, int *counts,
+                             int *hard);
+
+/* Starting points of Newton's method for `count` poses into q, with the imaginary parts of their eigenvalues and the
+ * index of the pose; with room for 16 a pose. Imaginary parts are less than `most`. Returns how many there are. */
+int kr_elimination_starts(const kr_elimination *arm, const double *T, int count, double most, double *q,
+                          double *imaginary, long long *pose);
+
+/* Newton's method on six joints with placements A from `count` postures (count, 6), in place, each to its pose, and by
+ * how much they miss then [m, rad]; damped, it keeps the best posture on the way. */
+void kr_newton_of_each(const double A[84], const double *T, int count, int steps, int damped, double *q, double *missed);
+
+/* A UR with its calibration (`calibrated.c`). */
+typedef struct {
+    double base[12], flange[12];             /* from the pose's base to the chain's, and from the tip to the chain's end */
+    kr_ur fitted;                            /* the nearest arm with a closed form, of the chain's end in its base */
+    double zeros[6];                         /* what its joint angles are more than the arm's [rad] */
+    double turned, centre, radius, wrist[2]; /* bounds of the difference between the two */
+    kr_elimination elimination;              /* of the chain */
+} kr_calibrated;
+
 /* Ways to find every posture of a pose; what each needs is prepared once. */
 enum kr_way {
-    KR_UR                    /* kr_ur: eight branches */
+    KR_UR,                   /* kr_ur: eight branches */
+    KR_CALIBRATED            /* kr_calibrated: eight branches, and eight more near singularities */
 };
 
 /* Every posture of a pose, in windings near a seed (which may be null) and within limits, as `kr_within` has them, into

@@ -1,6 +1,7 @@
 /* Solutions within the limits, one pose or many, whatever finds the postures. */
 #include "core.h"
 
+#include "calibrated.h"
 #include "chain.h"
 
 #include <math.h>
@@ -15,6 +16,7 @@ static int postures(enum kr_way way, const void *prepared, const kr_arm *arm, co
     if (!seed) seed = zero;
     switch (way) {
         case KR_UR: return kr_ur_postures(prepared, arm, T, seed, tol, rows, miss);
+        case KR_CALIBRATED: return kr_calibrated_postures(prepared, T, tol, rows, miss);
     }
     *miss = 0;
     return 0;

@@ -23,7 +23,7 @@ from kinreach.kinematics._general_6r import (
     missed_by,
     nearest_by_newton,
 )
-from kinreach.kinematics._near_closed_form import FAR, NearClosedForm, no_postures
+from kinreach.kinematics._near_closed_form import FAR, NearClosedForm
 from kinreach.kinematics._six_axis.batch import solve_poses
 from kinreach.kinematics._six_axis.closed_form import AMISS, DecoupledArm, Doubt, decouples
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
@@ -251,25 +251,13 @@ class NearlyDecoupled(NearClosedForm):
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         return _starts(self._arm, T)
 
-    def near_singular(
-        self, T: Floats, seed: Floats, tol: float, eliminated: Floats, *, sound: bool = True
-    ) -> tuple[Floats, list[Row]]:
-        """Postures of a pose for which the closed form may have others.
+    def _near_singular(self, T: Floats, seed: Floats, tol: float, eliminated: Floats) -> list[Row]:
+        """Postures of a pose for which the closed form may have others; those near one of its have its branch index.
 
-        Newton's method starts from the closed form's postures, and from the seed; and where elimination may be singular
-        for the arm, from those for other poses about it, too.
-
-        Args:
-            T: Pose (4, 4).
-            seed: As in `one`.
-            tol: As in `one`.
-            eliminated: Postures (k, 6) that elimination has found.
-            sound: Whether elimination is regular for the arm.
-
-        Returns:
-            Postures (m, 6), and those of the closed form near them.
+        By elimination; and by Newton's method from the closed form's postures for this pose, from the seed, and, where
+        elimination may be singular for the arm, from those for other poses about it, too.
         """
-        wide, given = 10.0 * self._off, seed.tolist()
+        sound, wide, given = self._elimination[1] >= MIN_SHARE, 10.0 * self._off, seed.tolist()
         near = self._arm.solve(T, tol=wide, seed=given)
         # At one singularity an angle moves by the root of what the arm is off; at a second, that counts.
         rows, free = self._arm.near_singular(T, (sqrt(wide),), given)
@@ -292,12 +280,6 @@ class NearlyDecoupled(NearClosedForm):
         every = every[first_of_each(every, SAME)]
         if len(every) > MAX_POSTURES:
             every = every[_families(self.chain, every, T)][:MAX_POSTURES]
-        return every, near
-
-    def _near_singular(self, T: Floats, seed: Floats, tol: float, eliminated: Floats) -> list[Row]:
-        """As `near_singular`; postures near those of the closed form have their branch index."""
-        sound, given = self._elimination[1] >= MIN_SHARE, seed.tolist()
-        every, near = self.near_singular(T, seed, tol, eliminated, sound=sound)
         exact = self._arm.solve(T, tol=EXACT, seed=given)
         near_by = sorted(
             (wider, float(np.abs(wrapped(one - row[ANGLES])).max()), index, int(row[BRANCH]))
@@ -337,10 +319,8 @@ class Elimination:
     def many(
         self, T: Floats, seeds: Floats, tol: float, free: list[int] | None = None
     ) -> tuple[Floats, NDArray[np.bool_]]:
-        q, valid = no_postures(len(T))
-        for row, found in enumerate(self._general.solve(T, tol=tol)):
-            q[:, : len(found), row], valid[: len(found), row] = found.T, True
-        return q, valid
+        q, counts = self._general.postures(T, tol=tol)
+        return np.ascontiguousarray(q.T), np.arange(MAX_POSTURES)[:, None] < counts
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         return self._general.starts(T)

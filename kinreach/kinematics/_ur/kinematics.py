@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kinreach._checks import (
     Floats,
@@ -22,7 +22,8 @@ from kinreach.kinematics._arm import link_frame
 from kinreach.kinematics._chain import about_z, poses_about
 from kinreach.kinematics._closed_form import TOLERANCE, TURNS_ABOUT, ClosedFormKinematics
 from kinreach.kinematics._compiled import CompiledKinematics
-from kinreach.kinematics._core import doubles, ffi, lib
+from kinreach.kinematics._core import NULL, ROW, doubles, ffi, lib
+from kinreach.kinematics._general_6r import MAX_POSTURES
 from kinreach.kinematics._goals import (
     AxisGoal,
     Goal,
@@ -37,7 +38,6 @@ from kinreach.kinematics._solutions import (
     IKBatch,
     IKResult,
     IKSolutions,
-    Row,
     Status,
     nearest_windings,
 )
@@ -396,63 +396,50 @@ class CalibratedURKinematics(URKinematics):
         InputError: The arm is not a UR, not even one out of adjustment.
     """
 
+    branches = MAX_POSTURES
+
     def _axis_postures(self, goal: AxisGoal, start: Floats | None, q6: float, tol: float) -> tuple[Floats, int]:
         """Only wrist_3 turns about the tool's axis: joints 1 to 5 are those of any pose with this direction."""
         (T,) = poses_about(goal.position, goal.axis, np.zeros(1))
-        found, miss = self._postures(T, None, tol)
-        rows: Floats = np.array(found).reshape(-1, BRANCHES)
+        rows, counts = np.empty((self.branches, ROW)), ffi.new("int[2]")
+        count = lib.kr_solutions(*self._arguments, doubles(T), NULL, False, tol, doubles(rows), counts)
         rows[:, -1] = q6
-        return rows, miss
+        return rows[:count], counts[1]
 
     @property
     def _wrist_3_turns_tip(self) -> bool:
-        last = self._solver.chain.placements[6]
+        last = self._calibrated.chain.placements[6]
         return self._reach is not None and bool(np.abs(last[:2, 2:]).max() <= AXIS_TOLERANCE)
 
     @property
     def special_axes(self) -> str:
         """How nearly the arm has the axes of a data sheet."""
-        off, turned = 1e3 * self._solver.fit.position, 1e3 * self._solver.fit.orientation
+        off, turned = 1e3 * self._calibrated.fit.position, 1e3 * self._calibrated.fit.orientation
         return f"axes 2, 3 and 4 are nearly parallel: poses differ by less than {off:.2g} mm and {turned:.2g} mrad"
 
     def shortfalls(self, T: ArrayLike) -> dict[int, Shortfall]:
         """As `URKinematics.shortfalls`, of the nearest arm that has a closed form: right to about a millimetre."""
-        return self._solver.shortfalls(np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)]))
+        return self._calibrated.shortfalls(np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)]))
 
     def nearest_in_reach(self, T: ArrayLike) -> Floats:
         """As `URKinematics.nearest_in_reach`, of the nearest arm with a closed form: right to about a millimetre."""
         nearest = as_pose("T", T).copy()
-        way = self._solver.way_into_reach(np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)]))
+        way = self._calibrated.way_into_reach(np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)]))
         nearest[:3, 3] += self._T_dh_base[:3, :3].T @ way
         return nearest
 
-    def _every(self, T: ArrayLike, seed: ArrayLike | None, *, limits: bool, tol: float) -> IKSolutions:
-        start, T, tol = self._posture_or_none(seed), as_floats("T", T).copy(), check_tolerance(tol)
-        found, miss = self._postures(T, start, tol)
-        return self._solutions(found, miss_text(miss), T, start, limits, tol)
-
-    def _postures(self, T: Floats, start: Floats | None, tol: float) -> tuple[list[Row], int]:
-        rows = np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)])
-        found = self._solver.one(rows, np.zeros(self.n) if start is None else start, tol)
-        return found, 0 if found else self._solver.why_empty(rows)
-
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
-        T = self._T_dh_base @ rigid_poses(T) @ self._T_tip_flange
-        return self._solver.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol)
-
-    nearest = ClosedFormKinematics.nearest
-    batch = ClosedFormKinematics.batch
-    nearest_batch = ClosedFormKinematics.nearest_batch
     _tensor_batch = ClosedFormKinematics._tensor_batch
 
     def _check_fit(self) -> None:
         """Fit the nearest arm with a closed form."""
         placements, axes = self._joint_frames()
         placements[0] = np.linalg.inv(self.T_world_arm @ FLIP) @ placements[0]
-        from kinreach.kinematics._ur.calibrated import CalibratedSolver  # loads the elimination
+        from kinreach.kinematics._ur.calibrated import CalibratedArm  # loads the elimination
 
-        self._solver = CalibratedSolver(about_z(placements, axes, self._flange.homogeneous), self.geometry)
-        self.geometry = self._solver.fit.geometry
+        self._calibrated = CalibratedArm(about_z(placements, axes, self._flange.homogeneous), self.geometry)
+        self.geometry = self._calibrated.fit.geometry
+        self._way = lib.KR_CALIBRATED
+        self._prepared = self._calibrated.for_core(self._T_dh_base, self._T_tip_flange)
 
 
 def _reach_along_tool(T_flange_tip: Floats) -> float | None:
