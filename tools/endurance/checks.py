@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tools import digest
-from tools.endurance import kills, long_runs, results, storage, workers
+from tools.endurance import kills, long_runs, results, self_motions, storage, workers
 from tools.endurance.outcome import Outcome
 
 
@@ -55,6 +55,10 @@ CHECKS = {
     "threads": Check("one instance per thread: the same bits", workers.in_threads, 10, 1),
     "processes": Check("forked, spawned and pickled: the same bits", lambda _: workers.in_processes(), 1, 1),
     "killed-workers": Check("a dead worker is an error and no hang", workers.killed_worker, 30, 2),
+    "self-motions": Check("eight seven-axis arms lose no posture", self_motions.from_anywhere, 100, 2),
+    "singular-self-motions": Check(
+        "nor does a Panda beside its singularities", self_motions.beside_singularities, 1000, 4
+    ),
     "fuzz": Check("whatever is handed in: right, or refused", results.fuzzing, len(results.MODULES), 2),
     "digest": Check("the results of tools/digest.txt", results.digests, len(digest.RESULTS), 4),
 }
