@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, as_floats, as_pose, check_tolerance, is_tensor
+from kinreach._checks import MAX_THREADS, Floats, as_floats, as_pose, check_count, check_tolerance, is_tensor
 from kinreach.errors import InputError
 from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics
 from kinreach.kinematics._core import NULL, ROW, Struct, doubles, ffi, lib, new_rows
@@ -78,35 +81,70 @@ class CompiledKinematics(ClosedFormKinematics):
                 return IKResult(np.array(q), Status.OK, position, orientation, branch=int(branch))
         return super().nearest(pose, start, accept=accept)
 
-    def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE) -> IKBatch:
-        """Compute every posture of many poses; as `ClosedFormKinematics.batch`."""
+    def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE, threads: int = 1) -> IKBatch:
+        """Compute every posture of many poses; as `ClosedFormKinematics.batch`.
+
+        Args:
+            T: As there.
+            limits: As there.
+            tol: As there.
+            threads: Each takes a share of the poses; the results have the same bits. A tensor has one.
+        """
+        check_count("threads", threads, most=MAX_THREADS)
         if is_tensor(T):
             return self._tensor_batch(T, check_tolerance(tol), limits=limits)
         T, tol = _as_poses(T), check_tolerance(tol)
-        shape = len(T), self.branches
-        q, valid = np.empty((*shape, self.n)), np.empty(shape, dtype=np.bool_)
-        flags = ffi.from_buffer("unsigned char[]", valid)
-        found = doubles(q), flags
-        _over(T, lambda each: lib.kr_solutions_of_each(*self._arguments, each, len(T), limits, tol, shape[1], *found))
+        q, valid = np.empty((len(T), self.branches, self.n)), np.empty((len(T), self.branches), dtype=np.bool_)
+
+        def solve(poses: Floats, rows: slice) -> int:
+            there = ffi.from_buffer("unsigned char[]", valid[rows])
+            found = limits, tol, self.branches, doubles(q[rows]), there
+            return int(lib.kr_solutions_of_each(*self._arguments, doubles(poses[rows]), len(poses[rows]), *found))
+
+        _over(T, solve, threads)
         return IKBatch(q, valid)
 
-    def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = TOLERANCE) -> IKBatchNearest:
-        """Compute for each of many poses the posture nearest to its seed; as `ClosedFormKinematics.nearest_batch`."""
+    def nearest_batch(
+        self, T: ArrayLike, seeds: ArrayLike, *, tol: float = TOLERANCE, threads: int = 1
+    ) -> IKBatchNearest:
+        """Compute for each of many poses the posture nearest to its seed; as `ClosedFormKinematics.nearest_batch`.
+
+        Args:
+            T: As there.
+            seeds: As there.
+            tol: As there.
+            threads: As in `batch`.
+        """
+        check_count("threads", threads, most=MAX_THREADS)
         T, tol = _as_poses(T), check_tolerance(tol)
-        start = doubles(np.ascontiguousarray(self._as_seeds(seeds, len(T))))
+        start = np.ascontiguousarray(self._as_seeds(seeds, len(T)))
         q, branch = np.empty((len(T), self.n)), np.empty(len(T), dtype=np.int64)
-        found = doubles(q), ffi.from_buffer("long long[]", branch)
-        _over(T, lambda each: lib.kr_nearest_of_each(*self._arguments, each, start, len(T), tol, *found))
+
+        def solve(poses: Floats, rows: slice) -> int:
+            found = tol, doubles(q[rows]), ffi.from_buffer("long long[]", branch[rows])
+            given = doubles(poses[rows]), doubles(start[rows]), len(poses[rows])
+            return int(lib.kr_nearest_of_each(*self._arguments, *given, *found))
+
+        _over(T, solve, threads)
         return IKBatchNearest(q, branch, branch >= 0)
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         raise NotImplementedError  # batches go to the core
 
 
-def _over(T: Floats, call: Callable[[Any], int]) -> None:
-    """Call the core with poses, and with exact rotations once more if those of one are not."""
-    if call(doubles(T)) >= 0:
-        call(doubles(np.ascontiguousarray(rigid_poses(T))))
+def _over(T: Floats, solve: Callable[[Floats, slice], int], threads: int) -> None:
+    """Solve poses in parts; once more with exact rotations if one has none: `solve` returns its row, else -1."""
+    cuts = np.linspace(0, len(T), min(threads, len(T) or 1) + 1).astype(int).tolist()
+    parts = [slice(*ends) for ends in pairwise(cuts)]
+
+    def run(poses: Floats) -> int:
+        if len(parts) == 1:
+            return solve(poses, parts[0])
+        with ThreadPoolExecutor(len(parts)) as pool:  # the core is called without Python's lock
+            return max(pool.map(partial(solve, poses), parts))
+
+    if run(T) >= 0:
+        run(np.ascontiguousarray(rigid_poses(T)))
 
 
 def _as_poses(T: ArrayLike) -> Floats:

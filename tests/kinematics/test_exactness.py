@@ -5,10 +5,12 @@ from __future__ import annotations
 import sys
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, PoseGoal, URKinematics
 from kinreach.kinematics._collision import Cause, CollisionChecker
 from kinreach.kinematics._core import Struct, doubles, lib
@@ -319,3 +321,27 @@ def test_threads_may_share_kinematics(make):
         sys.setswitchinterval(before)
     assert len(wrong) == 2 * 100 * 4
     assert not any(wrong)
+
+
+@pytest.mark.parametrize("arm", ["ur5e", "calibrated"])
+def test_threads_change_no_bit(arm):
+    file = Path(__file__).parents[1] / "data/calibrations/controller_calibration_ur5e.conf"
+    kin = URKinematics(arm) if arm == "ur5e" else URKinematics.from_calibration(file, model="ur5e")
+    rng, compared = np.random.default_rng(4), 0
+    T = kin.fk(rng.uniform(-3, 3, (997, 6)))
+    T[::5] = kin.fk(rng.uniform(-3, 3, (200, 6)) * (1, 1, 0, 1, 1, 1))
+    T[::7, :3, :3] += 1e-9  # not quite rotations
+    seeds = rng.uniform(-6, 6, (997, 6))
+    one, nearest = kin.batch(T), kin.nearest_batch(T, seeds)
+    for threads in (2, 3, 16, 1000):
+        many, near = kin.batch(T, threads=threads), kin.nearest_batch(T, seeds, threads=threads)
+        for a, b in ((one.q, many.q), (one.valid, many.valid), (nearest.q, near.q), (nearest.branch, near.branch)):
+            np.testing.assert_array_equal(a, b)
+            compared += 1
+    assert compared == 16
+    alone = [kin.all_solutions(pose) for pose in T[:100]]
+    for k, found in enumerate(alone):
+        np.testing.assert_array_equal(found.q, one.q[k, found.branch])
+    for threads in (0, 1.5, 10**6):
+        with pytest.raises(InputError, match="threads"):
+            kin.batch(T, threads=threads)
