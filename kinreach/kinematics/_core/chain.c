@@ -2,11 +2,6 @@
 
 #include <math.h>
 
-double kr_wrapped(double angle) {
-    if (-KR_PI <= angle && angle <= KR_PI) return angle;
-    return angle - KR_TURN * rint(angle / KR_TURN);
-}
-
 void kr_times(const double a[12], const double b[12], double product[12]) {
     for (int r = 0; r < 3; r++) {
         const double x = a[4 * r], y = a[4 * r + 1], z = a[4 * r + 2];

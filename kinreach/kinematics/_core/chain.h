@@ -4,13 +4,16 @@
 #ifndef KR_CHAIN_H
 #define KR_CHAIN_H
 
-#define KR_API __attribute__((visibility("default")))
+#include <math.h>
+
 #define KR_PI 3.14159265358979323846
 #define KR_TURN (2.0 * KR_PI)
 #define KR_MAX_JOINTS 8
 
 /* An angle in [-pi, pi] [rad]. */
-double kr_wrapped(double angle);
+static inline double kr_wrapped(double angle) {
+    return -KR_PI <= angle && angle <= KR_PI ? angle : angle - KR_TURN * rint(angle / KR_TURN);
+}
 
 /* Product of two motions. */
 void kr_times(const double a[12], const double b[12], double product[12]);

@@ -104,6 +104,14 @@ static void add(found_t *found, int branch, int flags, double q1, double q2, dou
     row[2] = q1, row[3] = q2, row[4] = q3, row[5] = q4, row[6] = q5, row[7] = q6;
 }
 
+/* Wrist_1 -> shoulder points along phi, and is turned by psi >= 0 against the upper arm. */
+static void add_both_elbows(found_t *found, int branch, int flags, double q1, double q5, double q6, double q234, double q3,
+                            double phi, double psi, int bent) {
+    const double rest = q234 - phi, bend = psi - q3;
+    add(found, branch, flags, q1, kr_wrapped(phi - psi), q3, kr_wrapped(rest + bend), q5, q6);
+    if (bent) add(found, branch + 1, flags, q1, kr_wrapped(phi + psi), -q3, kr_wrapped(rest - bend), q5, q6);
+}
+
 /* Add both postures of the elbow, from -u = a2 c2 + a3 c23 and -v = a2 s2 + a3 s23: (u, v) points from wrist_1 to the
  * shoulder, in the arm's plane [m]. */
 static void add_elbows(const kr_ur *g, double tol, found_t *found, int branch, int flags, double q1, double q5, double q6,
@@ -119,11 +127,8 @@ static void add_elbows(const kr_ur *g, double tol, found_t *found, int branch, i
         }
         c3 = copysign(1.0, c3), s3 = 0.0, flags |= ELBOW;
     }
-    /* wrist_1 -> shoulder points along phi, and is turned by psi >= 0 against the upper arm */
     const double q3 = kr_atan2(s3, c3), phi = kr_atan2(v, u), psi = kr_atan2(g->fore * s3, g->upper + g->fore * c3);
-    const double rest = q234 - phi, bend = psi - q3;
-    add(found, branch, flags, q1, kr_wrapped(phi - psi), q3, kr_wrapped(rest + bend), q5, q6);
-    if (s3 > 0.0) add(found, branch + 1, flags, q1, kr_wrapped(phi + psi), -q3, kr_wrapped(rest - bend), q5, q6);
+    add_both_elbows(found, branch, flags, q1, q5, q6, q234, q3, phi, psi, s3 > 0.0);
 }
 
 /* A pitch at which the two links reach the hand; side is 2 for the second of two arcs. */
@@ -212,6 +217,53 @@ static int verified(const kr_ur *g, const double P[12], double reach, int axis, 
     if (kept < count) found->miss |= RESIDUAL;
     *miss = count || found->miss ? found->miss : SHOULDER_CYLINDER;
     return kept;
+}
+
+/* Every posture of a pose P of the flange at which nothing is singular, all arctangents of a kind together: by the formulas
+ * of `flange_postures`, to the bit. Returns -1 where something is singular, or almost. */
+static int regular_postures(const kr_ur *g, const double P[12], double tol, double *rows, int *miss) {
+    const double x = P[3] - g->d6 * P[2], y = P[7] - g->d6 * P[6], z = P[11] - g->d6 * P[10] - g->d1;
+    double sine[8], cosine[8], wrist[8]; /* of q1, q5, q6 and q234, each for both shoulders */
+    double above[12], along[12], elbow[12], u[4], v[4]; /* q3, phi and psi, each for four wrists */
+    int far[4] = {0};
+    if (shoulders(x, y, g->d4, tol, sine, cosine) < 2) return -1;
+    for (int k = 0; k < 2; k++) {
+        const double s1 = sine[k], c1 = cosine[k], u1 = -x * c1 - y * s1;
+        const double c6 = P[0] * s1 - P[4] * c1, s6 = P[5] * c1 - P[1] * s1, s5 = sqrt(c6 * c6 + s6 * s6);
+        if (!(s5 > NEAR_WRIST && s5 > tol)) return -1;
+        const double h = g->d5 / s5, s = h * P[10], c = h * (P[2] * c1 + P[6] * s1);
+        sine[2 + k] = s5, cosine[2 + k] = P[2] * s1 - P[6] * c1;
+        sine[4 + k] = s6, cosine[4 + k] = c6;
+        sine[6 + k] = -s, cosine[6 + k] = -c;
+        u[2 * k] = u1 - s, v[2 * k] = c - z;
+        u[2 * k + 1] = u1 + s, v[2 * k + 1] = -c - z;
+    }
+    *miss = 0;
+    for (int w = 0; w < 4; w++) {
+        const double square = u[w] * u[w] + v[w] * v[w];
+        const double c3 = (square - g->upper * g->upper - g->fore * g->fore) / (2.0 * g->upper * g->fore);
+        const double s3 = -1.0 < c3 && c3 < 1.0 ? sqrt(1.0 - c3 * c3) : 0.0;
+        if (!(s3 >= MERGED)) {
+            const double rho = sqrt(square);
+            if (!(rho > g->stretched + tol || rho < g->folded - tol)) return -1;
+            *miss |= far[w] = rho > g->stretched + tol ? ELBOW_OUT : ELBOW_IN;
+        }
+        above[w] = s3, along[w] = c3;
+        above[4 + w] = v[w], along[4 + w] = u[w];
+        above[8 + w] = g->fore * s3, along[8 + w] = g->upper + g->fore * c3;
+    }
+    kr_atan2_of_each(8, sine, cosine, wrist);
+    kr_atan2_of_each(12, above, along, elbow);
+    found_t found = {rows, 0, 0};
+    for (int w = 0; w < 4; w++) {
+        if (far[w]) continue;
+        const int k = w / 2, flipped = w % 2;
+        double q6 = wrist[4 + k], q234 = wrist[6 + k];
+        if (flipped) q6 += q6 <= 0.0 ? KR_PI : -KR_PI, q234 += q234 <= 0.0 ? KR_PI : -KR_PI;
+        add_both_elbows(&found, 2 * w, 0, wrist[k], flipped ? -wrist[2 + k] : wrist[2 + k], q6, q234, elbow[w], elbow[4 + w],
+                        elbow[8 + w], 1);
+    }
+    return found.count;
 }
 
 /* Every posture that puts the flange at a pose P in the DH base frame. A free q6 stays near the given one. */
@@ -361,7 +413,9 @@ int kr_ur_postures(const kr_ur *g, const kr_arm *arm, const double T[16], const 
     double P[12], M[12], allowed[6];
     kr_times(g->base, T, M);
     kr_times(M, g->flange, P);
-    int count = flange_postures(g, P, tol, seed[5], rows, miss);
+    int count = regular_postures(g, P, tol, rows, miss);
+    if (count >= 0) return count;
+    count = flange_postures(g, P, tol, seed[5], rows, miss);
     if (!arm || arm->full_turn) return count;
     /* a free wrist_3 gets a value with which the posture is within the limits; what was allowed stays */
     int keep[BRANCHES], blocked = 0;
