@@ -22,8 +22,8 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._general_6r import Chain
 from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
-from kinreach.kinematics._six_axis.closed_form import DecoupledArm
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
+from kinreach.kinematics._solutions import IKSolutions
 from tests.cases import slow
 from tests.kinematics.test_six_axis_closed_form import eliminated
 
@@ -131,8 +131,13 @@ def test_arms_of_the_fuzz(monkeypatch, capsys):
     """No fault on one arm of each class; one where the last posture of every pose is left out."""
     assert run_fuzz(monkeypatch, "--arms", "11", "--seed", "3") == 0
     assert capsys.readouterr().out.count("│") > 11 * 6
-    solve = DecoupledArm.solve
-    monkeypatch.setattr(DecoupledArm, "solve", lambda *args, **options: solve(*args, **options)[:-1])
+    every = SixAxisKinematics.all_solutions
+
+    def all_but_one(*args, **options):
+        found = every(*args, **options)
+        return IKSolutions(found.rows[:-1], found.status, found.reason, found._errors)
+
+    monkeypatch.setattr(SixAxisKinematics, "all_solutions", all_but_one)
     assert run_fuzz(monkeypatch, "--arms", "1", "--seed", "3") == 1
     assert "the posture is lost" in capsys.readouterr().out
 
