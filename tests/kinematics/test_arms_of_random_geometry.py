@@ -139,7 +139,7 @@ def test_arms_of_the_fuzz(monkeypatch, capsys):
 
     monkeypatch.setattr(SixAxisKinematics, "all_solutions", all_but_one)
     assert run_fuzz(monkeypatch, "--arms", "4", "--seed", "3") == 1
-    assert "the posture is lost" in capsys.readouterr().out
+    assert re.search("the posture is lost|: empty", capsys.readouterr().out)
 
 
 def run_fuzz(monkeypatch, *arguments):
