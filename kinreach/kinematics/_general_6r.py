@@ -269,6 +269,11 @@ class General6R:
         """Number of eigenvalues that lead to no posture of any pose; known after `tried`."""
         return int(self.arm.pointer.spurious_count)
 
+    @property
+    def singular(self) -> bool:
+        """Whether eigenvalues of one joint lead to a part of the postures only; known after `tried`."""
+        return bool(self.arm.pointer.singular)
+
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """Compute starts of Newton's method (k, 6) for poses (m, 4, 4) from all eigenvalues, and the pose of each."""
         return self._starts(T, MAX_REDUNDANT_CANDIDATE)

@@ -27,7 +27,7 @@ FAR = 0.1
 class NearClosedForm(ABC):
     """Every posture of an arm for poses of its tip."""
 
-    branches, rank = MAX_POSTURES, 1
+    branches, rank, starts_all = MAX_POSTURES, 1, True
 
     def __init__(self, placements: Floats) -> None:
         self.chain = Chain(placements)

@@ -18,7 +18,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._general_6r import Chain, General6R
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
-from kinreach.kinematics._six_axis.methods import Backwards, ClosedForm, Elimination, NearlyDecoupled
+from kinreach.kinematics._six_axis.methods import Backwards, ClosedForm, Elimination, NearlyDecoupled, method_of
 from tests.cases import slow
 
 #: Those of which the wrist is straight at 0 and pi.
@@ -327,6 +327,25 @@ def test_an_arm_of_no_class_is_solved_by_elimination(tmp_path):
         found = kin.all_solutions(kin.fk(q), limits=False)
         assert apart(q, found.q) < 1e-6
         assert not found.singularity.any()
+
+
+def test_arms_whose_elimination_is_singular_are_solved(tmp_path):
+    """Right angles and zeros that make no closed form: eigenvalues of one joint find a part of the postures."""
+    rng, solved = np.random.default_rng(0), 0
+    while solved < 4:
+        a, d = np.where(rng.random((2, 6)) < 0.45, 0.0, rng.choice([-1, 1], (2, 6)) * rng.uniform(0.1, 0.5, (2, 6)))
+        tilts = rng.choice([0.0, RIGHT, -RIGHT], 6)
+        placements = np.array([np.eye(4), *map(motion, np.zeros(5), d, a, tilts), motion(0.3, 0.1, 0.05, 0.4)])
+        if not isinstance(method := method_of(placements), float) and method.rank == 0:
+            general = General6R(Chain(placements))
+            if general.tried(np.random.default_rng(1).uniform(-np.pi, np.pi, (20, 6))) > 0.9:
+                continue
+            kin = kinematics(tmp_path, placements)
+            for q in rng.uniform(-np.pi, np.pi, (20, 6)):
+                found = kin.all_solutions(kin.fk(q), limits=False)
+                assert apart(q, found.q) < 1e-5
+                assert found.residual.max() < 1e-9
+            solved += 1
 
 
 def ssik_arms():

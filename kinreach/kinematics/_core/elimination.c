@@ -58,6 +58,8 @@ static const double DISTINCT_ANGLE = 1e-4, CLUSTER_WIDTH = 0.05, MAX_CORRECTION 
 static const double MAX_ENTRY = 1e5, REGULARISATION = 1e-14;
 /* Postures closer than this are the same; closer than this, if the one between them reaches the pose too; starts [rad]. */
 static const double SAME = 1e-6, SAME_IF_CONNECTED = 2e-2, SAME_START = 1e-3;
+/* A posture is beside a start if it is closer than this in every joint [rad]. */
+static const double BESIDE = 0.2;
 /* If no eigenvalue is nearly real, every posture misses the pose by more than this [m, rad]. */
 static const double FAR_MISS = 1e-6;
 /* Smallest singular value of the Jacobian at a posture that may have others near it. */
@@ -600,7 +602,7 @@ static int among(const double angles[], int count, double angle, double distance
  *
  * Postures appear and vanish in pairs, and each has a real eigenvalue. One of k equal eigenvalues is accurate to the k-th
  * root of the rounding error only: it may belong to a posture although it is not real, if it is nearly real or in a
- * cluster. */
+ * cluster. Then Newton's method from there comes to that posture, or comes near slowly, or goes to another one beside. */
 static int from_distinct(const kr_elimination *arm, const double T[12], double tol, const starts_t *starts, found_t *found,
                          double late[][JOINTS], int *late_count) {
     double angles[FULL];
@@ -628,16 +630,17 @@ static int from_distinct(const kr_elimination *arm, const double T[12], double t
     for (int i = 0; i < count; i++) {
         const double imaginary = starts->imaginary[which[i]];
         if (imaginary <= MAX_REAL) continue;
+        if (imaginary < MIN_COMPLEX) return 1;
         const int near = among(angles, count, angles[i], CLUSTER_WIDTH);
-        if (imaginary < MIN_COMPLEX || near > 2) return 1;
-        if (near == 2 || imaginary < MAX_EQUAL) {
-            double q[JOINTS];
-            memcpy(q, starts->q[which[i]], sizeof q);
-            const double missed = kr_newton(arm->placements, T, MORE_STEPS, q);
-            const int before = found->count;
-            if (missed < KR_EXACT) keep(found, q);
-            if (found->count > before || (KR_EXACT <= missed && missed < FAR_MISS)) return 1;
-        }
+        if (near < 2 && imaginary > MAX_EQUAL) continue;
+        double q[JOINTS];
+        const double *start = starts->q[which[i]];
+        memcpy(q, start, sizeof q);
+        const double missed = kr_newton(arm->placements, T, MORE_STEPS, q);
+        const int before = found->count;
+        if (missed < KR_EXACT) keep(found, q);
+        if (found->count > before || (KR_EXACT <= missed && missed < FAR_MISS)) return 1;
+        if (missed < KR_EXACT && near > 2 && apart(q, start) < BESIDE) return 1;
     }
     return 0;
 }

@@ -129,9 +129,9 @@ class Starts:
         methods = [(JOINTS - 1, method_of(A[:JOINTS])), (0, method_of(A[1:]))]
         ends = [HeldEnd(held, A, method) for held, method in methods if not isinstance(method, float)]
         self.ends = sorted(ends, key=lambda end: -end.method.rank)
-        known = {end.held for end in ends}
+        known = {end.held: end for end in self.ends if end.method.starts_all}
         self._held: list[HeldEnd | HeldBetween] = [
-            *self.ends,
+            *known.values(),
             *(HeldBetween(held, A) for held in range(JOINTS) if ends and held not in known),
         ]
         self.values = VALUES

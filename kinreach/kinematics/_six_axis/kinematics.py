@@ -56,7 +56,7 @@ class SixAxisKinematics(ClosedFormKinematics):
 
     Raises:
         UnknownNameError: The arm, the tip or the base does not exist.
-        InputError: The arm does not have six joints, or axes for which the elimination is singular.
+        InputError: The arm does not have six joints, or is singular in every posture, or nearly.
     """
 
     joints = 6

@@ -37,8 +37,8 @@ EXACTLY, NEARLY = (1e-9, 1e-9), (3e-3, 5e-3)
 #: How far an arm of the closed form may be off its parameters [m, rad]; one that is nearly of it; and one of which the
 #: closed form is used only if elimination is singular.
 EXACT_FIT, CLOSE_FIT, NEAR_FIT = 1e-10, 1e-3, 0.03
-#: Smallest singular value of the Jacobian of an arm that is singular in every posture.
-ALWAYS_SINGULAR = 1e-9
+#: Smallest singular value of the Jacobian of an arm that is singular in every posture, and of one that is nearly.
+ALWAYS_SINGULAR, NEARLY_SINGULAR = 1e-9, 1e-3
 #: What `method_of` returns for it.
 SINGULAR = -1.0
 #: By how many times that a pose may be missed by the closed form and yet be reached.
@@ -77,12 +77,14 @@ class Method(Protocol):
         off: How far poses are from those of an arm of the closed form, at most [m, rad].
         special_axes: Axes that give the closed form, counted from 1 at the base, and what they do, with a place for an
             adverb; none without one.
+        starts_all: Whether `starts` are near all postures; not if the arm's elimination is singular.
     """
 
     branches: int
     rank: int
     off: float
     special_axes: tuple[tuple[int, ...], str]
+    starts_all: bool
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
         """Compute the postures for a pose (4, 4): branch index, flags and angles of each, by branch index.
@@ -109,7 +111,7 @@ class Method(Protocol):
 class ClosedForm:
     """An arm that decouples, to rounding."""
 
-    branches, rank = BRANCHES, 2
+    branches, rank, starts_all = BRANCHES, 2, True
 
     def __init__(self, arm: DecoupledArm, placements: Floats) -> None:
         self._arm, self._chain = arm, Chain(placements)
@@ -309,7 +311,7 @@ class Elimination:
 
     def __init__(self, general: General6R) -> None:
         self._general = general
-        self.off = np.inf
+        self.off, self.starts_all = np.inf, not general.singular
         self.special_axes: tuple[tuple[int, ...], str] = ((), "")
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
@@ -330,7 +332,12 @@ class Backwards:
     """The same arm from its tip to its base."""
 
     def __init__(self, method: Method) -> None:
-        self._method, self.branches, self.rank = method, method.branches, method.rank
+        self._method, self.branches, self.rank, self.starts_all = (
+            method,
+            method.branches,
+            method.rank,
+            method.starts_all,
+        )
         axes, what = method.special_axes
         self.off, self.special_axes = method.off, (tuple(_JOINTS + 1 - axis for axis in reversed(axes)), what)
 
@@ -357,7 +364,8 @@ def method_of(placements: Floats) -> Method | float:
         if every posture is singular.
     """
     _, J = Chain(placements).jacobian(_random_postures())
-    if np.linalg.svd(J)[1][:, -1].max() < ALWAYS_SINGULAR:
+    least = np.linalg.svd(J)[1][:, -1].max()
+    if least < ALWAYS_SINGULAR:
         return SINGULAR
     closed, near = _closed_forms(placements)
     for method in (*closed[True], *near[True], *closed[False]):
@@ -366,7 +374,10 @@ def method_of(placements: Floats) -> Method | float:
     method, share = by_elimination(placements)
     if share >= MIN_SHARE:
         return method
-    return next(iter(near[False]), share)
+    if near[False]:
+        return near[False][0]
+    # where that is the equations' fault, not the arm's, eigenvalues of several joints have all postures together
+    return method if least > NEARLY_SINGULAR and _finds_again(method, placements) else share
 
 
 def _closed_forms(placements: Floats) -> tuple[dict[bool, list[Method]], dict[bool, list[Method]]]:
