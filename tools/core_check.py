@@ -6,6 +6,7 @@ integers ends the run. Every allocation of Python is the system's, so that those
 
 from __future__ import annotations
 
+import argparse
 import os
 import shutil
 import subprocess
@@ -25,8 +26,11 @@ TESTS = [
 ]
 
 
-def main(arguments: list[str]) -> int:
-    """Run the tests; arguments go to pytest."""
+def main(argv: list[str]) -> int:
+    """Run the tests; arguments go to pytest, apart from the number of random and degenerate arms."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--arms", type=int, default=20_000, help="default: %(default)s")
+    options, arguments = parser.parse_known_args(argv)
     compiler = hatch_build.compiler()
     if compiler is None or "ziglang" in compiler:
         print("the sanitizers come with gcc or clang", file=sys.stderr)
@@ -48,7 +52,7 @@ def main(arguments: list[str]) -> int:
         hatch_build.build(to=place, flags=[*flags, *FLAGS])
         watched = {
             "LD_PRELOAD": " ".join(preloaded), "ASAN_OPTIONS": OPTIONS,
-            "PYTHONMALLOC": "malloc", "PYTHONPATH": folder, "OMP_NUM_THREADS": "1", "KINREACH_SANITIZED": "1",
+            "PYTHONMALLOC": "malloc", "PYTHONPATH": folder, "OMP_NUM_THREADS": "1", "KINREACH_SANITIZED": str(options.arms),
         }  # fmt: skip
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist", "-p", "no:cacheprovider", *TESTS, *arguments]
         return subprocess.run(command, cwd=folder, env={**os.environ, **watched}).returncode

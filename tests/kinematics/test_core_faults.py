@@ -12,7 +12,9 @@ from kinreach.kinematics._core import NULL, Struct, doubles, ffi, lib
 from kinreach.kinematics._ur.closed_form import core_arm
 from kinreach.kinematics._ur.geometry import URGeometry
 
-WATCHED = bool(os.environ.get("KINREACH_SANITIZED"))
+#: `make core-check` says how many arms, and watches the memory: ARGS="--arms 1000000".
+WATCHED = "KINREACH_SANITIZED" in os.environ
+ARMS = int(os.environ.get("KINREACH_SANITIZED", "5000"))
 ODD = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0, 5e-324, -5e-324, 1e-300, 1e308, -1e308, 1e16, np.pi, 1.0])
 
 
@@ -35,7 +37,7 @@ def test_the_core_that_runs_is_the_one_beside_this_test():
 
 
 def test_numbers_of_any_kind_go_through_the_ur():
-    rng, count = np.random.default_rng(0), 20_000 if WATCHED else 5_000
+    rng, count = np.random.default_rng(0), ARMS
     kin, found, ended = URKinematics("ur5e"), 0, 0
     poses, lengths = kin.fk(rng.uniform(-3, 3, (500, 6))), np.array([0.1, 0.4, 0.4, 0.1, 0.1, 0.1])
     rows, q, errors = np.empty((8, 8)), np.empty(6), np.empty((8, 2))
