@@ -52,7 +52,8 @@ def main(argv: list[str]) -> int:
         hatch_build.build(to=place, flags=[*flags, *FLAGS])
         watched = {
             "LD_PRELOAD": " ".join(preloaded), "ASAN_OPTIONS": OPTIONS,
-            "PYTHONMALLOC": "malloc", "PYTHONPATH": folder, "OMP_NUM_THREADS": "1", "KINREACH_SANITIZED": str(options.arms),
+            "PYTHONMALLOC": "malloc", "PYTHONPATH": folder, "OMP_NUM_THREADS": "1",
+            "KINREACH_SANITIZED": str(options.arms),
         }  # fmt: skip
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist", "-p", "no:cacheprovider", *TESTS, *arguments]
         return subprocess.run(command, cwd=folder, env={**os.environ, **watched}).returncode
