@@ -195,7 +195,7 @@ def missed_by(error: Floats) -> Floats:
 
 
 def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = STEPS) -> tuple[Floats, Floats]:
-    """Run Newton's method from postures (m, 6) to poses (m, 4, 4); return postures and their errors (m,)."""
+    """Run Newton's method from postures (m, 6) to poses (m, 4, 4) or (4, 4); return postures and their errors (m,)."""
     return _by_newton(chain, q, T, steps, damped=False)
 
 
@@ -205,7 +205,7 @@ def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Float
 
 
 def _by_newton(chain: Chain, q: Floats, T: Floats, steps: int, *, damped: bool) -> tuple[Floats, Floats]:
-    found, off, T = np.array(q, order="C"), np.empty(len(q)), _contiguous(T)
+    found, off, T = np.array(q, order="C"), np.empty(len(q)), _contiguous(np.broadcast_to(T, (len(q), 4, 4)))
     lib.kr_newton_of_each(doubles(chain.rows), doubles(T), len(q), steps, damped, doubles(found), doubles(off))
     return found, off
 
