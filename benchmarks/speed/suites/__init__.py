@@ -27,6 +27,7 @@ SUITES = {
     "ik-edge-cases": "singular poses: how often an analytic solver comes back empty or wrong",
     "ik-batch": "inverse kinematics of 100 000 poses",
     "ik-calibrated": "inverse kinematics of a calibrated UR, one pose and 10 000",
+    "ik-arms": "inverse kinematics of one pose of arms that are no URs, with six axes and seven",
     "fk-batch": "forward kinematics of 100 000 postures",
     "env": "steps and resets of the environments",
     "train": "training steps per second",

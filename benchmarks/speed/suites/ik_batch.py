@@ -13,7 +13,6 @@ from benchmarks.speed.peers.analytic import ANALYTIC
 from benchmarks.speed.peers.base import installed, silent
 from benchmarks.speed.poses import FLANGE, random_poses
 from benchmarks.speed.sections import Chart, Options, Progress, Section, Target
-from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.tables import batch_rows, calls, median_ratio, medians, samples, short_of_cores, times_as_fast
 from kinreach._checks import Floats
 
@@ -35,12 +34,9 @@ the first {looped} of them. EAIK, which has one, is timed both ways, and compare
 are in the peer's own frames before the clock runs. Calls are repeated until a turn has lasted a quarter of a second,
 after one that does not count: the first call after another contender finds its memory given back to the kernel.
 
-kinreach works on structure-of-arrays blocks of 4096 poses that stay in the cache, in numpy; the answer is 384 bytes a
-pose. `nearest_batch` takes {nearest:.3g} times as long: it turns all 48 joints of a pose's eight branches into the
-winding next to the seed, and picks one branch.
-
-{profiled}: 60 % of the time of a batch of 100 000 was arithmetic within the blocks (an arctan2 took 2 ns, with
-AVX-512). Fresh memory for the answer took 17 %, and moving poses and answers between memory and cache the rest."""
+kinreach solves one pose after the other in the compiled core, on one thread (`threads=` takes more, for the same bits).
+The answer is 384 bytes a pose. `nearest_batch` takes {nearest:.3g} times as long: it turns all 48 joints of a pose's
+eight branches into the winding next to the seed, and picks one branch."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
@@ -69,7 +65,6 @@ def run(options: Options, progress: Progress) -> list[Section]:
         poses=f"{count:,}".replace(",", " "),
         looped=looped,
         nearest=median_ratio(timings, NEAREST, OURS),
-        profiled=PROFILED,
     )
     return [
         Section(
@@ -94,7 +89,7 @@ def run(options: Options, progress: Progress) -> list[Section]:
 
 
 def _targets(timings: Timings, count: int, options: Options) -> list[Target]:
-    why = short_of_cores(timings, OURS, 1) or "where the time goes says the profile in the text"
+    why = short_of_cores(timings, OURS, 1) or "which arm, processor and compiler it was says the page"
     if options.quick:
         why = f"--quick: a batch of {count} fills only one block; the target is meant for 100 000 poses"
     what = f"{OURS} of {count}, times as fast as EAIK's quickest"

@@ -35,7 +35,7 @@ from kinreach.kinematics._solvers.qp_solver import QPSolver
 AGAIN = "python -m benchmarks.speed --suite ik-single"
 REFERENCE = "EAIK"
 FORMULAS, PUBLIC, ARRAY = "kinreach, formulas", "kinreach, public call", "kinreach, public call and array"
-BOUND = 0.7
+BOUND, NEAR_BOUND = 0.7, 0.6
 BRANCHES_COLUMNS = ("all branches", "solutions", "median [us]", "p95 [us]", "x EAIK", "of the rounds")
 
 BRANCHES_TEXT = """\
@@ -179,6 +179,10 @@ def _near_a_seed(options: Options, progress: Progress) -> Section:
         columns=SEED_COLUMNS,
         rows=rows,
         again=AGAIN,
+        targets=[
+            Target(f"{NEAREST}, one posture near a seed", NEAR_BOUND, "at most", ratio, "x EAIK and numpy", WHY)
+            for ratio in ([median_ratio(timings, NEAREST, EAIK_NEAREST)] if EAIK_NEAREST in timings else [])
+        ],
         missing=missing | timings.failed,
         charts=[
             Chart(
