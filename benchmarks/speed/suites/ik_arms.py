@@ -25,6 +25,8 @@ ARMS = {
     "six axes, no closed form": ("xarm6_ik", "jaco2_ik"),
     "seven axes": ("franka_panda_ik", "iiwa7_ik", "xarm7_ik"),
 }
+#: Who takes part.
+PEERS = {**dict.fromkeys(tuple(ARMS)[:2], ("EAIK", "ssik")), tuple(ARMS)[2]: ("ssik",)}
 TIMES_EAIK, ANY_SIX, CURVES, NEAREST = 1.2, 80.0, 15e3, 20e3
 OURS, NEAR = "kinreach", "kinreach, nearest"
 COLUMNS = ("arm", "axes", "solver", "median [us]", "p95 [us]", "x kinreach", "of the rounds")
@@ -55,8 +57,9 @@ def run(options: Options, progress: Progress) -> list[Section]:
                 EachContender(OURS, every, poses),
                 EachContender(NEAR, lambda T, kin=kin, seed=seed: kin.nearest(T, seed), poses),
             ]
-            peers, left = installed({"EAIK": partial(eaik_of, kin), "ssik": partial(_ssik, kin)} if kin.n == 6 else {})
-            missing |= {f"{peer}, {name}": why for peer, why in left.items()}
+            makers = {"EAIK": partial(eaik_of, kin), "ssik": partial(_ssik, kin)}
+            peers, left = installed({peer: makers[peer] for peer in PEERS.get(axes, ())})
+            missing |= left
             for peer, made in peers.items():
                 contenders.append(EachContender(peer, made.call, [made.prepare(T) for T in poses], peer=True))
             with silent():

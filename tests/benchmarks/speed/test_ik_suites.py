@@ -69,7 +69,7 @@ def test_analytic_peers_get_the_pose_in_their_own_frames(name):
             assert len(peer.batch(T)()) == len(T)
 
 
-@pytest.mark.parametrize("suite", ["ik-single", "ik-edge-cases", "ik-batch", "ik-calibrated", "fk-batch"])
+@pytest.mark.parametrize("suite", ["ik-single", "ik-edge-cases", "ik-batch", "ik-calibrated", "ik-arms", "fk-batch"])
 @pytest.mark.filterwarnings("ignore")
 def test_suites(suite, monkeypatch, checked):
     for solver in ("placo", "kinreach, QP", "pink", "mink", "ikpy"):  # slow, and tested above
