@@ -19,8 +19,8 @@ from typing import Any
 CORE = Path(__file__).resolve().parent / "kinreach/kinematics/_core"
 #: One C99 source, strictly: the same bits for one posture as for many, whatever the compiler would like to reorder.
 FLAGS = [
-    "-std=c99", "-O3", "-g0", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math",
-    "-Wall", "-Wextra", "-Wpedantic", "-Werror=implicit-function-declaration",
+    "-std=c99", "-O3", "-g0", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno",
+    "-fno-trapping-math", "-Wall", "-Wextra", "-Wpedantic", "-Werror=implicit-function-declaration",
 ]  # fmt: skip
 #: Where the wheels of other machines run: the compiler's target, and the wheel's platform.
 TARGETS = {

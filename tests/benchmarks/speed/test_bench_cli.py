@@ -199,8 +199,8 @@ def test_a_suite_that_cannot_run_keeps_the_others(suites, out, capsys):
 
 def test_every_suite_exists():
     assert list(SUITES) == [
-        "ik-single", "ik-edge-cases", "ik-batch", "ik-calibrated", "ik-arms", "fk-batch", "env", "train", "compare", "startup",
-        "growth",
+        "ik-single", "ik-edge-cases", "ik-batch", "ik-calibrated", "ik-arms", "fk-batch", "env", "train", "compare",
+        "startup", "growth",
     ]  # fmt: skip
     for name, summary in SUITES.items():
         assert summary
