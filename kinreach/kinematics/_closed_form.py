@@ -267,12 +267,6 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             return IKSolutions(kept[:0], Status.OUT_OF_LIMITS, self._all_outside(rows), errors)
         return IKSolutions(kept[:count], Status.OK, "", errors)
 
-    def _allows(self, q: ArrayLike, goal: Goal | Floats, seed: Floats, tol: float) -> bool:
-        """Whether a posture has a winding within the limits, or is next to one that reaches the goal."""
-        posture, found, (kind, T) = np.array(q, dtype=np.float64), np.empty(self.n), core_goal(goal)
-        arm, to, wanted = self._core.pointer, doubles(T), doubles(np.ascontiguousarray(seed))
-        return bool(lib.kr_allowed(arm, kind, to, doubles(posture), wanted, True, tol, doubles(found)))
-
     def _errors(self, goal: CoreGoal, rows: Floats) -> Floats:
         """Position [m] and orientation [rad] errors of rows of postures, shape (k, 2)."""
         errors, (kind, T) = np.empty((len(rows), 2)), goal

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +27,7 @@ class CompiledKinematics(ClosedFormKinematics):
     """
 
     joints = 6
-    branches: ClassVar[int]
+    branches: int
     #: How the core finds postures, and what it needs for that.
     _way: int
     _prepared: Struct

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import kinreach
+from benchmarks.ik_arms.random_arms import CLASSES, kinematics, some_arm
 from kinreach.kinematics import URKinematics
 from kinreach.kinematics._core import NULL, Struct, doubles, ffi, lib
 from kinreach.kinematics._ur.closed_form import core_arm
@@ -78,6 +79,56 @@ def test_numbers_of_any_kind_go_through_the_ur():
         ended += 1
     assert ended == count
     assert found > count // 50
+
+
+#: What a kr_decoupled is made of, the rest is prepared.
+GIVEN = ("sign", "offset", "d", "a", "alpha", "before", "after", "placements")
+
+
+def test_numbers_of_any_kind_go_through_the_classes_of_six_axes(tmp_path):
+    """Figures, poses, seeds and tolerances; singular poses take many samples, of an arm that may be no arm at all."""
+    rng, found, near, families = np.random.default_rng(2), 0, 0, 0
+    arms = [kinematics(tmp_path, some_arm(rng, name)) for name in CLASSES]
+    poses = [
+        kin.fk(rng.choice([0.0, np.pi / 2, 1.0, -2.0], (50, 6)) + rng.choice([0.0, 1e-9], (50, 6))) for kin in arms
+    ]
+    rows, miss, free = np.empty((107_000, 8)), ffi.new("int[2]"), ffi.new("int *")
+    q, pose, first = np.empty((128, 6)), np.empty(128, dtype=np.int64), np.empty(107_000, dtype=np.int32)
+    slots, there, doubtful = np.empty((16, 6)), np.empty(16, dtype=np.bool_), np.empty(1, dtype=np.bool_)
+    flags = [ffi.from_buffer("unsigned char[]", each) for each in (there, doubtful)]
+    for k in range(ARMS // 10):
+        kin = arms[k % len(arms)]
+        whole = kin._method.compiled[1].pointer
+        figures = {name: np.array(list(getattr(whole, name))) for name in GIVEN}
+        for name in GIVEN if k % 3 else ():
+            figures[name] = spoiled(rng, figures[name]) if rng.random() < 0.4 else figures[name]
+        bent = Struct("kr_decoupled", **{name: value.tolist() for name, value in figures.items()})
+        lib.kr_decoupled_prepare(bent.pointer)
+        T, seed = poses[k % len(arms)][rng.integers(50)], rng.uniform(-3, 3, 6)
+        T, seed = (spoiled(rng, each) if k % 2 else each.copy() for each in (T, seed))
+        tol, off = float(spoiled(rng, [1e-7])[0]), float(spoiled(rng, [1e-5])[0])
+        way = lib.KR_DECOUPLED + (k % 4 == 3) * lib.KR_BACKWARDS
+        arm, start = kin._core.pointer, NULL if k % 3 == 0 else doubles(seed)
+        n = lib.kr_solutions(way, bent.pointer, arm, doubles(T), start, k % 2, tol, doubles(rows), miss)
+        assert -1 <= n <= 8
+        found += n > 0
+        n = lib.kr_decoupled_rows(bent.pointer, doubles(T), tol, doubles(seed), k % 5 == 0, free, doubles(rows))
+        assert 0 <= n <= len(rows)
+        postures = np.ascontiguousarray(rows[: min(n, 60), 2:])
+        lib.kr_families(whole.placements, doubles(T), doubles(postures), len(postures), ffi.from_buffer("int[]", first))
+        assert (first[: len(postures)] <= np.arange(len(postures))).all()
+        families += len(postures) > 0
+        n = lib.kr_decoupled_starts(bent.pointer, doubles(T), 1, doubles(q), ffi.from_buffer("long long[]", pose))
+        assert 0 <= n <= len(q)
+        lib.kr_nearly_decoupled_of_each(
+            bent.pointer, off, doubles(T), doubles(seed), 1, doubles(slots), flags[0], flags[1]
+        )
+        near += not doubtful[0]
+        lib.kr_decoupled_postures_of_each(bent.pointer, doubles(T), doubles(seed), 1, tol, doubles(slots), flags[0])
+        assert 0 <= there[:8].sum() <= 8
+    assert found > ARMS // 100
+    assert near > 0
+    assert families > ARMS // 100
 
 
 @pytest.mark.parametrize("scale", [1e-2, 1.0, 1e5])

@@ -21,6 +21,7 @@
 #include "chain.h"
 #include "elimination.h"
 #include "newton.h"
+#include "rows.h"
 
 #include <math.h>
 #include <string.h>
@@ -66,17 +67,6 @@ static int near_singular(const kr_calibrated *arm, const double P[12], int has) 
     return 0;
 }
 
-/* Sort rows by their branch index. */
-static void sort_by_branch(double *rows, int count) {
-    double row[WIDTH];
-    for (int i = 1; i < count; i++) {
-        int k = i;
-        memcpy(row, rows + WIDTH * i, sizeof row);
-        for (; k > 0 && rows[WIDTH * (k - 1)] > row[0]; k--) memcpy(rows + WIDTH * k, rows + WIDTH * (k - 1), sizeof row);
-        memcpy(rows + WIDTH * k, row, sizeof row);
-    }
-}
-
 /* Branch indices of the postures of one pose, all different. */
 static void name_branches(const kr_calibrated *arm, double *rows, int count) {
     double margin[KR_MAX_POSTURES];
@@ -95,7 +85,7 @@ static void name_branches(const kr_calibrated *arm, double *rows, int count) {
             rows[WIDTH * i] = spare % KR_MAX_POSTURES;
             taken |= 1 << (spare % KR_MAX_POSTURES);
         }
-    sort_by_branch(rows, count);
+    kr_sort_by_branch(rows, count);
 }
 
 /* The postures by Newton's method from the fitted arm's rows, in place; returns whether each is on its branch. */

@@ -96,31 +96,78 @@ typedef struct {
     kr_elimination elimination;              /* of the chain */
 } kr_calibrated;
 
+/* Six revolute axes that decouple (`decoupled.c`): the chain before Z1 X1 Z2 X2 Z3 X3 Z4 X4 Z5 X5 Z6 after, where Zi turns
+ * about z by sign_i q_i + offset_i and moves along it by d_i, and Xi moves along x by a_i and turns about it by alpha_i.
+ * `kr_decoupled_prepare` fills in what comes after `placements`. */
+typedef struct {
+    double sign[6], offset[6], d[6], a[5], alpha[5];
+    double before[12], after[12];            /* the inverse of both */
+    double placements[84];                   /* of the arm as it is given, 7 of (3, 4) */
+    double cosine[5], sine[5];               /* of alpha */
+    int spherical;                           /* axes 4, 5 and 6 meet; else axes 2, 3 and 4 are parallel */
+    int by_shoulder;                         /* joint 1 is found before all others, from two values */
+    int right_angles;                        /* of the wrist's axes */
+    double upper, fore, fore_angle;          /* lengths of the two links, and the angle of the second one */
+    double stretched, folded;                /* how far they reach */
+    double height;                           /* of the plane they move in, above that of axes 1 and 2 */
+    double hand, hand_angle;                 /* length and angle of what three parallel axes carry */
+    double square_of_point[3], height_of_point[3];  /* of a wrist's centre, as functions of joint 3 */
+    double size;                             /* the shortest length */
+    double length_divisor, sine_divisor;     /* results are divided by them: the smaller, the less exact they are */
+} kr_decoupled;
+
+void kr_decoupled_prepare(kr_decoupled *arm);
+
+/* Every posture of `count` poses, as way KR_DECOUPLED has them, by branch, without limits: q (count, 8, 6), NaN where there
+ * is none, and which there are. A free joint keeps the value of the pose's seed (count, 6). */
+void kr_decoupled_postures_of_each(const kr_decoupled *arm, const double *T, const double *seeds, int count, double tol,
+                                   double *q, unsigned char *valid);
+
+/* Rows of the closed form with a tolerance, in which nothing is tried on the arm: with room for 64. `free` gets the joints
+ * that are free, as bits; with `samples_too` they also take many values: with room for 107000. Returns how many. */
+int kr_decoupled_rows(const kr_decoupled *arm, const double T[12], double tol, const double seed[6], int samples_too,
+                      int *free, double *rows);
+
+/* Starting points of Newton's method for `count` poses into q, and the index of the pose, with room for 128 a pose: near
+ * its postures, and near some that only just do not exist. Returns how many there are. */
+int kr_decoupled_starts(const kr_decoupled *arm, const double *T, int count, double *q, long long *pose);
+
+/* The postures of `count` poses on an arm whose poses are up to `off` from those of one that decouples, by branch: q
+ * (count, 16, 6), NaN where there is none, and which there are. A pose is doubtful if it may have others; none is said. */
+void kr_nearly_decoupled_of_each(const kr_decoupled *arm, double off, const double *T, const double *seeds, int count,
+                                 double *q, unsigned char *valid, unsigned char *doubtful);
+
+/* The first of the postures q (count, 6) of a pose from which the arm moves to each of them while its tip stays. */
+void kr_families(const double placements[84], const double T[12], const double *q, int count, int *first);
+
 /* Ways to find every posture of a pose; what each needs is prepared once. */
 enum kr_way {
     KR_UR,                   /* kr_ur: eight branches */
-    KR_CALIBRATED            /* kr_calibrated: eight branches, and eight more near singularities */
+    KR_CALIBRATED,           /* kr_calibrated: eight branches, and eight more near singularities */
+    KR_DECOUPLED,            /* kr_decoupled: eight branches */
+    KR_ELIMINATION,          /* kr_elimination: up to sixteen, in no order */
+    KR_BACKWARDS = 8         /* added: what is prepared is the arm from its tip to its base */
 };
 
 /* Every posture of a pose, in windings near a seed (which may be null) and within limits, as `kr_within` has them, into
  * rows (16, 2 + n). Returns how many, or -1 where T is no rigid motion. `found`, if it is not null, gets how many there
  * were before limits, and the parts that missed. */
-int kr_solutions(enum kr_way way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
+int kr_solutions(int way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
                  int limits, double tol, double *rows, int found[2]);
 
 /* The nearest of them: the row first in `rows`, and in the next row its errors [m, rad]. Returns as `kr_solutions`, -1
  * also where the seed has an entry that is not within 1e6. */
-int kr_nearest(enum kr_way way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
+int kr_nearest(int way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
                double tol, double *rows);
 
 /* `kr_solutions` without a seed for `count` poses: postures (count, branches, n) by branch, NaN where there is none, and
  * which there are. Where a pose is no rigid motion it stops and returns its index, else -1. */
-int kr_solutions_of_each(enum kr_way way, const void *prepared, const kr_arm *arm, const double *T, int count, int limits,
+int kr_solutions_of_each(int way, const void *prepared, const kr_arm *arm, const double *T, int count, int limits,
                          double tol, int branches, double *q, unsigned char *valid);
 
 /* The nearest posture to each of `count` seeds (count, n), NaN where there is none, and its branch, -1 there. Returns as
  * `kr_solutions_of_each`. */
-int kr_nearest_of_each(enum kr_way way, const void *prepared, const kr_arm *arm, const double *T, const double *seeds,
+int kr_nearest_of_each(int way, const void *prepared, const kr_arm *arm, const double *T, const double *seeds,
                        int count, double tol, double *q, long long *branch);
 
 #pragma GCC visibility pop

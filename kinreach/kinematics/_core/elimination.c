@@ -747,6 +747,17 @@ int kr_eliminated(const kr_elimination *arm, const double T[12], double tol, dou
     return count;
 }
 
+int kr_elimination_rows(const kr_elimination *arm, const double T[12], double tol, double *rows) {
+    double q[KR_MAX_POSTURES * JOINTS];
+    const int count = kr_eliminated(arm, T, tol, q, NULL);
+    for (int i = 0; i < count; i++) {
+        double *row = rows + (JOINTS + 2) * i;
+        row[0] = i, row[1] = 0.0;
+        memcpy(row + 2, q + JOINTS * i, JOINTS * sizeof *q);
+    }
+    return count;
+}
+
 void kr_elimination_postures(const kr_elimination *arm, const double *T, int count, double tol, double *q, int *counts,
                              int *hard) {
     for (int i = 0; i < count; i++)

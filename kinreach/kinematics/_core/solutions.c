@@ -3,35 +3,93 @@
 
 #include "calibrated.h"
 #include "chain.h"
+#include "elimination.h"
+#include "rows.h"
+#include "six_axis.h"
 
 #include <math.h>
 #include <string.h>
 
 enum { MOST = 16 };                                   /* postures of an arm with finitely many */
+enum { JOINTS = 6, WIDTH = JOINTS + 2 };              /* of the arms that are solved from either end */
+enum { OTHERS = 24 };                                 /* values of free joints that are tried on half a turn */
 static const double FARTHEST = 1e6;                   /* of a seed's entries [rad] */
 
-static int postures(enum kr_way way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
-                    double tol, double *rows, int *miss) {
-    static const double zero[KR_MAX_JOINTS] = {0.0};
-    if (!seed) seed = zero;
+static int postures(int way, const void *prepared, const kr_arm *arm, const double *T, const double *seed, double tol,
+                    double *rows, int *miss) {
+    *miss = 0;
     switch (way) {
         case KR_UR: return kr_ur_postures(prepared, arm, T, seed, tol, rows, miss);
         case KR_CALIBRATED: return kr_calibrated_postures(prepared, T, tol, rows, miss);
+        case KR_DECOUPLED: return kr_decoupled_postures(prepared, T, seed, tol, rows);
+        case KR_ELIMINATION: return kr_elimination_rows(prepared, T, tol, rows);
     }
-    *miss = 0;
     return 0;
 }
 
-int kr_solutions(enum kr_way way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
+/* The postures of an arm by those of the same arm from its tip to its base. */
+static int backwards(int way, const void *prepared, const double T[16], const double *seed, double tol, double *rows,
+                     int *miss) {
+    double inverse[12], wanted[JOINTS];
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++) inverse[4 * r + c] = T[4 * c + r];
+        inverse[4 * r + 3] = -(T[r] * T[3] + T[4 + r] * T[7] + T[8 + r] * T[11]);
+    }
+    for (int j = 0; j < JOINTS; j++) wanted[j] = -seed[JOINTS - 1 - j];
+    const int count = postures(way, prepared, NULL, inverse, wanted, tol, rows, miss);
+    for (int i = 0; i < count; i++) {
+        double *q = rows + (JOINTS + 2) * i + 2;
+        for (int j = 0; j < JOINTS / 2; j++) {
+            const double first = q[j];
+            q[j] = -q[JOINTS - 1 - j], q[JOINTS - 1 - j] = -first;
+        }
+    }
+    return count;
+}
+
+static int either_way(int way, const void *prepared, const kr_arm *arm, const double *T, const double *seed, double tol,
+                      double *rows, int *miss) {
+    if (way & KR_BACKWARDS) return backwards(way & ~KR_BACKWARDS, prepared, T, seed, tol, rows, miss);
+    return postures(way, prepared, arm, T, seed, tol, rows, miss);
+}
+
+/* Replace postures that the limits forbid: free joints take other values than the seed's, the nearest first. */
+static void free_joints_within(int way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
+                               double tol, double *rows, int count) {
+    double other[WIDTH * MOST], found[JOINTS], start[JOINTS];
+    int open = 0, flags = 0, miss;
+    for (int i = 0; i < count; i++) {
+        flags |= rows[WIDTH * i + 1] != 0.0;
+        if (!kr_allowed(arm, 0, T, rows + WIDTH * i + 2, seed, 1, tol, found)) open |= 1 << i;
+    }
+    for (int step = 1; step < 2 * OTHERS && open && flags; step++) {
+        const double turn = KR_PI / OTHERS * (step % 2 ? -(step + 1) / 2 : step / 2);
+        for (int j = 0; j < JOINTS; j++) start[j] = seed[j] + turn;
+        const int others = either_way(way, prepared, NULL, T, start, tol, other, &miss);
+        for (int k = 0; k < others; k++)
+            for (int i = 0; i < count; i++)
+                if ((open >> i & 1) && rows[WIDTH * i] == other[WIDTH * k] &&
+                    kr_allowed(arm, 0, T, other + WIDTH * k + 2, seed, 1, tol, found)) {
+                    memcpy(rows + WIDTH * i, other + WIDTH * k, WIDTH * sizeof *rows);
+                    open &= ~(1 << i);
+                }
+    }
+}
+
+int kr_solutions(int way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
                  int limits, double tol, double *rows, int found[2]) {
+    static const double zero[KR_MAX_JOINTS] = {0.0};
+    const double *wanted = seed ? seed : zero;
     int miss;
     if (!kr_is_rigid(T)) return -1;
-    const int count = postures(way, prepared, limits ? arm : NULL, T, seed, tol, rows, &miss);
+    const int count = either_way(way, prepared, limits ? arm : NULL, T, wanted, tol, rows, &miss);
+    if (limits && !arm->full_turn && (way & ~KR_BACKWARDS) == KR_DECOUPLED)
+        free_joints_within(way, prepared, arm, T, wanted, tol, rows, count);
     if (found) found[0] = count, found[1] = miss;
     return kr_within(arm, 0, T, seed, limits, tol, rows, count);
 }
 
-int kr_nearest(enum kr_way way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
+int kr_nearest(int way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
                double tol, double *rows) {
     for (int j = 0; j < arm->n; j++)
         if (!(fabs(seed[j]) <= FARTHEST)) return -1;
@@ -40,26 +98,19 @@ int kr_nearest(enum kr_way way, const void *prepared, const kr_arm *arm, const d
     return kept;
 }
 
-int kr_solutions_of_each(enum kr_way way, const void *prepared, const kr_arm *arm, const double *T, int count, int limits,
+int kr_solutions_of_each(int way, const void *prepared, const kr_arm *arm, const double *T, int count, int limits,
                          double tol, int branches, double *q, unsigned char *valid) {
     const int n = arm->n;
     double rows[MOST * (KR_MAX_JOINTS + 2)];
     for (int i = 0; i < count; i++, T += 16, q += branches * n, valid += branches) {
         const int kept = kr_solutions(way, prepared, arm, T, NULL, limits, tol, rows, NULL);
         if (kept < 0) return i;
-        memset(valid, 0, branches);
-        for (int k = 0; k < branches * n; k++) q[k] = NAN;
-        for (int k = 0; k < kept; k++) {
-            const double *row = rows + (n + 2) * k;
-            const int branch = (int)row[0];
-            valid[branch] = 1;
-            memcpy(q + n * branch, row + 2, n * sizeof *q);
-        }
+        kr_by_branch(n, branches, rows, kept, q, valid);
     }
     return -1;
 }
 
-int kr_nearest_of_each(enum kr_way way, const void *prepared, const kr_arm *arm, const double *T, const double *seeds,
+int kr_nearest_of_each(int way, const void *prepared, const kr_arm *arm, const double *T, const double *seeds,
                        int count, double tol, double *q, long long *branch) {
     const int n = arm->n;
     double rows[MOST * (KR_MAX_JOINTS + 2)];

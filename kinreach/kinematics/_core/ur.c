@@ -23,12 +23,13 @@
 
 #include "arctangent.h"
 #include "chain.h"
+#include "pitches.h"
+#include "rows.h"
 
 #include <math.h>
 #include <string.h>
 
-enum { SHOULDER = 1, WRIST = 2, ELBOW = 4, MOVED = 8 };                          /* flags of a posture */
-enum { SHOULDER_CYLINDER = 1, ELBOW_OUT = 2, ELBOW_IN = 4, RESIDUAL = 8 };      /* parts that miss */
+enum { SHOULDER_CYLINDER = 1, ELBOW_OUT = 2, ELBOW_IN = 4, RESIDUAL = 8 };  /* parts that miss */
 enum { BRANCHES = 8, WIDTH = 8 };
 /* Below this sin q5 rounding in the pose, 1e-13 say, is magnified to more than the smallest tolerance. */
 static const double NEAR_WRIST = 1e-3;
@@ -43,8 +44,6 @@ typedef struct {
     double *rows;
     int count, miss;
 } found_t;
-
-static double clamp(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
 /* Pose of the flange in the DH base frame, T (3, 4), for a posture. */
 static void ur_fk(const kr_ur *g, const double q[6], double T[12]) {
@@ -125,41 +124,15 @@ static void add_elbows(const kr_ur *g, double tol, found_t *found, int branch, i
             found->miss |= rho > g->stretched + tol ? ELBOW_OUT : ELBOW_IN;
             return;
         }
-        c3 = copysign(1.0, c3), s3 = 0.0, flags |= ELBOW;
+        c3 = copysign(1.0, c3), s3 = 0.0, flags |= KR_ELBOW;
     }
     const double q3 = kr_atan2(s3, c3), phi = kr_atan2(v, u), psi = kr_atan2(g->fore * s3, g->upper + g->fore * c3);
     add_both_elbows(found, branch, flags, q1, q5, q6, q234, q3, phi, psi, s3 > 0.0);
 }
 
-/* A pitch at which the two links reach the hand; side is 2 for the second of two arcs. */
-typedef struct {
-    int side, flags;
-    double q234;
-} pitch_t;
-
-/* Pitches nearest to a wanted one from which the elbow reaches, of each arc of such pitches, the nearest arc first; P5
- * is at (u, v) from the shoulder [m]. Where nothing is in reach it is the end that comes nearest, and the elbow decides.
- * Returns how many. */
-static int pitches(const kr_ur *g, double wanted, double u, double v, pitch_t arcs[2]) {
-    const double eta = kr_wrapped(wanted - 0.5 * KR_PI - kr_atan2(v, u) + KR_PI), distance = sqrt(u * u + v * v);
-    const double scale = 2.0 * distance * g->d5, rest = distance * distance + g->d5 * g->d5;
-    double lower = 0.0, upper = KR_PI; /* of |eta|, which is 0 where the hand is farthest from the shoulder */
-    if (!(fabs(scale) < 1e-12)) {
-        lower = acos(clamp((g->stretched * g->stretched - rest) / scale, -1.0, 1.0));
-        upper = acos(clamp((g->folded * g->folded - rest) / scale, -1.0, 1.0));
-    }
-    const double on_arc = fmin(fmax(fabs(eta), lower), upper);
-    const double nearest = on_arc == fabs(eta) ? eta : copysign(on_arc, eta);
-    const int apart = lower > 0.0 && upper < KR_PI;
-    arcs[0].side = apart && nearest < 0.0 ? 2 : 0;
-    arcs[0].q234 = wanted + (nearest - eta);
-    arcs[0].flags = nearest != eta ? WRIST | MOVED : WRIST;
-    if (!apart) return 1;
-    const double other = fabs(eta) + lower < 2.0 * KR_PI - fabs(eta) - upper ? lower : upper;
-    arcs[1].side = 2 - arcs[0].side;
-    arcs[1].q234 = wanted - copysign(other, nearest) - eta;
-    arcs[1].flags = WRIST | MOVED;
-    return 2;
+/* `kr_pitches` of P5 at (u, v) from the shoulder [m]: the hand is d5, below it. */
+static int pitches(const kr_ur *g, double wanted, double u, double v, kr_pitch arcs[2]) {
+    return kr_pitches(wanted, u, v, g->d5, -0.5 * KR_PI, g->stretched, g->folded, arcs);
 }
 
 /* Both wrists where sin q5 is so small that q6 and q234, each by itself, are inexact. Exact is their sum, where q5 is
@@ -170,14 +143,14 @@ static void add_near_wrists(const kr_ur *g, double tol, found_t *found, int bran
     for (int side = 0; side < 2; side++) {
         const int straight = q5 < 0.5 * KR_PI;
         const double wanted = kr_wrapped(straight ? total - q6 : total + q6);
-        pitch_t arcs[2];
+        kr_pitch arcs[2];
         int moved = 0;
         pitches(g, wanted, u, v, arcs);
-        double q234 = arcs[0].q234;
+        double q234 = arcs[0].pitch;
         if (fabs(q234 - wanted) > tol / s5)
             q234 = wanted;
         else if (q234 != wanted) {
-            moved = WRIST | MOVED;
+            moved = KR_WRIST | KR_MOVED;
             q6 = straight ? total - q234 : q234 - total;
         }
         const double s = g->d5 * sin(q234), c = g->d5 * cos(q234);
@@ -191,10 +164,10 @@ static void add_near_wrists(const kr_ur *g, double tol, found_t *found, int bran
  * up to pi; without it q6 is what it is. */
 static void add_free_wrists(const kr_ur *g, double tol, found_t *found, int branch, int flags, double q1, int straight,
                             double wanted, const double *angle, double q6, double u, double v) {
-    pitch_t arcs[2];
+    kr_pitch arcs[2];
     const int count = pitches(g, wanted, u, v, arcs);
     for (int k = 0; k < count; k++) {
-        const double q234 = arcs[k].q234, s = g->d5 * sin(q234), c = g->d5 * cos(q234);
+        const double q234 = arcs[k].pitch, s = g->d5 * sin(q234), c = g->d5 * cos(q234);
         if (angle) q6 = kr_wrapped(straight ? *angle - q234 : q234 - *angle + KR_PI);
         add_elbows(g, tol, found, branch + arcs[k].side, flags | arcs[k].flags, q1, straight ? 0.0 : KR_PI, q6, q234,
                    s - u, -c - v);
@@ -274,7 +247,7 @@ static int flange_postures(const kr_ur *g, const double P[12], double tol, doubl
     double sines[2], cosines[2];
     const int sides = shoulders(x, y, g->d4, tol, sines, cosines);
     for (int k = 0; k < sides; k++) {
-        const int branch = 4 * k, flags = sides == 1 ? SHOULDER : 0;
+        const int branch = 4 * k, flags = sides == 1 ? KR_SHOULDER : 0;
         const double s1 = sines[k], c1 = cosines[k], q1 = kr_atan2(s1, c1), u = -x * c1 - y * s1;
         const double c6 = nx * s1 - ny * c1, s6 = oy * c1 - ox * s1, c5 = ax * s1 - ay * c1;
         const double s5 = sqrt(c6 * c6 + s6 * s6);
@@ -309,7 +282,7 @@ int kr_ur_axis_postures(const kr_ur *g, const double P[12], double reach, double
     double sines[2], cosines[2];
     const int sides = shoulders(x, y, g->d4, tol, sines, cosines);
     for (int k = 0; k < sides; k++) {
-        const int branch = 4 * k, flags = sides == 1 ? SHOULDER : 0;
+        const int branch = 4 * k, flags = sides == 1 ? KR_SHOULDER : 0;
         const double s1 = sines[k], c1 = cosines[k], q1 = kr_atan2(s1, c1), u = -x * c1 - y * s1;
         const double a_u = ax * c1 + ay * s1, c5 = ax * s1 - ay * c1, s5 = sqrt(a_u * a_u + az * az);
         if (s5 > tol) {
@@ -379,7 +352,7 @@ static int add_free_wrist_within(const kr_ur *g, const kr_arm *arm, const double
         if (!(sqrt(c6 * c6 + s6 * s6) <= tol)) continue;
         const family_t f = {g, arm, seed, P[2] * s1 - P[6] * c1 > 0.0, kr_atan2(s1, c1), kr_atan2(P[8], P[0] * c1 + P[4] * s1),
                             -x * c1 - y * s1, -z};
-        pitch_t arcs[2];
+        kr_pitch arcs[2];
         const int two = pitches(g, 0.0, -f.u, -f.v, arcs);
         for (int arc = 0; arc < two; arc++)
             for (int elbow = 0; elbow < 2; elbow++) {
@@ -391,21 +364,11 @@ static int add_free_wrist_within(const kr_ur *g, const kr_arm *arm, const double
                 if (at == BRANCHES) continue;
                 if (at == count) count++;
                 double *row = rows + WIDTH * at;
-                row[0] = branch, row[1] = (sides == 1 ? SHOULDER : 0) | WRIST | MOVED;
+                row[0] = branch, row[1] = (sides == 1 ? KR_SHOULDER : 0) | KR_WRIST | KR_MOVED;
                 memcpy(row + 2, best, sizeof best);
             }
     }
     return count;
-}
-
-static void sort_by_branch(double *rows, int count) {
-    double row[WIDTH];
-    for (int i = 1; i < count; i++) {
-        int k = i;
-        memcpy(row, rows + WIDTH * i, sizeof row);
-        for (; k > 0 && rows[WIDTH * (k - 1)] > row[0]; k--) memcpy(rows + WIDTH * k, rows + WIDTH * (k - 1), sizeof row);
-        memcpy(rows + WIDTH * k, row, sizeof row);
-    }
 }
 
 int kr_ur_postures(const kr_ur *g, const kr_arm *arm, const double T[16], const double seed[6], double tol, double *rows,
@@ -422,7 +385,7 @@ int kr_ur_postures(const kr_ur *g, const kr_arm *arm, const double T[16], const 
     double given[BRANCHES * WIDTH];
     for (int i = 0; i < count; i++) {
         const double *row = rows + WIDTH * i;
-        keep[i] = !((int)row[1] & WRIST);
+        keep[i] = !((int)row[1] & KR_WRIST);
         if (keep[i]) continue;
         double F[12 * 7];
         kr_frames(6, arm->placements, row + 2, F);
@@ -435,6 +398,6 @@ int kr_ur_postures(const kr_ur *g, const kr_arm *arm, const double T[16], const 
     count = add_free_wrist_within(g, arm, P, seed, tol, rows, count);
     for (int i = 0; i < before; i++)
         if (keep[i]) memcpy(rows + WIDTH * i, given + WIDTH * i, WIDTH * sizeof *rows);
-    sort_by_branch(rows, count);
+    kr_sort_by_branch(rows, count);
     return count;
 }

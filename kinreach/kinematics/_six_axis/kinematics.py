@@ -9,11 +9,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, as_floats, as_pose, check_tolerance, shown
+from kinreach._checks import MAX_THREADS, Floats, as_floats, as_pose, check_count, check_tolerance, shown
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._chain import poses_about
-from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics, core_goal
+from kinreach.kinematics._closed_form import TOLERANCE, TURNS_ABOUT, ClosedFormKinematics, core_goal
+from kinreach.kinematics._compiled import CompiledKinematics
+from kinreach.kinematics._core import NULL, as_rows, doubles, lib, new_rows
 from kinreach.kinematics._goals import (
     AxisGoal,
     Goal,
@@ -22,14 +24,22 @@ from kinreach.kinematics._goals import (
     exactly_rigid,
     rigid_poses,
 )
-from kinreach.kinematics._near_closed_form import FAR
-from kinreach.kinematics._six_axis.methods import EXACTLY, MIN_SHARE, MISSED, NEARLY, SINGULAR, WAYS, method_of
+from kinreach.kinematics._six_axis.methods import EXACTLY, FAR, MIN_SHARE, MISSED, NEARLY, SINGULAR, WAYS, method_of
 from kinreach.kinematics._six_axis.reach import WristReach
-from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, IKResult, IKSolutions, Row, Tolerance
+from kinreach.kinematics._solutions import (
+    ANGLES,
+    BRANCH,
+    FLAGS,
+    Accept,
+    IKBatch,
+    IKBatchNearest,
+    IKResult,
+    IKSolutions,
+    Row,
+    Tolerance,
+)
 from kinreach.kinematics._solvers.iterative import GoalTask
 
-#: Values of free joints that are tried beside the seed's where the limits forbid that [rad], the nearest first.
-OTHERS = sorted(np.linspace(-np.pi, np.pi, 48, endpoint=False).tolist(), key=abs)
 #: How far the tip may be from the last joint's axis for that joint to turn about it [m, and sine of an angle]: a right
 #: angle in a URDF is often written as 1.5708. From `OFF_AXIS` on, the other joints make up for it, in so many steps.
 ON_AXIS, OFF_AXIS, AXIS_STEPS = 1e-5, 1e-12, 6
@@ -38,7 +48,7 @@ ON_AXIS_EXACTLY = 1e-10
 UNREACHED = "no posture reaches the goal"
 
 
-class SixAxisKinematics(ClosedFormKinematics):
+class SixAxisKinematics(CompiledKinematics):
     """Kinematics of an arm with any six revolute joints. Threads may share an instance.
 
     An arm with a spherical wrist, or with axes 2, 3 and 4 parallel, seen from its base or from its tip, has a closed
@@ -59,8 +69,6 @@ class SixAxisKinematics(ClosedFormKinematics):
         InputError: The arm does not have six joints, or is singular in every posture, or nearly.
     """
 
-    joints = 6
-
     def _prepare(self) -> None:
         super()._prepare()
         if self.n != self.joints:
@@ -77,7 +85,10 @@ class SixAxisKinematics(ClosedFormKinematics):
                 f"arm {self.arm.name!r}: {why}; of random postures elimination finds {100 * method:.0f} % again, and "
                 f"{100 * MIN_SHARE:.0f} % are needed"
             )
-        self._method = method
+        self._method, self.branches = method, method.branches
+        self._is_compiled = method.compiled is not None
+        if method.compiled is not None:
+            self._way, self._prepared = method.compiled
 
     @cached_property
     def _wrist_reach(self) -> WristReach:
@@ -127,13 +138,54 @@ class SixAxisKinematics(ClosedFormKinematics):
         Raises:
             InputError: `T` is not a finite rigid motion, or the seed is malformed.
         """
+        if self._is_compiled:
+            return self._every(T, seed, limits=limits, tol=tol)
         start = self._posture_or_none(seed)
         T = as_floats("T", T).copy()
         rigid = T if T.shape == (4, 4) and exactly_rigid(T.tolist()) else rigid_poses(as_pose("T", T)[None])[0]
         tol = check_tolerance(tol)
-        rows = self._rows(rigid, start, T, limits=limits, tol=tol)
-        unreached = "" if rows else self._wrist_reach.why(rigid) or UNREACHED
-        return self._solutions(rows, unreached, T, start, limits, tol)
+        rows = self._rows(rigid, start, limits=limits, tol=tol)
+        return self._solutions(rows, "" if len(rows) else self._miss_text(rigid, 0), T, start, limits, tol)
+
+    def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Compute the posture for a pose that is nearest to a seed; as `ClosedFormKinematics.nearest`."""
+        if self._is_compiled:
+            return super().nearest(T, seed, accept=accept)
+        return ClosedFormKinematics.nearest(self, T, seed, accept=accept)
+
+    def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE, threads: int = 1) -> IKBatch:
+        """Compute every posture of many poses; as `ClosedFormKinematics.batch`.
+
+        Args:
+            T: As there.
+            limits: As there.
+            tol: As there.
+            threads: Each takes a share of the poses; the results have the same bits. An arm that is solved by Newton's
+                method from a closed form has one.
+        """
+        if self._is_compiled:
+            return super().batch(T, limits=limits, tol=tol, threads=threads)
+        check_count("threads", threads, most=MAX_THREADS)
+        return ClosedFormKinematics.batch(self, T, limits=limits, tol=tol)
+
+    def nearest_batch(
+        self, T: ArrayLike, seeds: ArrayLike, *, tol: float = TOLERANCE, threads: int = 1
+    ) -> IKBatchNearest:
+        """Compute for each of many poses the posture nearest to its seed; as `ClosedFormKinematics.nearest_batch`.
+
+        Args:
+            T: As there.
+            seeds: As there.
+            tol: As there.
+            threads: As in `batch`.
+        """
+        if self._is_compiled:
+            return super().nearest_batch(T, seeds, tol=tol, threads=threads)
+        check_count("threads", threads, most=MAX_THREADS)
+        return ClosedFormKinematics.nearest_batch(self, T, seeds, tol=tol)
+
+    def _miss_text(self, T: Floats, miss: int) -> str:
+        return self._wrist_reach.why(T) or UNREACHED
 
     def axis_solutions(
         self,
@@ -167,7 +219,7 @@ class SixAxisKinematics(ClosedFormKinematics):
 
         def rows_at(turns: Floats, *, limits: bool) -> list[Row]:
             poses = poses_about(goal.position, goal.axis, turns)
-            return [row for T in poses for row in self._rows(T, start, goal, limits=limits, tol=tol)]
+            return [row for T in poses for row in self._rows(T, start, limits=limits, tol=tol).tolist()]
 
         found: list[Row] = []
         if free:
@@ -203,34 +255,25 @@ class SixAxisKinematics(ClosedFormKinematics):
             raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
         return self.nearest(goal.T, seed, accept=accept)
 
-    def _rows(self, T: Floats, start: Floats | None, goal: Goal | Floats, *, limits: bool, tol: float) -> list[Row]:
+    def _rows(self, T: Floats, start: Floats | None, *, limits: bool, tol: float) -> Floats:
         """Postures for a pose; free joints take values with which the posture is within the limits, if there are."""
-        seed = np.zeros(self.n) if start is None else start
-        rows = self._method.one(T, seed, tol)
-        if not limits or not any(row[FLAGS] for row in rows):
-            return rows
-
-        def allowed(row: Row) -> bool:
-            return self._allows(row[ANGLES], goal, seed, tol)
-
-        kept = {row[BRANCH]: row for row in rows if allowed(row)}
-        for other in OTHERS:
-            if len(kept) == len(rows):
-                break
-            for row in self._method.one(T, seed + other, tol):
-                if row[BRANCH] not in kept and allowed(row):
-                    kept[row[BRANCH]] = row
-        return [kept.get(row[BRANCH], row) for row in rows]
+        pose = np.ascontiguousarray(T)
+        if not self._is_compiled:
+            q, valid = self._method.many(pose[None], np.zeros((1, self.n)) if start is None else start[None], tol)
+            (branch,) = np.nonzero(valid[:, 0])
+            return np.column_stack([branch, np.zeros(len(branch)), q[:, branch, 0].T])
+        rows, near = new_rows(self.branches), NULL if start is None else doubles(start)
+        count = lib.kr_solutions(*self._arguments, doubles(pose), near, False, tol, rows, NULL)
+        found = as_rows(rows)[:count].copy()
+        if limits and found[:, FLAGS].any():
+            count = lib.kr_solutions(*self._arguments, doubles(pose), near, True, tol, rows, NULL)
+            for row in as_rows(rows)[:count]:
+                found[found[:, BRANCH] == row[BRANCH]] = row
+        return found
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
-        T, free = rigid_poses(T), list[int]()
-        q, valid = self._method.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol, free)
-        for row in free if limits and not self._full_turn else ():
-            q[..., row], valid[:, row] = np.nan, False
-            start = None if seeds is None else np.ascontiguousarray(seeds[row])
-            for branch, _, *angles in self._rows(T[row], start, T[row], limits=True, tol=tol):
-                q[:, branch, row], valid[branch, row] = angles, True
-        return q, valid
+        T = rigid_poses(T)
+        return self._method.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol)
 
     def _last_turns_tip(self, off: float = ON_AXIS) -> bool:
         """Whether the last joint turns the tip about its own z axis, either way, and moves it nowhere, or hardly."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import sqrt
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import wrapped
+from kinreach.kinematics._core import Struct, doubles, ffi, lib
 from kinreach.kinematics._general_6r import (
     EXACT,
     MAX_POSTURES,
@@ -23,12 +24,10 @@ from kinreach.kinematics._general_6r import (
     missed_by,
     nearest_by_newton,
 )
-from kinreach.kinematics._near_closed_form import FAR, NearClosedForm
-from kinreach.kinematics._six_axis.batch import solve_poses
-from kinreach.kinematics._six_axis.closed_form import AMISS, DecoupledArm, Doubt, decouples
+from kinreach.kinematics._six_axis.closed_form import ROWS, DecoupledArm, decouples
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
 from kinreach.kinematics._six_axis.near_misses import reached_beside
-from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Row
+from kinreach.kinematics._solutions import ANGLES, BRANCH, Row
 from kinreach.kinematics._ur.geometry import BRANCHES
 from kinreach.robots._identification import moved_frames
 
@@ -45,16 +44,10 @@ SINGULAR = -1.0
 CAUTION = 3.0
 #: By how much a posture may miss its pose and be counted as exact [m, rad].
 MISSED = 1e-9
-#: By how much less postures in batches of a trial have to miss their poses for no other batch to be tested.
-MARGIN = 100.0
-#: Joints (0 is the first) that move the wrist.
-POSITIONING = {0, 1, 2}
-#: By how much starts of Newton's method may miss a pose [m, rad].
-NEAR_MISS = 0.03
+#: Newton's method moves a joint less than this on the way to the posture of the same branch [rad].
+FAR = 0.1
 #: Random postures by which a method is judged, and the share that elimination has to find again.
 TRIALS, MIN_SHARE = 100, 0.98
-#: Samples of a family of postures are tested against so many others, and are apart by less than this [rad].
-NEIGHBOURS, NEIGHBOURING = 4, 0.6
 #: Starts of Newton's method near a singular pose, at most; and closer ones start one curve [rad].
 MAX_STARTS, NEAR_START = 160, 0.1
 #: Poses of an arm that are off by less make curves that almost reach [m, rad].
@@ -78,6 +71,7 @@ class Method(Protocol):
         special_axes: Axes that give the closed form, counted from 1 at the base, and what they do, with a place for an
             adverb; none without one.
         starts_all: Whether `starts` are near all postures; not if the arm's elimination is singular.
+        compiled: How the core finds all of a pose alone, and what it needs for that; None if it does not.
     """
 
     branches: int
@@ -86,18 +80,13 @@ class Method(Protocol):
     special_axes: tuple[tuple[int, ...], str]
     starts_all: bool
 
-    def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        """Compute the postures for a pose (4, 4): branch index, flags and angles of each, by branch index.
+    @property
+    def compiled(self) -> tuple[int, Struct] | None: ...
 
-        Joints that are free keep the seed's value, as far as they can.
-        """
-
-    def many(
-        self, T: Floats, seeds: Floats, tol: float, free: list[int] | None = None
-    ) -> tuple[Floats, NDArray[np.bool_]]:
+    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         """Compute postures (6, branches, m) for poses (m, 4, 4), NaN where there is none, and which there are.
 
-        `free` learns the rows of poses with a flag, where joints may be free.
+        Joints that are free keep the values of the pose's seed (m, 6), as far as they can.
         """
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
@@ -113,142 +102,63 @@ class ClosedForm:
 
     branches, rank, starts_all = BRANCHES, 2, True
 
-    def __init__(self, arm: DecoupledArm, placements: Floats) -> None:
-        self._arm, self._chain = arm, Chain(placements)
+    def __init__(self, arm: DecoupledArm) -> None:
+        self._arm = arm
         self.off, self.special_axes = 0.0, arm.special_axes
-        self._exact = self._is_exact()
 
-    def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        rows = sorted(self._arm.solve(T, tol=tol, seed=seed.tolist()))
-        if not rows or any(row[FLAGS] for row in rows):
-            return self._singular(T, seed, tol)
-        if self._arm.by_shoulder and self._chain.reaches(np.array([row[ANGLES] for row in rows]), T, MISSED).all():
-            return rows
-        q, off = self._refined(rows, T, FAR)  # roots that almost merge are inexact
-        if off.max() > MISSED or not first_of_each(q, SAME).all() or rows[-1][BRANCH] >= BRANCHES:
-            return self._singular(T, seed, tol)
-        return [(*row[: ANGLES.start], *angles) for row, angles in zip(rows, q.tolist(), strict=True)]
+    @property
+    def compiled(self) -> tuple[int, Struct]:
+        return lib.KR_DECOUPLED, self._arm.core
 
-    def many(
-        self, T: Floats, seeds: Floats, tol: float, free: list[int] | None = None
-    ) -> tuple[Floats, NDArray[np.bool_]]:
-        q, valid, singular = solve_poses(self._arm, T, tol)
-        if not self._exact:
-            branch, pose = np.nonzero(valid)
-            singular[pose[missed_by(miss(self._chain.fk(q[:, branch, pose].T), T[pose])) > MISSED]] = True
-        for row in np.flatnonzero(singular):
-            q[..., row], valid[:, row] = np.nan, False
-            rows = self.one(T[row], seeds[row], tol)
-            for branch, _, *angles in rows:
-                q[:, branch, row], valid[branch, row] = angles, True
-            if free is not None and any(found[FLAGS] for found in rows):
-                free.append(int(row))
-        return q, valid
+    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+        q, valid = np.empty((len(T), BRANCHES, _JOINTS)), np.empty((len(T), BRANCHES), dtype=np.bool_)
+        poses, starts = np.ascontiguousarray(T), np.ascontiguousarray(seeds)
+        lib.kr_decoupled_postures_of_each(
+            self._arm.core.pointer, doubles(poses), doubles(starts), len(T), tol, doubles(q), _flags(valid)
+        )
+        return q.T, valid.T
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         return _starts(self._arm, T)
 
-    def _is_exact(self) -> bool:
-        """Whether all postures in batches of random poses, some nearly singular, miss by a small part of `MISSED`.
 
-        If not, each posture of a batch is tested.
-        """
-        q, beside = _random_postures(), np.logspace(-1, -6, TRIALS)
-        bent = q.copy()
-        bent[:, 2] = self._arm.dh.sign[2] * (beside - self._arm.fore_angle - self._arm.dh.offset[2])
-        q[::2, 4] = (self._arm.dh.sign[4] * (beside - self._arm.dh.offset[4]))[::2]
-        q = np.vstack([q, bent])
-        T = _poses(self._chain.fk(q))
-        found, valid, singular = solve_poses(self._arm, T, EXACT)
-        branch, pose = np.nonzero(valid & ~singular)
-        off = missed_by(miss(self._chain.fk(found[:, branch, pose].T), T[pose]))
-        return bool(off.max(initial=0.0) < MISSED / MARGIN)
+class NearlyDecoupled:
+    """An arm that almost decouples.
 
-    def _singular(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        """Postures of a pose that may be singular; if none is exact, those that miss it by up to `tol`.
+    1. The closed form has the postures of the other arm. It also tells whether a pose may have a different number of
+       postures on this arm, because a singular pose is close. If not, each branch has exactly one posture.
+    2. Newton's method goes from the closed form's postures to those of this arm. Each has to stay on its branch.
+    3. The postures of all other poses are found by elimination, which knows no branches.
+    """
 
-        What is singular by less than the tolerance of the closed form is free, and otherwise it is not: several
-        tolerances find the postures of both. Those that miss the pose go there by Newton's method. If the widest
-        tolerance has one from which that fails, two singularities are close to each other, and all joints that are
-        free take many values.
-        """
-        given = seed.tolist()
-        rows, free = self._arm.near_singular(T, (MISSED, EXACT, tol, AMISS), given)
-        q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
-        rows = [rows[index] for index in np.flatnonzero(first_of_each(q, SAME))]
-        q, off = self._refined(rows, T, FAR)
-        free &= POSITIONING | {_JOINTS - 1} if (off > MISSED).any() else POSITIONING
-        samples = self._arm.samples(T, AMISS, given, free)
-        if samples:
-            more, missing = self._refined(samples, T, np.inf)
-            rows, q, off = rows + samples, np.vstack([q, more]), np.append(off, missing)
-        exact = np.flatnonzero(off <= MISSED)
-        exact = exact[first_of_each(q[exact], SAME)]
-        if samples:
-            exact = exact[_families(self._chain, q[exact], T)]
-        named: dict[int, int] = {}
-        for index in exact.tolist() or np.flatnonzero(off <= tol).tolist():
-            if rows[index][BRANCH] < BRANCHES:  # more roots than there are postures
-                named.setdefault(rows[index][BRANCH], index)
-        spare = [index for index in exact.tolist() if index not in named.values()]
-        unnamed = [branch for branch in range(BRANCHES) if branch not in named]
-        named |= dict(zip(unnamed, spare, strict=False))
-        return [(branch, rows[named[branch]][FLAGS], *q[named[branch]].tolist()) for branch in sorted(named)]
-
-    def _refined(self, rows: list[Row], T: Floats, far: float) -> tuple[Floats, Floats]:
-        """Postures (m, 6) near those of rows, by Newton's method if they miss a pose; and by how much they do (m,).
-
-        A joint that would move by `far` stays where it is [rad].
-        """
-        q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
-        poses = np.broadcast_to(T, (len(q), 4, 4))
-        off = missed_by(miss(self._chain.fk(q), poses))
-        some = np.flatnonzero(off > MISSED)
-        if len(some):
-            moved, missing = nearest_by_newton(self._chain, q[some], poses[some])
-            nearer = (missing < off[some]) & (np.abs(moved - q[some]).max(axis=1) < far)
-            some, moved, missing = some[nearer], moved[nearer], missing[nearer]
-            q[some], off[some] = wrapped(moved), missing
-        return q, off
-
-
-class NearlyDecoupled(NearClosedForm):
-    """An arm that almost decouples."""
+    branches, rank, starts_all = MAX_POSTURES, 1, True
+    compiled = None
 
     def __init__(self, arm: DecoupledArm, placements: Floats, off: float) -> None:
-        super().__init__(placements)
-        self._arm, self._off = arm, CAUTION * off
+        self.chain, self._arm, self._off = Chain(placements), arm, CAUTION * off
         self.off, self.special_axes = off, arm.special_axes
 
     @cached_property
     def _elimination(self) -> tuple[Method, float]:
         return by_elimination(self.chain.placements)
 
-    def _start(self, T: Floats, seed: Floats) -> tuple[list[int], Floats, bool]:
-        doubt = Doubt(self._off)
-        rows = self._arm.solve(T, tol=EXACT, seed=seed.tolist(), doubt=doubt)
-        q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
-        doubtful = any(row[FLAGS] or row[BRANCH] >= BRANCHES for row in rows)
-        return [row[BRANCH] for row in rows], q, doubt.found or doubtful
-
-    def _starts(self, T: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-        q, valid, doubtful = solve_poses(self._arm, T, EXACT, off=self._off)
-        if not self._arm.by_shoulder:
-            for row, pose in enumerate(T):
-                branches, found, doubtful[row] = self._start(pose, np.zeros(_JOINTS))
-                q[:, branches, row], valid[branches, row] = found.T, True
-        return q, valid, doubtful
-
-    def _every(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
-        others, exist = self._elimination[0].many(T, seeds, EXACT)
-        found = [
-            (*row[ANGLES], pose, row[BRANCH])
-            for pose, seed in enumerate(seeds)
-            for row in self._near_singular(T[pose], seed, tol, others[:, exist[:, pose], pose].T)
-        ]
-        postures, indices = np.split(np.array(found).reshape(-1, _JOINTS + 2), [_JOINTS], axis=1)
-        pose, branch = indices.T.astype(np.int64)
-        return postures, pose, branch
+    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+        shape = len(T), MAX_POSTURES
+        q, valid = np.empty((*shape, _JOINTS)), np.empty(shape, dtype=np.bool_)
+        doubtful = np.empty(len(T), dtype=np.bool_)
+        poses, starts = np.ascontiguousarray(T), np.ascontiguousarray(seeds)
+        lib.kr_nearly_decoupled_of_each(
+            self._arm.core.pointer, self._off, doubles(poses), doubles(starts), len(T), doubles(q), _flags(valid),
+            _flags(doubtful),
+        )  # fmt: skip
+        rows = np.flatnonzero(doubtful)
+        if len(rows):
+            others, exist = self._elimination[0].many(T[rows], seeds[rows], EXACT)
+            for pose, row in enumerate(rows):
+                every = self._near_singular(T[row], seeds[row], tol, others[:, exist[:, pose], pose].T)
+                for branch, _, *angles in every:
+                    q[row, branch], valid[row, branch] = angles, True
+        return q.T, valid.T
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         return _starts(self._arm, T)
@@ -259,14 +169,13 @@ class NearlyDecoupled(NearClosedForm):
         By elimination; and by Newton's method from the closed form's postures for this pose, from the seed, and, where
         elimination may be singular for the arm, from those for other poses about it, too.
         """
-        sound, wide, given = self._elimination[1] >= MIN_SHARE, 10.0 * self._off, seed.tolist()
-        near = self._arm.solve(T, tol=wide, seed=given)
+        sound, wide = self._elimination[1] >= MIN_SHARE, 10.0 * self._off
+        near, _ = self._arm.rows(T, wide, seed)
         # At one singularity an angle moves by the root of what the arm is off; at a second, that counts.
-        rows, free = self._arm.near_singular(T, (sqrt(wide),), given)
-        rows += near + self._arm.samples(T, sqrt(wide), given, free)
+        rows = [self._arm.rows(T, sqrt(wide), seed, samples=True)[0], near]
         if not sound:
-            rows += [row for pose in self._about(T) for row in self._arm.solve(pose, tol=wide, seed=given)]
-        starts = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
+            rows += [self._arm.rows(pose, wide, seed)[0] for pose in self._about(T)]
+        starts = np.vstack(rows)[:, ANGLES]
         starts = starts[first_of_each(starts, SAME_START)]
         rng = np.random.default_rng(0)
         starts = starts[rng.permutation(len(starts))[:MAX_STARTS]]
@@ -282,7 +191,7 @@ class NearlyDecoupled(NearClosedForm):
         every = every[first_of_each(every, SAME)]
         if len(every) > MAX_POSTURES:
             every = every[_families(self.chain, every, T)][:MAX_POSTURES]
-        exact = self._arm.solve(T, tol=EXACT, seed=given)
+        exact, _ = self._arm.rows(T, EXACT, seed)
         near_by = sorted(
             (wider, float(np.abs(wrapped(one - row[ANGLES])).max()), index, int(row[BRANCH]))
             for wider, rows in enumerate((exact, near))  # a wide tolerance may count other branches
@@ -314,13 +223,11 @@ class Elimination:
         self.off, self.starts_all = np.inf, not general.singular
         self.special_axes: tuple[tuple[int, ...], str] = ((), "")
 
-    def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        (found,) = self._general.solve(T[None], tol=tol)
-        return [(index, 0, *q) for index, q in enumerate(found.tolist())]
+    @property
+    def compiled(self) -> tuple[int, Struct]:
+        return lib.KR_ELIMINATION, self._general.arm
 
-    def many(
-        self, T: Floats, seeds: Floats, tol: float, free: list[int] | None = None
-    ) -> tuple[Floats, NDArray[np.bool_]]:
+    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         q, counts = self._general.postures(T, tol=tol)
         return np.ascontiguousarray(q.T), np.arange(MAX_POSTURES)[:, None] < counts
 
@@ -341,14 +248,13 @@ class Backwards:
         axes, what = method.special_axes
         self.off, self.special_axes = method.off, (tuple(_JOINTS + 1 - axis for axis in reversed(axes)), what)
 
-    def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        rows = self._method.one(_inverse(T), -seed[::-1], tol)
-        return [(branch, flags, *[-angle for angle in q[::-1]]) for branch, flags, *q in rows]
+    @property
+    def compiled(self) -> tuple[int, Struct] | None:
+        way = self._method.compiled
+        return way and (way[0] + lib.KR_BACKWARDS, way[1])
 
-    def many(
-        self, T: Floats, seeds: Floats, tol: float, free: list[int] | None = None
-    ) -> tuple[Floats, NDArray[np.bool_]]:
-        q, valid = self._method.many(_inverse(T), -seeds[:, ::-1], tol, free)
+    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+        q, valid = self._method.many(_inverse(T), -seeds[:, ::-1], tol)
         return -q[::-1], valid
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
@@ -388,13 +294,12 @@ def _closed_forms(placements: Floats) -> tuple[dict[bool, list[Method]], dict[bo
     for backwards, way in ways:
         dh = DenavitHartenberg.of(way, length=EXACTLY[0], angle=EXACTLY[1])
         if decouples(dh) and _apart(dh, Chain(way)) < EXACT_FIT:
-            arm = DecoupledArm(dh)
-            sound = arm.length_divisor > NEARLY[0] and arm.sine_divisor > NEARLY[1]
-            closed[sound].append(_from_end(ClosedForm(arm, way), backwards=backwards))
+            arm = DecoupledArm(dh, way[:, :3])
+            closed[arm.sound(*NEARLY)].append(_from_end(ClosedForm(arm), backwards=backwards))
         dh = DenavitHartenberg.of(way, length=NEARLY[0], angle=NEARLY[1])
         off = _apart(dh, Chain(way))
         if off < NEAR_FIT and decouples(dh):
-            method = _from_end(NearlyDecoupled(DecoupledArm(dh), way, off), backwards=backwards)
+            method = _from_end(NearlyDecoupled(DecoupledArm(dh, way[:, :3]), way, off), backwards=backwards)
             near[off <= CLOSE_FIT].append((off, method))
     return closed, {
         close: [method for _, method in sorted(each, key=lambda fit: fit[0])] for close, each in near.items()
@@ -427,21 +332,9 @@ def by_elimination(placements: Floats) -> tuple[Method, float]:
 
 def _families(chain: Chain, q: Floats, T: Floats) -> NDArray[np.bool_]:
     """Which of the postures (m, 6) of a pose (4, 4) are the first of those from which the arm moves to one another."""
-    away = wrapped(q[:, None] - q)
-    distance = np.abs(away).max(axis=2)
-    near = np.argsort(distance, axis=1)[:, 1 : 1 + NEIGHBOURS]
-    one, other = np.repeat(np.arange(len(q)), near.shape[1]), near.ravel()
-    close = distance[one, other] < NEIGHBOURING
-    one, other = one[close], other[close]
-    step = away[other, one]
-    middle = q[one] + 0.5 * step
-    found, off = nearest_by_newton(chain, middle, np.broadcast_to(T, (len(middle), 4, 4)))
-    moved, apart = (np.abs(each).max(axis=1, initial=0.0) for each in (found - middle, step))
-    joined = (off < MISSED) & (moved < 0.2 * apart)
-    label = np.arange(len(q))
-    for a, b in zip(one[joined].tolist(), other[joined].tolist(), strict=True):
-        label[label == max(label[a], label[b])] = min(label[a], label[b])
-    return label == np.arange(len(q))
+    first, postures, pose = np.empty(len(q), dtype=np.int32), np.ascontiguousarray(q), np.ascontiguousarray(T)
+    lib.kr_families(doubles(chain.rows), doubles(pose), doubles(postures), len(q), ffi.from_buffer("int[]", first))
+    return first == np.arange(len(q))
 
 
 def _inverse(T: Floats) -> Floats:
@@ -454,14 +347,16 @@ def _from_end(method: Method, *, backwards: int) -> Method:
 
 def _starts(arm: DecoupledArm, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """`Method.starts` of a closed form: its postures; and those of a wide tolerance, where a branch has none."""
-    q, valid, singular = solve_poses(arm, T, EXACT)
-    branch, pose = np.nonzero(valid)
-    asked = [(row, EXACT) for row in np.flatnonzero(singular)]
-    asked += [(row, NEAR_MISS) for row in np.flatnonzero(~valid.all(axis=0))]
-    found = [(row, each[ANGLES]) for row, tol in asked for each in arm.solve(T[row], tol=tol, seed=[0.0] * _JOINTS)]
-    others = np.array([angles for _, angles in found]).reshape(-1, _JOINTS)
-    rows = np.array([row for row, _ in found], dtype=np.int64)
-    return np.vstack([q[:, branch, pose].T, others]), np.concatenate([pose, rows])
+    room, poses = 2 * ROWS * len(T), np.ascontiguousarray(T)
+    q, pose = np.empty((room, _JOINTS)), np.empty(room, dtype=np.int64)
+    count = lib.kr_decoupled_starts(
+        arm.core.pointer, doubles(poses), len(T), doubles(q), ffi.from_buffer("long long[]", pose)
+    )
+    return q[:count], pose[:count]
+
+
+def _flags(array: NDArray[np.bool_]) -> Any:
+    return ffi.from_buffer("unsigned char[]", array)
 
 
 def _apart(dh: DenavitHartenberg, chain: Chain) -> float:
