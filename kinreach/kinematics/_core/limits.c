@@ -141,3 +141,13 @@ int kr_within(const kr_arm *arm, int kind, const double *T, const double *seed, 
     if (seed) sort_by_distance(n, seed, rows, kept);
     return kept;
 }
+
+void kr_turns_along(int count, int stride, const double *q, double lower, double upper, double slack, double *turns) {
+    double turn = count > 0 ? -KR_TURN * rint((q[0] - 0.5 * (lower + upper)) / KR_TURN) : 0.0;
+    for (int i = 0; i < count; i++) {
+        const double angle = q[(long long)stride * i];
+        turn -= KR_TURN * fmax(ceil((angle + turn - upper - slack) / KR_TURN), 0.0);
+        turn += KR_TURN * fmax(ceil((lower - slack - angle - turn) / KR_TURN), 0.0);
+        turns[i] = turn;
+    }
+}

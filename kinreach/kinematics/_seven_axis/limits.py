@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import MAX_ANGLE, Floats
 from kinreach.kinematics._angles import TURN, wrapped
+from kinreach.kinematics._core import doubles, lib
 from kinreach.kinematics._seven_axis.tracing import MISSED, ON_CURVE, SAME, Curve, SelfMotionTracer
 from kinreach.kinematics._solutions import SLACK
 
@@ -174,8 +175,8 @@ def _shifts(q: Floats, lower: Floats, upper: Floats) -> Floats:
         if low - SLACK <= q[:, joint].min() + turn and q[:, joint].max() + turn <= high + SLACK:
             shift[:, joint] = turn
             continue
-        for index, angle in enumerate(q[:, joint]):
-            turn -= TURN * max(np.ceil((angle + turn - high - SLACK) / TURN), 0.0)
-            turn += TURN * max(np.ceil((low - SLACK - angle - turn) / TURN), 0.0)
-            shift[index, joint] = turn
+        along = np.ascontiguousarray(q[:, joint])
+        turns = np.empty(len(q))
+        lib.kr_turns_along(len(q), 1, doubles(along), low, high, SLACK, doubles(turns))
+        shift[:, joint] = turns
     return shift

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import TURN, wrapped
+from kinreach.kinematics._core import doubles, lib
 from kinreach.kinematics._general_6r import Chain, General6R
 from kinreach.kinematics._six_axis.methods import Method, method_of
 from kinreach.robots._identification import moved_frames
@@ -136,6 +137,10 @@ class Starts:
         ]
         self.values = VALUES
 
+    @property
+    def _A(self) -> Any:
+        return doubles(self.loop.rows)
+
     def of(self, T: Floats) -> Floats:
         """Compute postures (m, 7) of a pose (4, 4), in [-pi, pi]."""
         found = []
@@ -159,21 +164,14 @@ class Starts:
 
     def _newton(self, q: Floats, T: Floats, steps: int) -> tuple[Floats, Floats]:
         """Postures that arrived, in the order of their starts, and those that are near but slow."""
-        q, going, found = q.copy(), np.arange(len(q)), [np.empty(0, dtype=np.int64)]
-        for step in range(steps + 1):
-            error, J, off = self.loop.step(q[going], T[None])
-            found.append(going[off < REACHED])
-            left = off >= REACHED
-            going, error, J, off = going[left], error[left], J[left], off[left]
-            if step == steps or not len(going):
-                going = going[off < NEAR]
-                q[going], off = self._polished(q[going], T)
-                found.append(going[off < NOT_BETTER])
-                going = going[off >= NOT_BETTER]
-                break
-            turned = J.transpose(0, 2, 1)
-            q[going] += limited((turned @ solved(J @ turned + NUDGE * np.eye(6), error[..., None]))[..., 0])
-        return q[np.sort(np.concatenate(found))], q[going]
+        q, off = np.array(q, order="C"), np.empty(len(q))
+        lib.kr_shortest_steps(self._A, doubles(T), steps, len(q), doubles(q), doubles(off))
+        (slow,) = np.nonzero((off >= REACHED) & (off < NEAR))
+        if len(slow):
+            q[slow], off[slow] = self._polished(q[slow], T)
+            off[slow[off[slow] < NOT_BETTER]] = 0.0
+        slow = slow[off[slow] >= NOT_BETTER]
+        return q[off < REACHED], q[slow]
 
     def _polished(self, q: Floats, T: Floats) -> tuple[Floats, Floats]:
         """Postures (m, 7) brought nearer to a pose where `NUDGE` slows Newton's method, and how far they miss it (m,).
@@ -216,22 +214,28 @@ class Starts:
         both = np.concatenate([q[:, None] + ways, q[:, None] - ways])[np.concatenate([good, good])]
         return np.vstack([both, q[crossing]])
 
+    def least_singular_values(self, q: Floats) -> Floats:
+        """Compute the smallest singular values of the Jacobians at postures (m, 7), to about 3e-8, shape (m,)."""
+        q, values = np.ascontiguousarray(q), np.empty(len(q))
+        lib.kr_least_singular_values(self._A, len(q), doubles(q), doubles(values))
+        return values
+
     def singular(self, q: Floats, T: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Floats]:
-        """Which of a pose's postures (m, 7) are singular, which are on a surface of them, and the last twists (m, 6).
+        """Which of a pose's postures (m, 7) are singular, which are on a surface of them, and their last twists (m, 6).
 
         Two directions in which the joints move without the tip are on one, as far as second derivatives tell.
         """
-        U, s, _ = np.linalg.svd(self.loop.jacobian(q)[1])
-        singular = s[:, 5] < SINGULAR_BY_CURVATURE
-        surface = np.zeros(len(q), dtype=np.bool_)
+        singular = self.least_singular_values(q) < SINGULAR_BY_CURVATURE
+        surface, twists = np.zeros(len(q), dtype=np.bool_), np.zeros((len(q), 6))
         if singular.any():
-            _, (_, last, V), form = self._second_order(q[singular], T)
+            _, (U, last, V), form = self._second_order(q[singular], T)
+            twists[singular] = U[:, :, 5]
             inexact = self.loop.step(q[singular], T[None])[2] >= REACHED
             plane = V[:, 5:]
             curvature = np.abs(np.linalg.eigvalsh(plane @ form @ plane.transpose(0, 2, 1))).max(axis=1)
             lost = inexact | (last[:, 5] < np.maximum(SINGULAR, SINGULAR_BY_CURVATURE * np.sqrt(curvature)))
             surface[singular], singular[singular] = lost & (curvature < FLAT), lost
-        return singular, surface, U[:, :, 5]
+        return singular, surface, twists
 
     def _second_order(self, q: Floats, T: Floats) -> tuple[Floats, tuple[Floats, Floats, Floats], Floats]:
         """Errors (m, 6), the Jacobians' singular values, and the second derivatives (m, 7, 7) along the last twist."""
@@ -243,14 +247,6 @@ class Starts:
         bracket = np.cross(uv, w) @ v.transpose(0, 2, 1)
         bracket = np.triu(bracket - bracket.transpose(0, 2, 1) + np.cross(uw, w) @ w.transpose(0, 2, 1), k=1)
         return error, (U, s, V), 0.5 * (bracket + bracket.transpose(0, 2, 1))
-
-
-def solved(A: Floats, b: Floats) -> Floats:
-    """Solutions of A x = b, shape (m, n, k); those of least squares if one A is singular."""
-    try:
-        return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return np.linalg.pinv(A) @ b
 
 
 def limited(steps: NDArray[Any]) -> Floats:

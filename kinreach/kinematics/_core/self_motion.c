@@ -1,0 +1,224 @@
+#include "self_motion.h"
+
+#include "chain.h"
+#include "core.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { N = KR_SEVEN };
+/* Newton's method stops at an error below this [m, rad]; what is added to a matrix before it is inverted; longest step of
+ * a joint [rad]. */
+static const double CONVERGED = 1e-13, NUDGE = 1e-14, MAX_JOINT_STEP = 0.3;
+/* Steps of the inverse iteration. */
+enum { ITERATIONS = 5 };
+
+int kr_solve_seven(double M[49], double b[14]) {
+    int sign = 1;
+    for (int k = 0; k < N; k++) {
+        int p = k;
+        double best = fabs(M[N * k + k]);
+        for (int i = k + 1; i < N; i++)
+            if (fabs(M[N * i + k]) > best) best = fabs(M[N * i + k]), p = i;
+        if (!(best > 0.0)) return 0;
+        if (p != k) {
+            sign = -sign;
+            for (int j = k; j < N; j++) {
+                const double t = M[N * k + j];
+                M[N * k + j] = M[N * p + j];
+                M[N * p + j] = t;
+            }
+            for (int j = 0; j < 2; j++) {
+                const double t = b[2 * k + j];
+                b[2 * k + j] = b[2 * p + j];
+                b[2 * p + j] = t;
+            }
+        }
+        if (M[N * k + k] < 0.0) sign = -sign;
+        const double inverse = 1.0 / M[N * k + k];
+        for (int i = k + 1; i < N; i++) {
+            const double f = M[N * i + k] * inverse;
+            for (int j = k + 1; j < N; j++) M[N * i + j] -= f * M[N * k + j];
+            for (int j = 0; j < 2; j++) b[2 * i + j] -= f * b[2 * k + j];
+        }
+        M[N * k + k] = inverse;
+    }
+    for (int k = N - 1; k >= 0; k--)
+        for (int j = 0; j < 2; j++) {
+            double s = b[2 * k + j];
+            for (int i = k + 1; i < N; i++) s -= M[N * k + i] * b[2 * i + j];
+            b[2 * k + j] = s * M[N * k + k];
+        }
+    return sign;
+}
+
+/* Move a posture by a step, shortened if it is long. */
+static void move(double q[N], const double *step, int stride) {
+    double longest = 0.0;
+    for (int j = 0; j < N; j++) longest = fmax(longest, fabs(step[stride * j]));
+    const double scale = longest > MAX_JOINT_STEP ? MAX_JOINT_STEP / longest : 1.0;
+    for (int j = 0; j < N; j++) q[j] += scale * step[stride * j];
+}
+
+/* The Jacobian and a direction below it. */
+static void bordered(const double *F, const double direction[N], double M[49]) {
+    kr_jacobian_of(N, F, M);
+    memcpy(M + 42, direction, N * sizeof *M);
+    for (int i = 0; i < N; i++) M[(N + 1) * i] += NUDGE;
+}
+
+double kr_across(const double A[96], const double T[12], const double direction[7], int steps, double q[7]) {
+    double F[12 * (N + 1)], M[49], twist[6], b[14], missed;
+    for (;; steps--) {
+        kr_frames(N, A, q, F);
+        missed = kr_twist_to(F + 12 * N, T, twist);
+        if (!(CONVERGED <= missed && missed < INFINITY) || steps <= 0) return missed;
+        bordered(F, direction, M);
+        for (int i = 0; i < 6; i++) b[2 * i] = twist[i], b[2 * i + 1] = 0.0;
+        b[12] = b[13] = 0.0;
+        if (!kr_solve_seven(M, b)) return INFINITY;
+        move(q, b, 2);
+    }
+}
+
+int kr_tangent_along(const double A[96], const double q[7], const double direction[7], double tangent[7]) {
+    double F[12 * (N + 1)], M[49], b[14] = {0.0}, square = 0.0;
+    kr_frames(N, A, q, F);
+    bordered(F, direction, M);
+    b[12] = 1.0;
+    const int sign = kr_solve_seven(M, b);
+    for (int j = 0; j < N; j++) square += b[2 * j] * b[2 * j];
+    if (!sign || !(0.0 < square && square < INFINITY)) return 0;
+    for (int j = 0; j < N; j++) tangent[j] = b[2 * j] / sqrt(square);
+    return sign;
+}
+
+int kr_tangent(const double A[96], const double q[7], double tangent[7]) {
+    double F[12 * (N + 1)], J[6 * N], M[49], b[14] = {0.0}, square = 1.0;
+    int column[N] = {0, 1, 2, 3, 4, 5, 6};
+    kr_frames(N, A, q, F);
+    kr_jacobian_of(N, F, J);
+    memcpy(M, J, sizeof J);
+    for (int k = 0; k < 6; k++) {  /* elimination; the column that is left is free */
+        int row = k, col = k;
+        double best = -1.0;
+        for (int i = k; i < 6; i++)
+            for (int j = k; j < N; j++)
+                if (fabs(J[N * i + j]) > best) best = fabs(J[N * i + j]), row = i, col = j;
+        if (!(best >= 0.0 && best < INFINITY)) return 0;
+        for (int j = 0; j < N; j++) {
+            const double t = J[N * k + j];
+            J[N * k + j] = J[N * row + j];
+            J[N * row + j] = t;
+        }
+        for (int i = 0; i < 6; i++) {
+            const double t = J[N * i + k];
+            J[N * i + k] = J[N * i + col];
+            J[N * i + col] = t;
+        }
+        const int c = column[k];
+        column[k] = column[col];
+        column[col] = c;
+        if (fabs(J[(N + 1) * k]) < NUDGE) J[(N + 1) * k] = NUDGE;
+        for (int i = k + 1; i < 6; i++) {
+            const double f = J[N * i + k] / J[(N + 1) * k];
+            for (int j = k; j < N; j++) J[N * i + j] -= f * J[N * k + j];
+        }
+    }
+    double t[N];
+    t[6] = 1.0;
+    for (int k = 5; k >= 0; k--) {
+        double s = 0.0;
+        for (int j = k + 1; j < N; j++) s -= J[N * k + j] * t[j];
+        t[k] = s / J[(N + 1) * k];
+        square += t[k] * t[k];
+    }
+    if (!(square < INFINITY)) return 0;
+    for (int k = 0; k < N; k++) M[42 + column[k]] = tangent[column[k]] = t[k] / sqrt(square);
+    const int sign = kr_solve_seven(M, b);
+    for (int j = 0; j < N; j++) tangent[j] *= sign;
+    return sign != 0;
+}
+
+double kr_least_of_seven(const double A[96], const double q[7]) {
+    double F[12 * (N + 1)], J[6 * N], L[36], v[6], square = 0.0;
+    kr_frames(N, A, q, F);
+    kr_jacobian_of(N, F, J);
+    for (int a = 0; a < 6; a++)  /* Cholesky's factor of J J^T */
+        for (int b = 0; b <= a; b++) {
+            double s = a == b ? 1e-18 : 0.0;
+            for (int j = 0; j < N; j++) s += J[N * a + j] * J[N * b + j];
+            for (int k = 0; k < b; k++) s -= L[6 * a + k] * L[6 * b + k];
+            L[6 * a + b] = a == b ? sqrt(fmax(s, 1e-18)) : s / L[7 * b];
+        }
+    for (int i = 0; i < 6; i++) v[i] = 1.0 + 0.1 * i;
+    for (int step = 0; step < ITERATIONS; step++) {
+        for (int i = 0; i < 6; i++) {
+            for (int k = 0; k < i; k++) v[i] -= L[6 * i + k] * v[k];
+            v[i] /= L[7 * i];
+        }
+        for (int i = 5; i >= 0; i--) {
+            for (int k = i + 1; k < 6; k++) v[i] -= L[6 * k + i] * v[k];
+            v[i] /= L[7 * i];
+        }
+        square = 0.0;
+        for (int i = 0; i < 6; i++) square += v[i] * v[i];
+        for (int i = 0; i < 6; i++) v[i] /= sqrt(square);
+    }
+    return 1.0 / sqrt(sqrt(square));
+}
+
+void kr_across_each(const double A[96], const double T[12], int steps, int count, double *q, double *direction,
+                    double *missed) {
+    for (int i = 0; i < count; i++) {
+        double tangent[N];
+        missed[i] = kr_across(A, T, direction + N * i, steps, q + N * i);
+        if (kr_tangent_along(A, q + N * i, direction + N * i, tangent))
+            memcpy(direction + N * i, tangent, sizeof tangent);
+    }
+}
+
+void kr_shortest_steps(const double A[96], const double T[12], int steps, int count, double *q, double *missed) {
+    for (int i = 0; i < count; i++) {
+        double F[12 * (N + 1)], J[6 * N], M[36], twist[6], step[N], *x = q + N * i;
+        for (int left = steps;; left--) {
+            kr_frames(N, A, x, F);
+            missed[i] = kr_twist_to(F + 12 * N, T, twist);
+            if (!(CONVERGED <= missed[i] && missed[i] < INFINITY) || left <= 0) break;
+            kr_jacobian_of(N, F, J);
+            for (int a = 0; a < 6; a++)
+                for (int b = 0; b < 6; b++) {
+                    double s = a == b ? NUDGE : 0.0;
+                    for (int j = 0; j < N; j++) s += J[N * a + j] * J[N * b + j];
+                    M[6 * a + b] = s;
+                }
+            if (kr_solve(6, 1, M, twist) == 0.0) break;
+            for (int j = 0; j < N; j++) {
+                step[j] = 0.0;
+                for (int a = 0; a < 6; a++) step[j] += J[N * a + j] * twist[a];
+            }
+            move(x, step, 1);
+        }
+    }
+}
+
+void kr_missed_by_each(const double A[96], const double T[12], int count, const double *q, double *missed) {
+    for (int i = 0; i < count; i++) {
+        double F[12 * (N + 1)], twist[6];
+        kr_frames(N, A, q + N * i, F);
+        missed[i] = kr_twist_to(F + 12 * N, T, twist);
+    }
+}
+
+void kr_tangents(const double A[96], int count, const double *q, const double *ahead, double *tangents) {
+    for (int i = 0; i < count; i++, q += N, ahead += N, tangents += N) {
+        double square = 0.0;
+        for (int j = 0; j < N; j++) square += ahead[j] * ahead[j];
+        if (!(square > 0.0 && kr_tangent_along(A, q, ahead, tangents)) && !kr_tangent(A, q, tangents))
+            memset(tangents, 0, N * sizeof *tangents);
+    }
+}
+
+void kr_least_singular_values(const double A[96], int count, const double *q, double *values) {
+    for (int i = 0; i < count; i++) values[i] = kr_least_of_seven(A, q + N * i);
+}

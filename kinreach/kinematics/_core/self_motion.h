@@ -1,0 +1,23 @@
+/* One posture of an arm with seven revolute joints on the curve of a pose's postures. */
+#ifndef KR_SELF_MOTION_H
+#define KR_SELF_MOTION_H
+
+enum { KR_SEVEN = 7 };
+
+/* Solve M x = b for two right sides b (7, 2), in place; returns the sign of det M, 0 if it is singular. */
+int kr_solve_seven(double M[49], double b[14]);
+
+/* Newton's method from q across a direction, in place; returns by how much q misses the pose then [m, rad], NaN
+ * included. */
+double kr_across(const double A[96], const double T[12], const double direction[7], int steps, double q[7]);
+
+/* Unit tangent nearest to a direction at q; returns the sign of det [J; direction], 0 where there is none. */
+int kr_tangent_along(const double A[96], const double q[7], const double direction[7], double tangent[7]);
+
+/* Unit tangent t at q with det [J; t] > 0; returns 0 where there is none. */
+int kr_tangent(const double A[96], const double q[7], double tangent[7]);
+
+/* Smallest singular value of the Jacobian, to the root of rounding. */
+double kr_least_of_seven(const double A[96], const double q[7]);
+
+#endif
