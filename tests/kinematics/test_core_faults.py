@@ -8,7 +8,7 @@ import pytest
 
 import kinreach
 from benchmarks.ik_arms.random_arms import CLASSES, kinematics, some_arm
-from kinreach.kinematics import URKinematics
+from kinreach.kinematics import ArmKinematics, URKinematics
 from kinreach.kinematics._core import NULL, Struct, doubles, ffi, lib
 from kinreach.kinematics._ur.closed_form import core_arm
 from kinreach.kinematics._ur.geometry import URGeometry
@@ -147,3 +147,64 @@ def test_no_length_makes_a_wrong_posture(scale):
             assert off.max() < 1e-5
             right += 1
     assert right > 1_000
+
+
+def test_numbers_of_any_kind_go_through_the_self_motion_of_seven_axes():
+    """Arms, poses, starts and curves with odd entries, and arms of length 0: calls end, and write where they may."""
+    rng, count, room, curves_found = np.random.default_rng(8), 12, 600, 0
+    kin = ArmKinematics.of("panda")
+    rows = np.ascontiguousarray(kin.chain.placements[:, :3])
+    for k in range(400):
+        posture = rng.uniform(-3, 3, 7)
+        T, q, off = kin.fk(posture), posture + rng.uniform(-0.5, 0.5, (count, 7)), np.empty(count)
+        A = np.zeros_like(rows) if k % 40 == 1 else np.tile(np.eye(4)[:3], (8, 1, 1)) if k % 40 == 2 else rows
+        if k % 3:
+            A, T, q = (spoiled(rng, each) if rng.random() < 0.5 else np.array(each) for each in (A, T, q))
+        arm, pose = doubles(A), doubles(T)
+        lib.kr_shortest_steps(arm, pose, 12, count, doubles(q), doubles(off))
+        starts = q[np.argsort(q[:, 0])]
+        if k % 3 != 1:
+            starts = starts[off[np.argsort(q[:, 0])] < 1e-12]
+            starts = (starts + np.pi) % (2.0 * np.pi) - np.pi
+            starts = starts[np.argsort(starts[:, 0])]
+        n = len(starts)
+        samples, tangents, begun = np.empty((room, 7)), np.empty((room, 7)), np.empty((n, 7))
+        (ends, closed), marks = np.zeros((2, 2 * n), np.int32), np.empty(4 * n, np.int32)
+        ints = [ffi.from_buffer("int[]", each) for each in (ends, closed, marks)]
+        found = lib.kr_self_motion(
+            arm, pose, doubles(starts), n, room, doubles(samples), doubles(tangents), *ints[:2], doubles(begun), ints[2]
+        )
+        assert 0 <= found <= 2 * n
+        assert (np.diff(ends[:found], prepend=0) >= 0).all()
+        assert ends[:found].max(initial=0) <= room
+        curves_found += (closed[:found] >= 0).sum()
+        m = int(rng.integers(1, 20))
+        curve, ways = spoiled(rng, rng.uniform(-3, 3, (m, 7))), spoiled(rng, rng.uniform(-1, 1, (m, 7)))
+        lib.kr_tangents(arm, m, doubles(curve), doubles(ways), doubles(np.empty((m, 7))))
+        on, values = np.full(count, 2, np.uint8), np.empty(m)
+        lib.kr_on_curve(
+            arm,
+            pose,
+            doubles(curve),
+            doubles(ways),
+            m,
+            k % 2,
+            doubles(q),
+            count,
+            ffi.from_buffer("unsigned char[]", on),
+        )
+        assert on.max() <= 1
+        lib.kr_least_singular_values(arm, m, doubles(curve), doubles(values))
+        lib.kr_missed_by_each(arm, pose, m, doubles(curve), doubles(values))
+        lower, upper = spoiled(rng, kin.lower), spoiled(rng, kin.upper)
+        lib.kr_turns_along(m, 7, doubles(curve), lower[0], upper[0], 1e-9, doubles(values))
+        which, limits, shares = np.empty(42 * m, np.int32), np.empty(42 * m), np.empty(42 * m)
+        crossed = lib.kr_crossings(
+            m, 7, doubles(curve), doubles(ways), doubles(ways), doubles(curve), doubles(lower), doubles(upper),
+            ffi.from_buffer("unsigned char[]", np.ones(7, np.uint8)), ffi.from_buffer("int[]", which), doubles(limits),
+            doubles(shares),
+        )  # fmt: skip
+        assert 0 <= crossed <= 42 * m
+        assert ((shares[:crossed] >= 0.0) & (shares[:crossed] <= 1.0)).all()
+        lib.kr_across_each(arm, pose, 8, m, doubles(curve), doubles(ways), doubles(values))
+    assert curves_found > 200

@@ -204,5 +204,11 @@ void kr_on_curve(const double A[96], const double T[12], const double *samples, 
  * before as the limits allow. Values are `stride` apart. */
 void kr_turns_along(int count, int stride, const double *q, double lower, double upper, double slack, double *turns);
 
+/* Where `count` cubics (count, n) from a posture by a way, with derivatives at both ends, come to a limit of a joint that
+ * is `limited`: index n * cubic + joint, the limit, and the parameter in [0, 1]. At most 6 a cubic and joint. */
+int kr_crossings(int count, int n, const double *begin, const double *away, const double *out, const double *into,
+                 const double *lower, const double *upper, const unsigned char *limited, int *which, double *limits,
+                 double *shares);
+
 #pragma GCC visibility pop
 #endif

@@ -151,3 +151,50 @@ void kr_turns_along(int count, int stride, const double *q, double lower, double
         turns[i] = turn;
     }
 }
+
+/* The way on a cubic to a parameter u in [0, 1], from the whole way and the derivatives at both ends. */
+static double cubic(double away, double out, double into, double u) {
+    return u * u * (3.0 - 2.0 * u) * away + u * (1.0 - u) * ((1.0 - u) * out - u * into);
+}
+
+static double within_one(double u) { return u > 0.0 ? fmin(u, 1.0) : 0.0; }
+
+int kr_crossings(int count, int n, const double *begin, const double *away, const double *out, const double *into,
+                 const double *lower, const double *upper, const unsigned char *limited, int *which, double *limits,
+                 double *shares) {
+    enum { BISECTIONS = 16 };
+    int found = 0;
+    for (int i = 0; i < n * count; i++) {
+        const int joint = i % n;
+        const double a = away[i], b = out[i], c = into[i];
+        for (int k = 0; k < 2 && limited[joint]; k++) {
+            const double bound = k ? upper[joint] : lower[joint], y = kr_wrapped(begin[i] - bound);
+            const double first = y + b / 3.0, second = y + a - c / 3.0, last = y + a;
+            const int below = y <= 0.0 || first <= 0.0 || second <= 0.0 || last <= 0.0;
+            if (!below || !(y >= 0.0 || first >= 0.0 || second >= 0.0 || last >= 0.0)) continue;
+            /* derivative: b + 2 (3 a - 2 b - c) u + 3 (b + c - 2 a) u^2; monotone between its zeros */
+            const double k2 = 3.0 * (b + c - 2.0 * a), k1 = 2.0 * (3.0 * a - 2.0 * b - c);
+            const double large = -0.5 * (k1 + copysign(sqrt(fmax(k1 * k1 - 4.0 * k2 * b, 0.0)), k1));
+            double ends[4] = {0.0, within_one(k2 != 0.0 ? large / k2 : 0.0), within_one(large != 0.0 ? b / large : 0.0), 1.0};
+            if (ends[1] > ends[2]) {
+                const double t = ends[1];
+                ends[1] = ends[2];
+                ends[2] = t;
+            }
+            for (int part = 0; part < 3; part++) {
+                double low = ends[part], high = ends[part + 1];
+                const double value = y + cubic(a, b, c, low);
+                if (!(high > low && value * (y + cubic(a, b, c, high)) <= 0.0)) continue;
+                for (int step = 0; step < BISECTIONS; step++) {
+                    const double middle = 0.5 * (low + high);
+                    if (value * (y + cubic(a, b, c, middle)) > 0.0) low = middle;
+                    else high = middle;
+                }
+                which[found] = i;
+                limits[found] = bound;
+                shares[found++] = high;
+            }
+        }
+    }
+    return found;
+}

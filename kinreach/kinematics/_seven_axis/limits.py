@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from kinreach._checks import MAX_ANGLE, Floats
 from kinreach.kinematics._angles import TURN, wrapped
-from kinreach.kinematics._core import doubles, lib
+from kinreach.kinematics._core import doubles, ffi, lib
 from kinreach.kinematics._seven_axis.tracing import MISSED, ON_CURVE, SAME, Curve, SelfMotionTracer
 from kinreach.kinematics._solutions import SLACK
 
-#: Steps of a bisection.
-BISECTIONS = 16
 #: Steps of Newton's method to a limit.
 NEWTON = 8
 
@@ -103,38 +101,14 @@ def _crossings(
     Returns:
         Which cubic and joint, each (k,); the limit [rad] and the parameter in [0, 1], each (k,).
     """
-    pieces, joints, limits, shares = [], [], [], []
-    for bound in (lower, upper):
-        y0 = wrapped(begin - bound)
-        control = np.stack([y0, y0 + out / 3.0, y0 + away - into / 3.0, y0 + away])
-        piece, joint = np.nonzero((control.min(axis=0) <= 0.0) & (control.max(axis=0) >= 0.0) & limited)
-        if not len(piece):
-            continue
-        y, a, b, c = y0[piece, joint], away[piece, joint], out[piece, joint], into[piece, joint]
-        # derivative: b + 2 (3 a - 2 b - c) u + 3 (b + c - 2 a) u^2; monotone between its zeros
-        k2, k1 = 3.0 * (b + c - 2.0 * a), 2.0 * (3.0 * a - 2.0 * b - c)
-        root = np.sqrt(np.maximum(k1 * k1 - 4.0 * k2 * b, 0.0))
-        large = -0.5 * (k1 + np.copysign(root, k1))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            turns = np.nan_to_num(np.stack([large / k2, b / large]), nan=0.0, posinf=1.0, neginf=0.0)
-        ends = np.sort(np.vstack([np.zeros(len(y)), np.clip(turns, 0.0, 1.0), np.ones(len(y))]), axis=0)
-        low, high = ends[:-1], ends[1:]
-        value_low = y + _cubic(a, b, c, low)
-        change = value_low * (y + _cubic(a, b, c, high)) <= 0.0
-        change &= high > low
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            before = value_low * (y + _cubic(a, b, c, middle)) > 0.0
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
-        _, which = np.nonzero(change)
-        pieces.append(piece[which])
-        joints.append(joint[which])
-        limits.append(bound[joint[which]])
-        shares.append(high[change])
-    if not pieces:
-        none = np.empty(0, dtype=np.int64)
-        return none, none, np.empty(0), np.empty(0)
-    return np.concatenate(pieces), np.concatenate(joints), np.concatenate(limits), np.concatenate(shares)
+    begin, away, out, into = map(np.ascontiguousarray, (begin, away, out, into))
+    which, limits, shares = np.empty(6 * begin.size, np.int32), np.empty(6 * begin.size), np.empty(6 * begin.size)
+    count = lib.kr_crossings(
+        *begin.shape, doubles(begin), doubles(away), doubles(out), doubles(into), doubles(lower), doubles(upper),
+        ffi.from_buffer("unsigned char[]", limited), ffi.from_buffer("int[]", which), doubles(limits), doubles(shares),
+    )  # fmt: skip
+    piece, joint = np.divmod(which[:count].astype(np.int64), begin.shape[1])
+    return piece, joint, limits[:count], shares[:count]
 
 
 def _cubic(away: Floats, out: Floats, into: Floats, u: Floats) -> Floats:

@@ -1,12 +1,6 @@
 """The self-motion of a seven-axis arm: all postures of a pose, as curves in joint space.
 
-`Starts` finds postures on every curve. From some of them the curves are followed all at once, by a tangent and Newton's
-method (Burdick, On the inverse kinematics of redundant manipulators: characterization of the self-motion manifolds,
-ICRA 1989), each up to the next such posture. What is then on no curve starts one more, until nothing is left.
-
-A curve has a direction: that of the tangent t with det [J; t] > 0. So from every posture there is one way to go, and
-if two arrive at the same posture, one has left its curve; it is followed again by shorter steps. Two curves that almost
-meet have opposite directions there.
+`Starts` finds postures on every curve, and the compiled core follows the curves through them (`_core/tracing.c`).
 """
 
 from __future__ import annotations
@@ -220,8 +214,8 @@ class SelfMotionTracer:
         """The curves of postures (m, 7), and postures whose curve cannot be followed."""
         q = np.ascontiguousarray(q[np.argsort(q[:, 0])])
         count = len(q)
-        samples, tangents = np.empty((SAMPLES, JOINTS)), np.empty((SAMPLES, JOINTS))
-        ends, closed, marks = np.empty(2 * count, np.int32), np.empty(2 * count, np.int32), np.empty(4 * count, np.int32)
+        samples, tangents = np.empty((2, SAMPLES, JOINTS))
+        (ends, closed), marks = np.empty((2, 2 * count), np.int32), np.empty(4 * count, np.int32)
         found = lib.kr_self_motion(
             self._A, doubles(T), doubles(q), count, SAMPLES, doubles(samples), doubles(tangents), _ints(ends),
             _ints(closed), doubles(np.empty((count, JOINTS))), _ints(marks),
@@ -242,9 +236,8 @@ def _apart(points: Floats, curves: list[Curve]) -> Floats:
     """Those of postures (m, 7) that are not near an earlier one, nor near a curve's sample."""
     points = points[first_of_each(points, BESIDE)]
     samples = np.vstack([points[:0], *(curve for curve, _ in curves)])
-    if not len(points):
-        return points
-    return points[[np.abs(wrapped(point - samples)).max(axis=1, initial=0.0).min(initial=np.inf) >= BESIDE for point in points]]
+    near = [np.abs(wrapped(point - samples)).max(axis=1).min(initial=np.inf) < BESIDE for point in points]
+    return points[~np.array(near, dtype=np.bool_)]
 
 
 def _length(q: Floats) -> float:
