@@ -10,8 +10,10 @@ enum { N = KR_SEVEN };
 /* Newton's method stops at an error below this [m, rad]; what is added to a matrix before it is inverted; longest step of
  * a joint [rad]. */
 static const double CONVERGED = 1e-13, NUDGE = 1e-14, MAX_JOINT_STEP = 0.3;
+/* Least pivot of Cholesky's factor. */
+static const double TINY = 1e-18;
 /* Steps of the inverse iteration. */
-enum { ITERATIONS = 5 };
+enum { ITERATIONS = 3 };
 
 int kr_solve_seven(double M[49], double b[14]) {
     int sign = 1;
@@ -140,27 +142,37 @@ int kr_tangent(const double A[96], const double q[7], double tangent[7]) {
     return sign != 0;
 }
 
+/* Cholesky's factor of J J^T, with something added to its diagonal. */
+static void factor(const double J[6 * N], double added, double L[36]) {
+    for (int a = 0; a < 6; a++)
+        for (int b = 0; b <= a; b++) {
+            double s = a == b ? added : 0.0;
+            for (int j = 0; j < N; j++) s += J[N * a + j] * J[N * b + j];
+            for (int k = 0; k < b; k++) s -= L[6 * a + k] * L[6 * b + k];
+            L[6 * a + b] = a == b ? 1.0 / sqrt(fmax(s, TINY)) : s * L[7 * b];
+        }
+}
+
+/* Solve L L^T x = v, in place; L has the inverses of its diagonal there. */
+static void substitute(const double L[36], double v[6]) {
+    for (int i = 0; i < 6; i++) {
+        for (int k = 0; k < i; k++) v[i] -= L[6 * i + k] * v[k];
+        v[i] *= L[7 * i];
+    }
+    for (int i = 5; i >= 0; i--) {
+        for (int k = i + 1; k < 6; k++) v[i] -= L[6 * k + i] * v[k];
+        v[i] *= L[7 * i];
+    }
+}
+
 double kr_least_of_seven(const double A[96], const double q[7]) {
     double F[12 * (N + 1)], J[6 * N], L[36], v[6], square = 0.0;
     kr_frames(N, A, q, F);
     kr_jacobian_of(N, F, J);
-    for (int a = 0; a < 6; a++)  /* Cholesky's factor of J J^T */
-        for (int b = 0; b <= a; b++) {
-            double s = a == b ? 1e-18 : 0.0;
-            for (int j = 0; j < N; j++) s += J[N * a + j] * J[N * b + j];
-            for (int k = 0; k < b; k++) s -= L[6 * a + k] * L[6 * b + k];
-            L[6 * a + b] = a == b ? sqrt(fmax(s, 1e-18)) : s / L[7 * b];
-        }
+    factor(J, TINY, L);
     for (int i = 0; i < 6; i++) v[i] = 1.0 + 0.1 * i;
     for (int step = 0; step < ITERATIONS; step++) {
-        for (int i = 0; i < 6; i++) {
-            for (int k = 0; k < i; k++) v[i] -= L[6 * i + k] * v[k];
-            v[i] /= L[7 * i];
-        }
-        for (int i = 5; i >= 0; i--) {
-            for (int k = i + 1; k < 6; k++) v[i] -= L[6 * k + i] * v[k];
-            v[i] /= L[7 * i];
-        }
+        substitute(L, v);
         square = 0.0;
         for (int i = 0; i < 6; i++) square += v[i] * v[i];
         for (int i = 0; i < 6; i++) v[i] /= sqrt(square);
@@ -180,19 +192,14 @@ void kr_across_each(const double A[96], const double T[12], int steps, int count
 
 void kr_shortest_steps(const double A[96], const double T[12], int steps, int count, double *q, double *missed) {
     for (int i = 0; i < count; i++) {
-        double F[12 * (N + 1)], J[6 * N], M[36], twist[6], step[N], *x = q + N * i;
+        double F[12 * (N + 1)], J[6 * N], L[36], twist[6], step[N], *x = q + N * i;
         for (int left = steps;; left--) {
             kr_frames(N, A, x, F);
             missed[i] = kr_twist_to(F + 12 * N, T, twist);
             if (!(CONVERGED <= missed[i] && missed[i] < INFINITY) || left <= 0) break;
             kr_jacobian_of(N, F, J);
-            for (int a = 0; a < 6; a++)
-                for (int b = 0; b < 6; b++) {
-                    double s = a == b ? NUDGE : 0.0;
-                    for (int j = 0; j < N; j++) s += J[N * a + j] * J[N * b + j];
-                    M[6 * a + b] = s;
-                }
-            if (kr_solve(6, 1, M, twist) == 0.0) break;
+            factor(J, NUDGE, L);
+            substitute(L, twist);
             for (int j = 0; j < N; j++) {
                 step[j] = 0.0;
                 for (int a = 0; a < 6; a++) step[j] += J[N * a + j] * twist[a];

@@ -6,8 +6,8 @@
  *
  * A curve has a direction: that of the tangent t with det [J; t] > 0. Two curves that almost meet have opposite
  * directions there. Where a curve comes to a start of another, one of them has left its own; so it has where it comes
- * twice to the same start, or ends at a posture that is not singular. It is followed again by shorter steps, and then the
- * other. */
+ * twice to the same start, or ends at a posture that is not singular. It is followed again by shorter steps; if it still
+ * comes to the other, so is that. */
 #include "chain.h"
 #include "core.h"
 #include "self_motion.h"
