@@ -151,6 +151,8 @@ def copied(folder: Path) -> Path:
         if (ROOT / name).is_file():  # not what was deleted since
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, folder / name)
+    if (folder / "hatch_build.py").is_file():
+        subprocess.run([sys.executable, "hatch_build.py"], cwd=folder, check=True, capture_output=True)
     return folder
 
 
@@ -183,10 +185,18 @@ def applied(copy: Path, change: Change) -> Iterator[None]:
     text = path.read_text(encoding="utf-8")
     path.write_text(change.applied(text), encoding="utf-8")
     try:
+        _built(copy, change)
         yield
     finally:
         path.write_text(text, encoding="utf-8")
         os.utime(path, ns=times)  # compiled modules are told apart by it
+        _built(copy, change)
+
+
+def _built(copy: Path, change: Change) -> None:
+    """Build the compiled core anew if the change is one of it."""
+    if change.file.endswith(".c"):
+        subprocess.run([sys.executable, "hatch_build.py"], cwd=copy, check=True, capture_output=True)
 
 
 def killer(copy: Path, arguments: Sequence[str], *, patience: float = PATIENCE, **environment: str) -> str | None:
