@@ -47,7 +47,6 @@ COEFFICIENTS = np.array([np.full(3, 1 / 3), 2 / 3 * np.cos(SAMPLES), 2 / 3 * np.
 _TWIST = np.zeros((16, 7))
 _TWIST[(3, 7, 11), (0, 1, 2)] = _TWIST[::5, 6][:3] = 1.0
 _TWIST[(9, 2, 4), (3, 4, 5)], _TWIST[(6, 8, 1), (3, 4, 5)] = 0.5, -0.5
-_IDENTITY = np.eye(4).ravel()
 
 
 class Chain:
@@ -113,17 +112,6 @@ class Chain:
         square = error * error
         turned = np.sqrt(square[:, 3:].sum(axis=1))
         return error, J, np.maximum(np.sqrt(square[:, :3].sum(axis=1)) + self._reach * turned, turned)
-
-    def reaches(self, q: Floats, T: Floats, off: float) -> NDArray[np.bool_]:
-        """Which postures (m, n) miss poses (m, 4, 4) or (1, 4, 4) by less than `off` [m, rad] for certain.
-
-        Entries of a transform are compared: for a few postures that is faster than `fk` and `miss`.
-        """
-        first, last = self._products(q)
-        before, after = (half[:, :16] for half in self._halves)
-        reached = (first @ before).reshape(-1, 4, 4) @ T @ (last @ after).reshape(-1, 4, 4)
-        difference = np.abs(reached.reshape(-1, 16) - _IDENTITY).max(axis=1)
-        return np.asarray(difference < off / (2.0 + 2.0 * self._reach))
 
     def _products(self, q: Floats) -> tuple[Floats, Floats]:
         """Products of 1, cosine and sine of the angles (m, n) of joints 1 to 3 (m, 27), and of the others."""
