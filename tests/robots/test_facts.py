@@ -76,7 +76,7 @@ def test_a_gripper_of_the_file_opens_and_closes():
         ({"build_urdf": str}, "unknown attribute .*'build_urdf'"), ({"package_root": str}, "unknown .*'package_root'"),
         ({"title": 3}, "title of an arm must be text"), ({"gripper": 3}, "gripper of an arm must be a Gripper or None"),
         ({"tips": 3}, "tips of an arm must be a mapping"), ({"notes": "abc"}, "notes of an arm must be a tuple"),
-        ({"tips": {"x": "nowhere"}}, "unknown link.*nowhere"), ({"default_tip": "nowhere"}, "unknown tip.*nowhere"),
+        ({"tips": {"x": "nowhere"}}, "unknown link.*nowhere"), ({"default_tip": "nowhere"}, "default_tip.*nowhere"),
         ({"gripper": Gripper("a", "b", 1, 1, 1)}, "unknown joint .*'a'"), ({"moves_last": ("a",)}, "unknown joint"),
         ({"gripper": HAND, "gripper_on": "panda_hand"}, "not both"), ({"cameras": (3,)}, "must be CameraMounts"),
     ],

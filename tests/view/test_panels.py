@@ -154,7 +154,7 @@ def test_a_pose_whose_postures_are_a_surface_has_no_curves_to_choose_from(serve)
         with tab.page.lock:
             panel._motion.show(replace(motions, curves=[], surfaces=[motions[0].q]))
             assert panel._motion.take() is None
-        assert "are a surface, not curves" in tab.text
+            wait_for(lambda: "are a surface, not curves" in tab.text)  # the page would draw its own curves again
 
 
 def test_the_self_motion_of_a_seven_axis_arm(serve):
