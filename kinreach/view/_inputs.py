@@ -57,18 +57,24 @@ class Entry:
         self._known = handle.value
 
         async def note(event: Any) -> None:
-            if event.client is not None:
+            if event.client is None:
+                return
+            if np.array_equal(event.target.value, self._known):  # taken already, or typed back
+                self._written.clear()
+            else:
                 self._written.append(event.target.value)
 
         handle.on_update(note)
         by_user(handle, lambda value: react())
 
     def take(self) -> Any:
-        """Return what the user wrote since the last call, or None."""
+        """Return what the user wrote since the last call, or None; `react` may come here before `note` was called."""
         try:
             self._known = self._written.pop()
         except IndexError:
-            return None
+            if np.array_equal(self._handle.value, self._known):
+                return None
+            self._known = self._handle.value
         return self._known
 
     def show(self, value: Any) -> None:
