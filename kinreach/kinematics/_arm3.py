@@ -207,7 +207,7 @@ class Arm3Kinematics(ClosedFormKinematics):
         InputError: The arm is not of this kind.
     """
 
-    joints = 3
+    joints, branches = 3, BRANCHES
 
     def __init__(
         self,

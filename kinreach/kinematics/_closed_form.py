@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cached_property
 from math import pi
 from typing import Any, ClassVar
 
@@ -15,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import (
     MAX_ANGLE,
-    MIN_TOLERANCE,
     Floats,
     as_floats,
     check_entries,
@@ -63,9 +61,11 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 
     Attributes:
         joints: How many joints the arms have that this closed form is for.
+        branches: Most postures of a pose.
     """
 
     joints: ClassVar[int]
+    branches: int
     _closed_forms: ClassVar = {}
     knows_all_postures = True
 
@@ -166,18 +166,11 @@ class ClosedFormKinematics(ArmKinematics, ABC):
     def _few(self, T: Floats, tol: float, *, limits: bool) -> IKBatch:
         """`batch`, one pose after the other."""
         found = [self.all_solutions(pose, limits=limits, tol=tol).rows for pose in T]
-        q, rows = np.full((len(T), self._branches, self.n), np.nan), np.concatenate(found)
+        q, rows = np.full((len(T), self.branches, self.n), np.nan), np.concatenate(found)
         valid = np.zeros(q.shape[:2], dtype=np.bool_)
         slots = np.repeat(np.arange(len(T)), [len(each) for each in found]), rows[:, BRANCH].astype(np.int64)
         q[slots], valid[slots] = rows[:, ANGLES], True
         return IKBatch(q, valid)
-
-    @cached_property
-    def _branches(self) -> int:
-        """Most postures of a pose."""
-        low, high = np.maximum(self.lower, -pi), np.minimum(self.upper, pi)
-        T = self.fk(low + np.linspace(0.3, 0.4, self.n) * (high - low))
-        return int(self._batch(T[None], None, MIN_TOLERANCE, limits=False)[1].shape[0])
 
     def _batch_within(self, T: Any, q: Any, valid: Any, tol: float, *, limits: bool) -> IKBatch:
         """Wind the postures of `_batch` into the limits."""

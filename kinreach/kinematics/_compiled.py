@@ -1,7 +1,11 @@
-"""Every posture of a pose by the compiled core, one pose or many, for the arms whose postures it finds."""
+"""Every posture of a pose by the compiled core, one pose or many, for the arms whose postures it finds.
+
+An arm of such a class for which it does not find them goes the way of `ClosedFormKinematics`.
+"""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -20,21 +24,17 @@ from kinreach.kinematics._solutions import Accept, IKBatch, IKBatchNearest, IKRe
 
 
 class CompiledKinematics(ClosedFormKinematics):
-    """Kinematics of arms with six joints whose postures the core finds.
-
-    Attributes:
-        branches: How many postures a pose may have.
-    """
+    """Kinematics of arms with six joints whose postures the core finds."""
 
     joints = 6
-    branches: int
-    #: How the core finds postures, and what it needs for that.
+    #: Whether it does; how the core finds postures, and what it needs for that.
+    _is_compiled = True
     _way: int
     _prepared: Struct
 
+    @abstractmethod
     def _miss_text(self, T: Floats, miss: int) -> str:
         """Why no posture reaches a pose, from the parts that missed."""
-        raise NotImplementedError
 
     def _every(self, T: ArrayLike, seed: ArrayLike | None, *, limits: bool, tol: float) -> IKSolutions:
         """`all_solutions`."""
@@ -71,7 +71,8 @@ class CompiledKinematics(ClosedFormKinematics):
     def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture for a pose that is nearest to a seed; as `ClosedFormKinematics.nearest`."""
         pose, start = as_floats("T", T), as_floats("seed", seed)
-        if accept is None and pose.shape == (4, 4) and start.shape == (6,) and pose.flags.c_contiguous:
+        usual = accept is None and pose.shape == (4, 4) and start.shape == (6,) and pose.flags.c_contiguous
+        if usual and self._is_compiled:
             rows, near = new_rows(self.branches), doubles(np.ascontiguousarray(start))
             found = lib.kr_nearest(
                 self._way, self._prepared.pointer, self._core.pointer, doubles(pose), near, TOLERANCE, rows
@@ -88,11 +89,12 @@ class CompiledKinematics(ClosedFormKinematics):
             T: As there.
             limits: As there.
             tol: As there.
-            threads: Each takes a share of the poses; the results have the same bits. A tensor has one.
+            threads: Each takes a share of the poses; the results have the same bits. A tensor has one, and so has an
+                arm that is solved by Newton's method from a closed form.
         """
         check_count("threads", threads, most=MAX_THREADS)
-        if is_tensor(T):
-            return self._tensor_batch(T, check_tolerance(tol), limits=limits)
+        if is_tensor(T) or not self._is_compiled:
+            return super().batch(T, limits=limits, tol=tol)
         T, tol = _as_poses(T), check_tolerance(tol)
         q, valid = np.empty((len(T), self.branches, self.n)), np.empty((len(T), self.branches), dtype=np.bool_)
 
@@ -116,6 +118,8 @@ class CompiledKinematics(ClosedFormKinematics):
             threads: As in `batch`.
         """
         check_count("threads", threads, most=MAX_THREADS)
+        if not self._is_compiled:
+            return super().nearest_batch(T, seeds, tol=tol)
         T, tol = _as_poses(T), check_tolerance(tol)
         start = np.ascontiguousarray(self._as_seeds(seeds, len(T)))
         q, branch = np.empty((len(T), self.n)), np.empty(len(T), dtype=np.int64)

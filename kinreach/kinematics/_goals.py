@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, dist, hypot
 from typing import Any
@@ -91,25 +90,8 @@ def nearest_rotations(R: Any) -> Any:
     return R
 
 
-def exactly_rigid(rows: Sequence[Sequence[float]]) -> bool:
-    """Return whether four rows of four numbers are a rigid motion, to rounding, within `MAX_DISTANCE`."""
-    (nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz), last = rows
-    return (
-        -ROUNDING < nx * nx + ny * ny + nz * nz - 1.0 < ROUNDING
-        and -ROUNDING < ox * ox + oy * oy + oz * oz - 1.0 < ROUNDING
-        and -ROUNDING < nx * ox + ny * oy + nz * oz < ROUNDING
-        and -ROUNDING < ny * oz - nz * oy - ax < ROUNDING
-        and -ROUNDING < nz * ox - nx * oz - ay < ROUNDING
-        and -ROUNDING < nx * oy - ny * ox - az < ROUNDING
-        and -MAX_DISTANCE < px < MAX_DISTANCE
-        and -MAX_DISTANCE < py < MAX_DISTANCE
-        and -MAX_DISTANCE < pz < MAX_DISTANCE
-        and last == [0.0, 0.0, 0.0, 1.0]
-    )
-
-
 def skewed(entries: Any) -> Any:
-    """Return which poses are not `exactly_rigid`, last rows apart, for entries of the upper rows, shape (12, count)."""
+    """Return which poses are no rigid motions to rounding, last rows apart, for entries (12, count) of the others."""
     nx, ox, ax, px, ny, oy, ay, py, nz, oz, az, pz = entries
     off = abs(nx * nx + ny * ny + nz * nz - 1.0)
     off += abs(ox * ox + oy * oy + oz * oz - 1.0)

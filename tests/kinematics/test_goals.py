@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from kinreach._checks import MAX_DISTANCE
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, PoseGoal, PositionGoal
-from kinreach.kinematics._goals import exactly_rigid, goal_error, nearest_rotations, rigid_poses, skewed
+from kinreach.kinematics._core import doubles, lib
+from kinreach.kinematics._goals import goal_error, nearest_rotations, rigid_poses, skewed
 
 
 def random_poses(count, seed=0):
@@ -42,10 +43,10 @@ def with_one_fault(T, size):
 def test_one_fault_is_enough(size):
     found = 0
     for T in random_poses(50):
-        assert exactly_rigid(T.tolist())
+        assert lib.kr_is_rigid(doubles(T))
         assert not skewed(T[None, :3].reshape(-1, 12).T).any()
         for number, wrong in enumerate(with_one_fault(T, size)):
-            assert not exactly_rigid(wrong.tolist()), number
+            assert not lib.kr_is_rigid(doubles(wrong)), number
             assert bool(skewed(wrong[None, :3].reshape(-1, 12).T).any()) is (number < 9), number
             found += 1
     assert found == 50 * 13

@@ -5,14 +5,22 @@ import pytest
 
 from benchmarks.speed.poses import CASES, FLANGE
 from benchmarks.speed.suites.ik_edge_cases import judge
-from kinreach.kinematics._core import Struct, doubles, ffi, lib
+from kinreach.kinematics._core import NULL, Struct, doubles, ffi, lib
 from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics._ur.calibrated import _chain
-from kinreach.kinematics._ur.closed_form import core_arm, solve_pose
+from kinreach.kinematics._ur.closed_form import core_arm
 from kinreach.kinematics._ur.geometry import Singularity, URGeometry, ur_fk
 
 COUNT = 400
+
+
+def solve_pose(rows, g, *, q6=0.0):
+    """Postures of the flange's pose in the DH base frame; a free wrist_3 starts from q6."""
+    T, seed = np.array(rows), np.array([0.0, 0.0, 0.0, 0.0, 0.0, q6])
+    found, miss = np.empty((8, 8)), ffi.new("int *")
+    count = lib.kr_ur_postures(core_arm(g).pointer, NULL, doubles(T), doubles(seed), 1e-7, doubles(found), miss)
+    return [(int(row[0]), int(row[1]), *row[2:]) for row in found[:count].tolist()]
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -100,8 +108,8 @@ def test_both_arcs_of_a_free_wrist_are_listed():
     for q in rng.uniform(-np.pi, np.pi, (60, 6)) * (1, 1, 1, 1, 0, 1):
         rows, kept = ur_fk(q, g), set()
         for wanted in np.linspace(-np.pi, np.pi, 30):
-            kept |= {row[BRANCH] for row in solve_pose(rows, g, q6=wanted)[0] if row[FLAGS] == Singularity.WRIST}
-        found, _ = solve_pose(rows, g)
+            kept |= {row[BRANCH] for row in solve_pose(rows, g, q6=wanted) if row[FLAGS] == Singularity.WRIST}
+        found = solve_pose(rows, g)
         free = [row for row in found if row[FLAGS] & Singularity.WRIST]
         assert {branch & 6 for branch in kept} == {row[BRANCH] & 6 for row in free}  # a moved elbow may be straight
         assert len(found) == len({row[BRANCH] for row in found})
@@ -124,7 +132,7 @@ def test_a_free_wrist_is_turned_into_its_limits():
         inside = [row for row in rows[:count] if low - 1e-3 <= row[7] <= low + 0.6 + 1e-3]
         expected = set()
         for wanted in np.linspace(low, low + 0.6, 20):
-            expected |= {row[BRANCH] for row in solve_pose(T, g, q6=wanted)[0] if row[FLAGS] == Singularity.WRIST}
+            expected |= {row[BRANCH] for row in solve_pose(T, g, q6=wanted) if row[FLAGS] == Singularity.WRIST}
         assert {branch & 6 for branch in expected} <= {int(row[BRANCH]) & 6 for row in inside}  # as above
         for row in inside:
             np.testing.assert_allclose(ur_fk(row[ANGLES], g), T, atol=1e-7)

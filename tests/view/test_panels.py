@@ -616,6 +616,32 @@ def test_an_input_that_changes_twice_gives_its_newest_value():
     assert heard == ["a", "b", "d"]
 
 
+def test_what_was_typed_is_taken_before_and_after_it_is_noted():
+    """Of the two callbacks of a value, the one that answers may run first; taken once, it is not taken again."""
+    callbacks = []
+    handle = SimpleNamespace(value=0.0, on_update=callbacks.append)
+    entry, taken = Entry(handle, lambda: None), 0
+
+    def note():
+        with contextlib.suppress(StopIteration):
+            callbacks[0](SimpleNamespace(client=object(), target=handle)).send(None)
+
+    for value in (0.3, 0.35, -0.2):
+        handle.value = value
+        assert entry.take() == value
+        note()
+        assert entry.take() is None
+        entry.show(value + 1.0)
+        assert handle.value == value + 1.0
+        taken += 1
+    handle.value = 5.0
+    note()
+    handle.value = value + 1.0  # typed back to what the page shows
+    note()
+    assert entry.take() is None
+    assert taken == 3
+
+
 def test_what_was_typed_and_not_yet_noted_is_not_written_over():
     """The page's own thread has the new value, and the thread that answers the one before shows that one."""
     callbacks = []

@@ -27,13 +27,11 @@ except OSError as error:
         f"the compiled core does not load ({error}); `pip install` builds it, and in a checkout `python hatch_build.py`"
     ) from error
 _DOUBLES = ffi.typeof("double[]")
-_ROWS = {most: ffi.typeof(f"double[{8 * most}]") for most in (8, 16)}
-_new = ffi.new_allocator(should_clear_after_alloc=False)
 NULL = ffi.NULL
-
-
 #: Numbers in a row of a six-joint arm's posture: branch, flags, angles.
 ROW = 8
+_ROWS = {most: ffi.typeof(f"double[{ROW * most}]") for most in (8, 16)}
+_new = ffi.new_allocator(should_clear_after_alloc=False)
 
 
 def new_rows(most: int) -> Any:

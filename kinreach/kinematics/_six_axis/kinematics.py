@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import MAX_THREADS, Floats, as_floats, as_pose, check_count, check_tolerance, shown
+from kinreach._checks import Floats, as_floats, as_pose, check_tolerance, shown
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._chain import poses_about
-from kinreach.kinematics._closed_form import TOLERANCE, TURNS_ABOUT, ClosedFormKinematics, core_goal
+from kinreach.kinematics._closed_form import TURNS_ABOUT, core_goal
 from kinreach.kinematics._compiled import CompiledKinematics
 from kinreach.kinematics._core import NULL, as_rows, doubles, lib, new_rows
 from kinreach.kinematics._goals import (
@@ -21,7 +21,6 @@ from kinreach.kinematics._goals import (
     Goal,
     PoseGoal,
     PositionGoal,
-    exactly_rigid,
     rigid_poses,
 )
 from kinreach.kinematics._six_axis.methods import EXACTLY, FAR, MIN_SHARE, MISSED, NEARLY, SINGULAR, WAYS, method_of
@@ -31,8 +30,6 @@ from kinreach.kinematics._solutions import (
     BRANCH,
     FLAGS,
     Accept,
-    IKBatch,
-    IKBatchNearest,
     IKResult,
     IKSolutions,
     Row,
@@ -142,47 +139,10 @@ class SixAxisKinematics(CompiledKinematics):
             return self._every(T, seed, limits=limits, tol=tol)
         start = self._posture_or_none(seed)
         T = as_floats("T", T).copy()
-        rigid = T if T.shape == (4, 4) and exactly_rigid(T.tolist()) else rigid_poses(as_pose("T", T)[None])[0]
+        (rigid,) = rigid_poses(as_pose("T", T)[None])
         tol = check_tolerance(tol)
         rows = self._rows(rigid, start, limits=limits, tol=tol)
         return self._solutions(rows, "" if len(rows) else self._miss_text(rigid, 0), T, start, limits, tol)
-
-    def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """Compute the posture for a pose that is nearest to a seed; as `ClosedFormKinematics.nearest`."""
-        if self._is_compiled:
-            return super().nearest(T, seed, accept=accept)
-        return ClosedFormKinematics.nearest(self, T, seed, accept=accept)
-
-    def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE, threads: int = 1) -> IKBatch:
-        """Compute every posture of many poses; as `ClosedFormKinematics.batch`.
-
-        Args:
-            T: As there.
-            limits: As there.
-            tol: As there.
-            threads: Each takes a share of the poses; the results have the same bits. An arm that is solved by Newton's
-                method from a closed form has one.
-        """
-        if self._is_compiled:
-            return super().batch(T, limits=limits, tol=tol, threads=threads)
-        check_count("threads", threads, most=MAX_THREADS)
-        return ClosedFormKinematics.batch(self, T, limits=limits, tol=tol)
-
-    def nearest_batch(
-        self, T: ArrayLike, seeds: ArrayLike, *, tol: float = TOLERANCE, threads: int = 1
-    ) -> IKBatchNearest:
-        """Compute for each of many poses the posture nearest to its seed; as `ClosedFormKinematics.nearest_batch`.
-
-        Args:
-            T: As there.
-            seeds: As there.
-            tol: As there.
-            threads: As in `batch`.
-        """
-        if self._is_compiled:
-            return super().nearest_batch(T, seeds, tol=tol, threads=threads)
-        check_count("threads", threads, most=MAX_THREADS)
-        return ClosedFormKinematics.nearest_batch(self, T, seeds, tol=tol)
 
     def _miss_text(self, T: Floats, miss: int) -> str:
         return self._wrist_reach.why(T) or UNREACHED

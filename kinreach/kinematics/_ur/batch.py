@@ -1,7 +1,7 @@
 """Closed-form inverse kinematics of UR-type arms for many poses at once, in numpy or on tensors of torch.
 
-The same formulas as `closed_form`, on structure-of-arrays blocks that stay in the cache. Rows near a singularity
-are marked and left to `closed_form`, which knows how to treat them; so far from one, an arccosine is as exact as the
+The same formulas as the core's, on structure-of-arrays blocks that stay in the cache. Rows near a singularity
+are marked and left to the core, which knows how to treat them; so far from one, an arccosine is as exact as the
 arctangent of two arguments, and takes a third of its time where the processor has no vector form of either.
 """
 
@@ -19,7 +19,7 @@ from kinreach.kinematics._tensors import empty, like, namespace, parts
 from kinreach.kinematics._ur.closed_form import NEAR_WRIST
 from kinreach.kinematics._ur.geometry import BRANCHES, URGeometry
 
-#: A square of a sine that is less than this is left to `closed_form`: its root is not exact to 1e-11.
+#: A square of a sine that is less than this is left to the core: its root is not exact to 1e-11.
 NEAR_ROOT = 1e-9
 SHOULDER_PAN, SHOULDER_LIFT, _ELBOW, WRIST_1, WRIST_2, WRIST_3 = range(6)
 
@@ -33,11 +33,11 @@ def solve_poses(T: Any, left: Floats, right: Floats, g: URGeometry, *, tol: floa
         left: Transform from the tip pose's base to the DH base frame (4, 4).
         right: Transform from the tip to the flange (4, 4).
         g: Link lengths [m].
-        tol: As for `closed_form.solve_pose`.
+        tol: As for the core's `kr_ur_postures`.
 
     Returns:
         q [rad], shape (6, 8, count), NaN where not valid; valid, shape (8, count), in the order of the branch index;
-        the rows that need `closed_form.solve_pose`, shape (count,); and those whose rotation is none, shape (count,).
+        the rows that are left to the core, shape (count,); and those whose rotation is none, shape (count,).
     """
     count = len(T)
     q, valid = empty(T, 6, BRANCHES, count), empty(T, BRANCHES, count, flags=True)
@@ -110,7 +110,7 @@ def solve_elbow(
     """Fill in q2, q3, q4 of both elbows, q of shape (3, 2, count).
 
     (u, v) points from wrist_1 to the shoulder, in the arm's plane. Returns what is reached, the rest of q being NaN,
-    and what is stretched or folded so far that `closed_form` has to decide.
+    and what is stretched or folded so far that the core has to decide.
     """
     xp = namespace(u)
     rho2 = u * u

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import (
     Floats,
-    as_floats,
     as_pose,
     check_tolerance,
     shown,
@@ -29,8 +28,6 @@ from kinreach.kinematics._goals import (
     Goal,
     PoseGoal,
     PositionGoal,
-    exactly_rigid,
-    nearest_rotations,
     rigid_poses,
 )
 from kinreach.kinematics._solutions import (
@@ -340,14 +337,9 @@ class URKinematics(CompiledKinematics):
 
     def _flange_rows(self, T: ArrayLike) -> Rows:
         """Pose of the flange in the DH base frame, from a checked pose of the tip in the base frame."""
-        T = as_floats("T", T)
-        if T.shape != (4, 4):
-            as_pose("T", T)
-        if not exactly_rigid(T.tolist()):
-            T = as_pose("T", T).copy()
-            T[:3, :3] = nearest_rotations(T[:3, :3])
-        rows = (self._T_dh_base @ T @ self._T_tip_flange).tolist()
-        return rows[:3]
+        (rigid,) = rigid_poses(as_pose("T", T)[None])
+        rows: Rows = (self._T_dh_base @ rigid @ self._T_tip_flange)[:3].tolist()
+        return rows
 
     def _check_fit(self) -> None:
         """The closed form describes this arm: poses of random postures agree, and it finds the postures again."""
