@@ -31,7 +31,7 @@ ENVIRONMENTS = {
     MULTI: _MULTI,
     SPACE: (f"{_REACH}.env:SpaceReachEnv", f"{_REACH}.vector_env:in_space"),
     BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
-    MOVING: ("kinreach.envs._moving:MovingBallEnv", "kinreach.envs._moving:MovingVectorEnv"),
+    MOVING: ("kinreach.envs.moving:MovingBallEnv", "kinreach.envs.moving:MovingVectorEnv"),
     LIFT: ("kinreach.envs._lift.env:LiftEnv", "kinreach.envs._lift.env:LiftVectorEnv"),
 }
 #: Environment id -> the same, with `backend="kinematic"` and `info="numbers"`.
@@ -44,8 +44,8 @@ SINGLE_ENVIRONMENTS = {
 #: As `ENVIRONMENTS`, only for training: nothing is drawn of them.
 TRAINING_ENVIRONMENTS = {
     RANDOM_ARM: (
-        "kinreach.baselines._random_arms:RandomArmEnv",
-        "kinreach.baselines._random_arms:RandomArmVectorEnv",
+        "kinreach.baselines.random_arms:RandomArmEnv",
+        "kinreach.baselines.random_arms:RandomArmVectorEnv",
     ),
 }
 #: Environment id -> steps after which Gymnasium truncates an episode, unless `max_episode_steps` says otherwise. Where

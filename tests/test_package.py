@@ -9,7 +9,8 @@ import tomllib
 from collections.abc import Iterator
 from functools import cache
 from graphlib import TopologicalSorter
-from importlib.util import resolve_name
+from importlib import import_module
+from importlib.util import find_spec, resolve_name
 from pathlib import Path
 
 import pytest
@@ -107,6 +108,30 @@ def test_imports_point_downwards_only():
     assert edges > 200
 
 
+def exported(module: str) -> set[str]:
+    return set(getattr(import_module(module), "__all__", ())) if find_spec(module) else set()
+
+
+def test_rooms_use_each_other_through_their_doors():
+    """A room imports of another what it or its `inside` exports, and an `inside` has nothing that nobody asks for."""
+    wrong, asked = [], set()
+    for path in MODULES:
+        for imported in imports(path):
+            source, _, name = imported.rpartition(".")
+            room = part_of(imported)
+            if room not in ROOMS or room == part_of(module_name(path)) or imported == f"kinreach.{room}":
+                continue
+            asked.add(imported)
+            if source not in (f"kinreach.{room}", f"kinreach.{room}.inside") or name not in exported(source):
+                wrong.append(f"{module_name(path)} -> {imported}")
+    assert wrong == []
+    for room in ROOMS:
+        offered = exported(f"kinreach.{room}.inside")
+        assert {name for name in offered if f"kinreach.{room}.inside.{name}" not in asked} == set(), room
+        assert offered & exported(f"kinreach.{room}") == set(), room
+    assert len(asked) > 200
+
+
 def is_for_types(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
 
@@ -162,7 +187,7 @@ def test_an_episode_loads_few_modules(run_python):
         "env = gym.make('kinreach/UR5SingleStep-v0', observation='geometric')\n"
         "env.reset(seed=0)\n"
         "assert 'reward_terms' in env.step(env.action_space.sample())[4]\n"
-        "print(sum(name.split('.')[0] == 'kinreach' for name in sys.modules))"
+        "print(sum(name.split('.')[0] == 'kinreach' and name.split('.')[-1] != 'inside' for name in sys.modules))"
     )
     done = run_python("-c", code)
     assert done.returncode == 0, done.stderr

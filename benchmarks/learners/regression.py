@@ -14,7 +14,7 @@ from kinreach.baselines import Algorithm, Recipe, SB3VecEnv, get_recipe, registe
 from kinreach.baselines._algorithms import actor_arguments, in_tries
 from kinreach.baselines._descent import Descent, Objective
 from kinreach.baselines._expert import tool_down_postures
-from kinreach.baselines._random_arms import ur5
+from kinreach.baselines.random_arms import ur5
 from kinreach.envs._reach.task import GOAL, SINGLE_STEP
 from kinreach.errors import InputError
 from kinreach.vision._goal_view import goals_in_world

@@ -33,7 +33,7 @@ from kinreach._jobs import add_options
 from kinreach._statistics import bootstrap_intervals, mean
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._policies import LearnedPolicy, load_policy
-from kinreach.baselines._random_arms import on_table, ur5
+from kinreach.baselines.random_arms import on_table, ur5
 from kinreach.cli import Parser, finish
 from kinreach.compare._methods.tuned_policies import Trained, Tuned
 from kinreach.compare._real_arm import LEARNED_POLICY

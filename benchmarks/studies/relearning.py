@@ -48,7 +48,7 @@ from kinreach.baselines._algorithms import normal_scores
 from kinreach.baselines._networks import ACTIVATIONS, ObservationFeatures, PostureHead
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import Network
-from kinreach.baselines._random_arms import ur5
+from kinreach.baselines.random_arms import ur5
 from kinreach.cli import Parser, finish
 from kinreach.envs._reach.task import goal_block
 from kinreach.plots._methods import METHOD_COLOURS

@@ -10,62 +10,13 @@
 internal.
 """
 
-from __future__ import annotations
+from typing import Any
 
-from typing import TYPE_CHECKING, Any
+import lazy_loader
 
-from kinreach._lazy import on_first_use
 from kinreach.errors import InstallationError
 
-if TYPE_CHECKING:
-    from kinreach.baselines._algorithms import Algorithm, register_algorithm
-    from kinreach.baselines._button_controller import AnalyticButtonPolicy
-    from kinreach.baselines._evaluation import HELD_OUT, evaluate
-    from kinreach.baselines._learning_curve import read_curve
-    from kinreach.baselines._loop import RandomPolicy, rollout
-    from kinreach.baselines._policies import load_policy
-    from kinreach.baselines._recipes import Networks, Recipe, get_recipe, register_recipe
-    from kinreach.baselines._training import train
-    from kinreach.baselines._vec_envs import SB3VecEnv
-
-#: Name -> its module, imported when the name is first asked for: acting does not wait for torch.
-_MODULES = {
-    "Algorithm": "_algorithms",
-    "AnalyticButtonPolicy": "_button_controller",
-    "HELD_OUT": "_evaluation",
-    "Networks": "_recipes",
-    "RandomPolicy": "_loop",
-    "Recipe": "_recipes",
-    "SB3VecEnv": "_vec_envs",
-    "evaluate": "_evaluation",
-    "get_recipe": "_recipes",
-    "load_policy": "_policies",
-    "read_curve": "_learning_curve",
-    "register_algorithm": "_algorithms",
-    "register_recipe": "_recipes",
-    "rollout": "_loop",
-    "train": "_training",
-}
-
-__all__ = [
-    "HELD_OUT",
-    "Algorithm",
-    "AnalyticButtonPolicy",
-    "Networks",
-    "RandomPolicy",
-    "Recipe",
-    "SB3VecEnv",
-    "evaluate",
-    "get_recipe",
-    "load_policy",
-    "read_curve",
-    "register_algorithm",
-    "register_recipe",
-    "rollout",
-    "train",
-]
-
-_get = on_first_use(__name__, _MODULES)
+_get, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:

@@ -10,7 +10,7 @@ import torch
 from stable_baselines3 import PPO
 from torch.optim import Optimizer
 
-from kinreach.envs._moving import MovingEpisodes
+from kinreach.envs.inside import moving
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class AdaptivePPO(PPO):
 class LateCollisionsPPO(AdaptivePPO):
     """Adaptive PPO with a rolling ball; collisions end episodes only after the share `until` of the training."""
 
-    def __init__(self, *args: Any, world: MovingEpisodes, until: float, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, world: moving.MovingEpisodes, until: float, **kwargs: Any) -> None:
         self.world, self.until = world, until
         super().__init__(*args, **kwargs)
 

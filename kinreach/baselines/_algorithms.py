@@ -40,11 +40,18 @@ from kinreach.baselines._ppo2 import PPO2
 from kinreach.baselines._recipes import Recipe
 from kinreach.baselines._rewards import TrainingReward
 from kinreach.baselines._vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
-from kinreach.envs._button.episodes import ButtonOptions
-from kinreach.envs._button.task import CONTROL_LIMIT, JOINTS
-from kinreach.envs._lift.task import KIND_END, LiftTask
-from kinreach.envs._reach.space import SpaceTask
-from kinreach.envs._reach.task import CAMERA, ReachTask, action_range, layout_of
+from kinreach.envs.inside import (
+    CAMERA,
+    CONTROL_LIMIT,
+    JOINTS,
+    KIND_END,
+    ButtonOptions,
+    LiftTask,
+    ReachTask,
+    SpaceTask,
+    action_range,
+    layout_of,
+)
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 

@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats, check_known
 from kinreach._engines import load
-from kinreach.envs._button import ACTUATIONS
-from kinreach.envs._button.task import CONTROL_LIMIT, JOINTS, OBSERVATIONS, PRESS_RADIUS, action_of
+from kinreach.envs.inside import ACTUATIONS, CONTROL_LIMIT, JOINTS, OBSERVATIONS, PRESS_RADIUS, action_of
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
-from kinreach.kinematics._angles import wrapped
+from kinreach.kinematics.inside import wrapped
 
 pin: Any = load("pinocchio")
 

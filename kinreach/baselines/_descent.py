@@ -12,11 +12,8 @@ import torch
 from kinreach._checks import Floats
 from kinreach.baselines._adaptive_ppo import AdaptivePPO
 from kinreach.baselines._expert import table_top
-from kinreach.baselines._random_arms import RandomArmEpisodes
-from kinreach.envs._moving import FRAMES, PARTS, MovingEpisodes, travel_times
-from kinreach.envs._reach.observers import measured
-from kinreach.envs._reach.space import SpaceTask
-from kinreach.envs._reach.task import TOOL_DOWN, action_range
+from kinreach.baselines.random_arms import RandomArmEpisodes
+from kinreach.envs.inside import TOOL_DOWN, SpaceTask, action_range, measured, moving
 
 #: From the mean actions of some rows of a batch, and their indices, to what is to be made small.
 Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
@@ -154,7 +151,7 @@ class MovingGradient(SimulatorGradient):
         feelers: Points fixed to the tip that are to stay above the table, on the way as well [m], shape (k, 3).
     """
 
-    world: MovingEpisodes
+    world: moving.MovingEpisodes
 
     def __init__(self, *args: Any, feelers: Sequence[Sequence[float]] = (), down: float = DOWN, **kwargs: Any) -> None:
         self.feelers, self.down = torch.tensor(feelers, dtype=torch.float32).reshape(-1, 3), down
@@ -165,7 +162,7 @@ class MovingGradient(SimulatorGradient):
 
         And the depth of the feelers, there and on the way [m].
         """
-        world, rate = self.world, FRAMES * PARTS
+        world, rate = self.world, moving.FRAMES * moving.PARTS
         q, v, frames, rolls = world.q.copy(), world.v.copy(), world.frames.copy(), world.rolls.astype(np.float32)
         limits = {"speed": world.speed_limit, "acceleration": world.acceleration_limit}
         least = table_top(world.arm) + GRIPPER_CLEARANCE
@@ -174,8 +171,8 @@ class MovingGradient(SimulatorGradient):
             own = rows.numpy()
 
             def places(targets: Floats) -> tuple[Floats, Floats]:
-                needed = travel_times(q[own], v[own], targets, **limits).max(axis=1)
-                at = np.minimum(np.round(frames[own] * PARTS + needed * rate).astype(int), rolls.shape[1] - 1)
+                needed = moving.travel_times(q[own], v[own], targets, **limits).max(axis=1)
+                at = np.minimum(np.round(frames[own] * moving.PARTS + needed * rate).astype(int), rolls.shape[1] - 1)
                 return np.zeros((len(own), 3)), rolls[own, at]
 
             target = math.pi * means

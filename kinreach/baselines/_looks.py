@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.envs._reach.observers import PixelObserver
-from kinreach.envs._reach.task import ReachTask
+from kinreach.envs.inside import PixelObserver, ReachTask
 
 
 class Looks:

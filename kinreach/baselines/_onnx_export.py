@@ -21,7 +21,7 @@ from kinreach._engines import load_extra
 from kinreach._files import replacing
 from kinreach.baselines._eyes import MIDDLE, Eye
 from kinreach.baselines._policies import SLACK, LearnedPolicy, trained_arm
-from kinreach.envs._reach.task import STEP_SIZE
+from kinreach.envs.inside import STEP_SIZE
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, get_arm
 

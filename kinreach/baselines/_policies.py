@@ -18,7 +18,7 @@ from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, MULTI_KINEMATIC,
 from kinreach.baselines._eyes import picture_names
 from kinreach.baselines._policy_file import Network, PolicyCard, read_policy
 from kinreach.baselines._sb3_zip import read_zip
-from kinreach.envs._reach.task import SINGLE_STEP, STEP_SIZE, action_range
+from kinreach.envs.inside import SINGLE_STEP, STEP_SIZE, action_range
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
 

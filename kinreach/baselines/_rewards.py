@@ -11,8 +11,7 @@ import numpy as np
 from kinreach._checks import check_known
 from kinreach._objects import load_object
 from kinreach.baselines._expert import GRIPPER, table_top, tool_down_postures
-from kinreach.envs._lift.task import HEIGHT, NEAR
-from kinreach.envs._moving import ANGLES
+from kinreach.envs.inside import HEIGHT, NEAR, moving
 from kinreach.kinematics import Arm3Kinematics, URKinematics
 from kinreach.robots import THESIS_ARM
 
@@ -153,7 +152,7 @@ def level(rewards: Array, info: Mapping[str, Any]) -> Array:
     step's `observation`, shape (n, 16) or more, `reward_terms` and `reached_lately`.
     """
     terms, lately = info["reward_terms"], info["reached_lately"]
-    T = _ur5().fk(info["observation"][:, ANGLES])
+    T = _ur5().fk(info["observation"][:, moving.ANGLES])
     height = T[:, 2, 3] + (T[:, 2, :3] @ GRIPPER.T).min(axis=1) - table_top(_ur5().arm)
     strict = float(np.clip((lately - GROWS_FROM) / (GROWN_AT - GROWS_FROM), 0.0, 1.0)) ** 2
     depth = (DEPTH_WEIGHT + MORE_DEPTH * strict) * np.maximum(ABOVE_TABLE - height, 0.0)

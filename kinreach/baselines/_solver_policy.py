@@ -14,7 +14,7 @@ from kinreach._checks import Floats, shown
 from kinreach.baselines._loop import Policy
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, IKResult
-from kinreach.kinematics._solvers import Solver
+from kinreach.kinematics.inside import Solver
 
 
 class SolverPolicy:

@@ -16,7 +16,7 @@ from kinreach.baselines._batch import last_step
 from kinreach.baselines._looks import Looks
 from kinreach.baselines._policies import paced
 from kinreach.baselines._rewards import TrainingReward, own
-from kinreach.envs._reach.task import UR5_LAYOUT, Layout, action_range
+from kinreach.envs.inside import UR5_LAYOUT, Layout, action_range
 from kinreach.errors import InputError, TrainingError
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 

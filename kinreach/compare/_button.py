@@ -11,10 +11,7 @@ import numpy as np
 
 from kinreach._registration import BUTTON
 from kinreach._statistics import QUANTILES, RATE, SPREAD, Column, Trial, thousandfold
-from kinreach.baselines._button_controller import AnalyticButtonPolicy
-from kinreach.baselines._evaluation import HELD_OUT
-from kinreach.baselines._loop import RandomPolicy
-from kinreach.baselines._policies import load_policy
+from kinreach.baselines import HELD_OUT, AnalyticButtonPolicy, RandomPolicy, load_policy
 from kinreach.compare import _curves as curves
 from kinreach.compare import _figures as figures
 from kinreach.compare._task import (
@@ -25,10 +22,8 @@ from kinreach.compare._task import (
     common_columns,
     policy_version,
 )
-from kinreach.envs._button.episodes import ButtonOptions
-from kinreach.envs._button.task import PRESS_RADIUS
-from kinreach.envs._button.world import ButtonDrawing, ButtonState, torque_model
-from kinreach.sim._posed import PosedScene
+from kinreach.envs.inside import PRESS_RADIUS, ButtonDrawing, ButtonOptions, ButtonState, torque_model
+from kinreach.sim.inside import PosedScene
 
 #: Distance between the environment's seeds of two comparisons, above `MAX_GOALS`.
 SPACING = 2**32

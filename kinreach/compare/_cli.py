@@ -26,7 +26,7 @@ from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, 
 from kinreach.compare._task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError, OtherResultsError
 from kinreach.robots import ArmDescription, arm_names, get_arm
-from kinreach.robots._flags import ARM_FLAGS, add_arm_flags, arm_of, package_dirs_of, print_notes
+from kinreach.robots.inside import ARM_FLAGS, add_arm_flags, arm_of, package_dirs_of, print_notes
 
 #: Width that the tables for people fit into [characters].
 TABLE_WIDTH = 100

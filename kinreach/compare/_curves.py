@@ -14,7 +14,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 from kinreach._statistics import Trial, bootstrap_intervals, median, number, wilson_interval
 from kinreach.compare._figures import Value, by_method, colours_in, origin
 from kinreach.compare._task import Draw
-from kinreach.plots._style import key, label_ends, name_label, new_figure, plain_ticks, text_colour
+from kinreach.plots import key, label_ends, new_figure
+from kinreach.plots.inside import name_label, plain_ticks, text_colour
 
 
 def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:

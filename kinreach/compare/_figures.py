@@ -17,9 +17,8 @@ from matplotlib.figure import Figure
 from kinreach._files import replacing
 from kinreach._statistics import Trial, median, number, p95
 from kinreach.compare._task import Draw
-from kinreach.plots._maps import draw_error_maps
-from kinreach.plots._methods import PALETTE
-from kinreach.plots._style import FAINT, INK, key, name_label, new_figure, plain_ticks, text_colour, verbatim
+from kinreach.plots import FAINT, INK, PALETTE, draw_error_maps, key, new_figure
+from kinreach.plots.inside import name_label, plain_ticks, text_colour, verbatim
 
 #: Of the files.
 DPI = 160

@@ -10,14 +10,15 @@ from matplotlib.figure import Figure
 
 from kinreach._registration import LIFT
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, thousandfold
-from kinreach.baselines._grasp_policy import GraspPolicy
+from kinreach.baselines.inside import GraspPolicy
 from kinreach.compare._button import decision_ms
 from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
 from kinreach.compare._task import SOLVER, Method, Task, episode_seed
-from kinreach.envs._lift.task import HEIGHT, HOLD, MULTI
-from kinreach.kinematics._solvers import new_solver
-from kinreach.plots._style import name_label, new_figure
+from kinreach.envs.inside import HEIGHT, HOLD, MULTI
+from kinreach.kinematics.inside import new_solver
+from kinreach.plots import new_figure
+from kinreach.plots.inside import name_label
 from kinreach.robots import THESIS_ARM
 
 #: Stages at which a grasp can fail, in their order, and how tables and figures call them.

@@ -15,7 +15,7 @@ from kinreach._statistics import QUANTILES, Column
 from kinreach.compare._task import Task
 from kinreach.errors import InputError
 from kinreach.kinematics import MotionLimits, time_waypoints
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics.inside import Trajectory
 
 #: Samples per second [Hz].
 RATE_HZ = 500.0

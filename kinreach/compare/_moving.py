@@ -17,10 +17,10 @@ from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
 from kinreach.compare._methods.interception import FirstSight, Interception, LastSight
 from kinreach.compare._task import CONTROLLER, Method, Replay, Task, resets_in_turn
-from kinreach.envs import _moving as ball
+from kinreach.envs.inside import moving as ball
 from kinreach.kinematics import ArmKinematics
-from kinreach.plots._maps import view_from_the_robot
-from kinreach.plots._style import INK, name_label, new_figure, text_colour
+from kinreach.plots import INK, new_figure
+from kinreach.plots.inside import name_label, text_colour, view_from_the_robot
 from kinreach.robots import THESIS_ARM
 
 #: Title of the second table.

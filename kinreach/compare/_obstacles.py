@@ -14,8 +14,8 @@ from kinreach.compare._figures import draw_strip_grid
 from kinreach.compare._methods import waypoints as ways
 from kinreach.compare._reach import METHODS
 from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, policy_version, resets_in_turn
-from kinreach.envs._obstacles import MAX_CLUTTER, ObstaclesOptions
-from kinreach.kinematics._collision import PATH_MARGIN
+from kinreach.envs.inside import MAX_CLUTTER, ObstaclesOptions
+from kinreach.kinematics.inside import PATH_MARGIN
 
 #: Title of the second table.
 WAY_TABLE = "Ways of the goals that were reached"

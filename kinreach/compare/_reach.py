@@ -12,9 +12,8 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach._registration import MULTI, SINGLE, SPACE
 from kinreach._statistics import QUANTILES, Column, number, thousandfold
-from kinreach.baselines._loop import COMPLETED
-from kinreach.baselines._policies import load_policy
-from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.baselines import load_policy
+from kinreach.baselines.inside import COMPLETED, SolverPolicy
 from kinreach.compare import _curves as curves
 from kinreach.compare import _figures as figures
 from kinreach.compare._error_budget import (
@@ -28,11 +27,11 @@ from kinreach.compare._error_budget import (
 )
 from kinreach.compare._methods import policy_method, solver_method
 from kinreach.compare._task import SEEDED, Draw, Method, Task, common_columns, policy_version, resets_to
-from kinreach.envs._button.task import PRESS_RADIUS
+from kinreach.envs.inside import PRESS_RADIUS
 from kinreach.errors import InputError
-from kinreach.kinematics._solvers import SOLVERS, Tolerance, new_solver
+from kinreach.kinematics.inside import SOLVERS, Tolerance, new_solver
 from kinreach.robots import THESIS_ARM
-from kinreach.sim._controller import TOLERANCE
+from kinreach.sim.inside import TOLERANCE
 from kinreach.thesis import REACHED_DISTANCE
 
 #: Goals in a row that an arm may miss.

@@ -10,15 +10,15 @@ import gymnasium as gym
 
 from kinreach._registration import REAL_ARM
 from kinreach._statistics import QUANTILES, RATE, Column, Trial, thousandfold
-from kinreach.baselines._policies import load_policy
+from kinreach.baselines import load_policy
 from kinreach.compare._curves import draw_looks
 from kinreach.compare._methods.correction import LearnedCorrection
 from kinreach.compare._methods.models import ALL_PARAMETERS, JOINT_TERMS, REGISTERED, DataSheet, Identified, Residual
 from kinreach.compare._methods.practice import Learner, LookingPolicy
 from kinreach.compare._methods.tuned_policies import Informed, Trained, Tuned
 from kinreach.compare._task import Method, Task, episode_seed, policy_version
-from kinreach.envs._real_arm import BUDGETS, NEAR, RealArmOptions
-from kinreach.sim._posed import PosedScene
+from kinreach.envs.inside import BUDGETS, REACHED_WITHIN, RealArmOptions
+from kinreach.sim.inside import PosedScene
 
 #: Kinds of methods.
 MODEL, LEARNED, BOTH = "model", "policy", "model and learning"
@@ -134,7 +134,7 @@ REAL_ARM_TASK = Task(
         Column("solve_ms", thousandfold("solve_s"), QUANTILES, "decisions of\na workplace, ms", "median", TIME_TABLE),
     ),
     figures={"looks": draw_looks(BUDGETS, partial(error_mm, ALL))},
-    reached=f"the tip ends within {1e3 * NEAR:g} mm of half of the balls after the last look",
+    reached=f"the tip ends within {1e3 * REACHED_WITHIN:g} mm of half of the balls after the last look",
     terms={
         "goal": "a workplace: a true UR5, the directions of what is off, 50 balls uniform on the table area, and noise",
         "look": "the arm goes to a posture, the cameras measure the tip: 0.14 mm off in the median, as the ball",

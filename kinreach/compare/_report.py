@@ -29,8 +29,7 @@ from kinreach.compare._options import options_class
 from kinreach.compare._ranking import RANKED, best_in, finding, reaching
 from kinreach.compare._task import Task, arm_in
 from kinreach.errors import DrawingError, InstallationError
-from kinreach.sim._picture import Scene, ScenePicture
-from kinreach.sim._posed import PosedScene
+from kinreach.sim.inside import PosedScene, Scene, ScenePicture
 
 #: Width and height of pictures of a scene [pixels].
 SIZE = (960, 540)

@@ -28,14 +28,14 @@ from kinreach._files import locked, make_writable, open_input, read_bytes, read_
 from kinreach._jobs import SERIAL, Engine, Serial, open_engine
 from kinreach._objects import place_of
 from kinreach._statistics import Trial, summarise, trials_csv
-from kinreach.baselines._loop import Policy, as_policy, rollout
+from kinreach.baselines import rollout
+from kinreach.baselines.inside import Policy, as_policy
 from kinreach.compare import _figures as figures
 from kinreach.compare import _report as report
 from kinreach.compare._methods import colours, resolve_methods
 from kinreach.compare._motion import MotionRecorder, check_motion, with_motion
 from kinreach.compare._task import GIVEN, SOLVER, Draw, Method, Task, arm_in, arm_version, get_task
-from kinreach.envs._reach.reachable_goals import with_goals
-from kinreach.envs._reach.task import layout_of
+from kinreach.envs.inside import layout_of, with_goals
 from kinreach.errors import InputError, InstallationError, KinreachError, MethodError, OtherResultsError, OutputError
 from kinreach.robots import ArmDescription, get_arm
 

@@ -17,11 +17,11 @@ from kinreach import _provenance as provenance
 from kinreach._checks import Floats, check_known, shown
 from kinreach._files import read_bytes
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
-from kinreach.baselines._sb3_zip import MAX_ZIP
+from kinreach.baselines.inside import MAX_ZIP
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, BoxRegion, QuadrantRegion
-from kinreach.robots._description import HULLS
-from kinreach.sim._picture import Scene
+from kinreach.robots.inside import HULLS
+from kinreach.sim.inside import Scene
 
 #: Draws a figure from all trials and the contents of `results.json`.
 Draw = Callable[[Sequence[Trial], Mapping[str, Any]], Figure]

@@ -13,14 +13,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from kinreach._checks import Floats
 from kinreach._statistics import number
-from kinreach.plots._methods import METHOD_COLOURS
-from kinreach.plots._style import INK
-from kinreach.sim._engine import mujoco
-from kinreach.sim._free_objects import OBJECT
-from kinreach.sim._picture import CAMERA, Scene
-from kinreach.sim._scene import BALL
-from kinreach.vision._ball_finder import BallFix
-from kinreach.vision._goal_view import GoalMeasurement
+from kinreach.plots import INK
+from kinreach.plots.inside import METHOD_COLOURS
+from kinreach.sim.inside import BALL, CAMERA, OBJECT, Scene, mujoco
+from kinreach.vision.inside import BallFix, GoalMeasurement
 
 #: Width and height of a film [pixels].
 SIZE = (960, 540)

@@ -13,17 +13,18 @@ import numpy as np
 
 import kinreach  # registers the environments
 from kinreach._checks import check_count, check_known, printable
-from kinreach.baselines._loop import Policy, rollout
+from kinreach.baselines import rollout
+from kinreach.baselines.inside import Policy
 from kinreach.cli import HELP, Parser
-from kinreach.compare._options import add_flags, flags_of, given_options
+from kinreach.compare.inside import add_flags, flags_of, given_options
 from kinreach.demo._caption import SIZE, Caption, colours
 from kinreach.demo._drawn import Drawn
 from kinreach.demo._film import Film
 from kinreach.demo._players import RANDOM, new_player, options_for, playable, trained_for
 from kinreach.demo._tasks import TASKS, DemoTask
 from kinreach.errors import InputError
-from kinreach.kinematics._solvers import SOLVERS
-from kinreach.sim._picture import ScenePicture
+from kinreach.kinematics.inside import SOLVERS
+from kinreach.sim.inside import ScenePicture
 
 PRINTABLE = ("action", "observation", "reward", "info")
 #: How many frames the end of an episode stands still.

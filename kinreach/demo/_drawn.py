@@ -7,11 +7,10 @@ from typing import Any
 
 import gymnasium as gym
 
-from kinreach.compare._task import arm_in
+from kinreach.compare.inside import arm_in
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription
-from kinreach.sim._picture import ScenePicture
-from kinreach.sim._posed import PosedScene
+from kinreach.sim.inside import PosedScene, ScenePicture
 
 
 def scene_of(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> tuple[Any, bool]:

@@ -13,15 +13,21 @@ from gymnasium.envs.registration import load_env_creator
 
 from kinreach._objects import load_module
 from kinreach._registration import ENVIRONMENTS, KINEMATIC_ENVIRONMENTS, REAL_ARM, SINGLE_ENVIRONMENTS
-from kinreach.baselines._loop import Policy, RandomPolicy, as_policy
-from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names, trained_arm
-from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.baselines import RandomPolicy, load_policy
+from kinreach.baselines.inside import (
+    LearnedPolicy,
+    Policy,
+    SolverPolicy,
+    as_policy,
+    needed_options,
+    pretrained_names,
+    trained_arm,
+)
 from kinreach.compare import Method, Task
-from kinreach.compare._methods import resolve_methods
-from kinreach.compare._task import POLICY, get_task, task_names
+from kinreach.compare.inside import POLICY, get_task, resolve_methods, task_names
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._solvers import SOLVERS, new_solver
+from kinreach.kinematics.inside import SOLVERS, new_solver
 from kinreach.robots import THESIS_ARM, ArmDescription
 
 RANDOM = "random"

@@ -17,7 +17,7 @@ from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import pose
 from kinreach.robots import PosePairs, calibrate
-from kinreach.robots._flags import numbers_of
+from kinreach.robots.inside import numbers_of
 
 #: Postures that are read from a robot by default, how much a joint must turn between two [rad], and how long nothing
 #: may happen [s].

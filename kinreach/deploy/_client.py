@@ -24,9 +24,8 @@ from kinreach.deploy._signals import Interruption
 from kinreach.deploy._states import REST, RobotState, StateReader
 from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import pose
-from kinreach.kinematics._goals import pose_error
-from kinreach.kinematics._trajectory import Trajectory
-from kinreach.robots._ur import JOINTS
+from kinreach.kinematics.inside import Trajectory, pose_error
+from kinreach.robots.inside import JOINTS
 
 #: Longest time for the start of a program, in addition for each of its characters, and for the arm to stop [s].
 START_TIMEOUT, READING_TIME, STOP_TIMEOUT = 3.0, 1e-5, 10.0

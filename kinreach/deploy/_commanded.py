@@ -12,9 +12,8 @@ from kinreach._checks import Floats
 from kinreach.deploy._motion import BlendedMotion, LineError, Segment, segment_to
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._solutions import SLACK
-from kinreach.kinematics._trajectory import Trajectory
-from kinreach.robots._ur import JOINTS
+from kinreach.kinematics.inside import SLACK, Trajectory
+from kinreach.robots.inside import JOINTS
 
 if TYPE_CHECKING:
     from kinreach.deploy._program import Move

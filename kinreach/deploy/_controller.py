@@ -28,16 +28,11 @@ from kinreach.deploy._urscript import (
 )
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.kinematics._solutions import SLACK
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics.inside import SLACK, Trajectory
 from kinreach.robots import ArmDescription
-from kinreach.robots._tools import FLANGE, TOOL_BODY
-from kinreach.robots._ur import JOINTS, ur_model
-from kinreach.robots._urdf import origin_of, parse_urdf
+from kinreach.robots.inside import FLANGE, JOINTS, TOOL_BODY, origin_of, parse_urdf, ur_model
 from kinreach.sim import ArmSimulation
-from kinreach.sim._controller import touches
-from kinreach.sim._engine import mujoco
-from kinreach.sim._setpoints import servo_response
+from kinreach.sim.inside import mujoco, servo_response, touches
 
 #: Models whose controller is a CB3; the others have an e-Series controller or a later one.
 CB3 = ("ur3", "ur5", "ur10")

@@ -16,10 +16,9 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.kinematics._goals import pose_error
+from kinreach.kinematics.inside import pose_error
 from kinreach.robots import ArmDescription
-from kinreach.robots._tools import FLANGE
-from kinreach.robots._ur import UR_LENGTHS
+from kinreach.robots.inside import FLANGE, UR_LENGTHS
 
 #: Postures in which the flange is compared [rad]. Chosen among random ones: the two most similar models, ur3 and ur3e,
 #: are 28.9 mm apart in one of them, all others 64 mm or more, and the five determine every figure of a calibration.

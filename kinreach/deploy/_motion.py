@@ -13,8 +13,8 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.kinematics import ArmKinematics, pose
-from kinreach.robots._rotations import PoseLine
-from kinreach.sim._setpoints import TrapezoidalProfile
+from kinreach.robots.inside import PoseLine
+from kinreach.sim.inside import TrapezoidalProfile
 
 #: Step in which a straight line is checked before it begins [m, rad].
 STEP = 0.005

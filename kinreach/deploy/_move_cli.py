@@ -28,20 +28,16 @@ from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.deploy._states import RobotState
 from kinreach.errors import InputError, PathError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pose, pose_vector
-from kinreach.kinematics._closed_form import ClosedFormKinematics
-from kinreach.kinematics._collision import PATH_MARGIN
-from kinreach.kinematics._goals import pose_error
-from kinreach.kinematics._remarks import tool_note
-from kinreach.kinematics._surroundings import add_surroundings, surrounded
-from kinreach.robots import ArmDescription
-from kinreach.robots._flags import (
-    add_arm_flags,
-    arm_of,
-    numbers_of,
-    pose_numbers_of,
-    posture_of,
-    print_notes,
+from kinreach.kinematics.inside import (
+    PATH_MARGIN,
+    ClosedFormKinematics,
+    add_surroundings,
+    pose_error,
+    surrounded,
+    tool_note,
 )
+from kinreach.robots import ArmDescription
+from kinreach.robots.inside import add_arm_flags, arm_of, numbers_of, pose_numbers_of, posture_of, print_notes
 
 #: Distance from everything that what is sent keeps [m], and how much more its samples keep, so that it does between
 #: them, too.
@@ -125,7 +121,7 @@ class _Job:
             write_text(script, program.text)
             say(f"wrote    {script}")
         if picture is not None:
-            from kinreach.plots._motion import draw_motion
+            from kinreach.plots.inside import draw_motion
 
             figure = draw_motion(done.commanded, kin.velocity_limit, f"{self.arm.title}, tried in MuJoCo")
             with replacing(picture) as temporary:

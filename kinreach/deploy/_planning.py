@@ -13,9 +13,7 @@ from kinreach.deploy._commanded import Commanded
 from kinreach.deploy._program import AT_START, MAX_TOOL_SPEED, MIN_AT_START, Move, Program, motion_of
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import CollisionChecker, joint_line, plan_path, pose_vector, tool_line
-from kinreach.kinematics._angles import wrapped
-from kinreach.kinematics._closed_form import ClosedFormKinematics
-from kinreach.kinematics._remarks import why_none
+from kinreach.kinematics.inside import ClosedFormKinematics, why_none, wrapped
 
 #: Default part of the joints' speed limits, and of `MAX_TOOL_SPEED`.
 SPEED = 0.25

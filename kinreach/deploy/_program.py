@@ -49,10 +49,9 @@ from kinreach.deploy._urscript import (
 )
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics.inside import Trajectory
 from kinreach.robots import ArmDescription
-from kinreach.robots._tools import FLANGE
-from kinreach.robots._ur import JOINTS
+from kinreach.robots.inside import FLANGE, JOINTS
 
 #: How far a joint may be from the start posture for the program to move [rad]: by default, at least, and at most.
 #: Encoders of a standing UR are read within 2e-4 rad. At the default the tool of a UR5e is within 2 mm.

@@ -16,8 +16,8 @@ from kinreach.deploy._controller import check_is_ur, rate_of
 from kinreach.deploy._rtde import RTDE_PORT, SCRIPT_PORT
 from kinreach.deploy._server import SimulatedUR
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._surroundings import add_surroundings, surrounded
-from kinreach.robots._flags import add_arm_flags, arm_of, posture_of, print_notes
+from kinreach.kinematics.inside import add_surroundings, surrounded
+from kinreach.robots.inside import add_arm_flags, arm_of, posture_of, print_notes
 
 _ABOUT = (
     "This is not URSim: it runs the URScript that kinreach writes, and nothing else.\n"

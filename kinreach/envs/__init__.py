@@ -3,18 +3,6 @@
 `import kinreach` registers them for `gymnasium.make`. `RecordMotion` records a video with the motion of every step.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from typing import TYPE_CHECKING
-
-from kinreach._lazy import on_first_use
-
-if TYPE_CHECKING:
-    from kinreach.envs._single import RecordMotion
-
-__all__ = [
-    "RecordMotion",
-]
-
-#: Imported when it is first used: it loads MuJoCo.
-__getattr__ = on_first_use(__name__, {"RecordMotion": "_single"})
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

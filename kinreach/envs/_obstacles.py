@@ -40,12 +40,10 @@ from kinreach.envs._reach.worlds import STATUS_OF_CAUSE, STATUSES, Status
 from kinreach.envs._single import WithModel
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, CollisionChecker, URKinematics
-from kinreach.kinematics._collision import PATH_MARGIN
-from kinreach.kinematics._motion_check import MIN_MARGIN
+from kinreach.kinematics.inside import MIN_MARGIN, PATH_MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription, Box, get_arm
-from kinreach.sim._movable_boxes import box_names, spare_boxes
-from kinreach.sim._picture import Scene
-from kinreach.sim._simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
+from kinreach.sim.inside import Scene, box_names, spare_boxes
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 #: Numbers of obstacles, one of them an episode.

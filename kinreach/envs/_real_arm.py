@@ -34,13 +34,10 @@ from kinreach.envs._options import about, check_not_over, check_seed, given_opti
 from kinreach.envs._single import WithModel
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._chain import SerialChain
+from kinreach.kinematics.inside import SerialChain
 from kinreach.robots import PUBLISHED_CALIBRATIONS, THESIS_ARM, ArmDescription, get_arm
-from kinreach.robots._identification import frames_of
-from kinreach.robots._rotations import turn
-from kinreach.sim._engine import mujoco
-from kinreach.sim._posed import PosedScene
-from kinreach.sim._scene import build_scene
+from kinreach.robots.inside import frames_of, turn
+from kinreach.sim.inside import PosedScene, build_scene, mujoco
 
 #: What can be wrong: rigid transforms, and what no rigid transform describes.
 GEOMETRIC = LINKS, TOOL, BASE, CAMERAS = "links", "tool", "base", "cameras"
@@ -73,7 +70,7 @@ LINK_MASSES = np.array((3.7, 8.393, 2.275, 1.219, 1.219, 0.1879))
 #: Median length of the error of a look [m], and of an error with a standard deviation of 1 a coordinate.
 NOISE, MEDIAN_LENGTH = 1.4e-4, 1.5382
 #: Looks that may be taken before, a choice of these; half of the balls have to be nearer than this in the end [m].
-BUDGETS, NEAR = (0, 5, 10, 20, 50, 100), 5e-4
+BUDGETS, REACHED_WITHIN = (0, 5, 10, 20, 50, 100), 5e-4
 #: UR5 whose calibrations come with the package.
 UR5S = tuple(name for name in PUBLISHED_CALIBRATIONS if name.startswith("ur5_"))
 #: Numbers of an observation: ball and tip as they were seen, posture, moves to this ball, looks allowed so far.
@@ -415,7 +412,7 @@ class RealArmEnv(WithModel, gym.Env[Any, Any]):
         middle = float(np.median(distances))
         self._info[f"error_{self.options.budgets[self._level]}_{self._moves}"] = middle
         reward = -float(distances.mean())
-        near = middle < NEAR
+        near = middle < REACHED_WITHIN
         self._info |= {"distance": middle, "reached": near, "is_success": near, "reward_terms": {"distance": reward}}
         self._info |= {"goal": self._balls[0].copy(), "q": self._q[0].copy()}
         self._moves += 1

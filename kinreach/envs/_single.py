@@ -19,9 +19,9 @@ from kinreach.envs._options import check_seed, check_started
 from kinreach.errors import InputError, NoDynamicsError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription
-from kinreach.sim._picture import Scene, ScenePicture
-from kinreach.sim._simulation import ArmSimulation
-from kinreach.vision._goal_view import GoalMeasurement
+from kinreach.sim import ArmSimulation
+from kinreach.sim.inside import Scene, ScenePicture
+from kinreach.vision.inside import GoalMeasurement
 
 #: The environments of episodes with a count of one.
 ONLY: Ids = np.zeros(1, dtype=np.intp)

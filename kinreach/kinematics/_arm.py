@@ -27,9 +27,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription, Tool, get_arm
-from kinreach.robots._rotations import as_frame
-from kinreach.robots._tools import FLANGE, TOOL
-from kinreach.robots._ur import FLIP, JOINTS
+from kinreach.robots.inside import FLANGE, FLIP, JOINTS, TOOL, as_frame
 
 pin: Any = load("pinocchio")
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinreach._checks import Floats, is_tensor, torch_module
-from kinreach.robots._rotations import turns_about_z
+from kinreach.robots.inside import turns_about_z
 
 BLOCK = 4096
 

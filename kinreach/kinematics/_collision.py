@@ -27,11 +27,17 @@ from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics, build_model
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription, Box, Obstacle, arm_names, get_arm
-from kinreach.robots._description import HULLS, MESHES_AS
-from kinreach.robots._meshes import Mesh, collision_mesh
-from kinreach.robots._obstacles import as_obstacles
-from kinreach.robots._rotations import placement, pose
-from kinreach.robots._urdf import link_at, without_shapes
+from kinreach.robots.inside import (
+    HULLS,
+    MESHES_AS,
+    Mesh,
+    as_obstacles,
+    collision_mesh,
+    link_at,
+    placement,
+    pose,
+    without_shapes,
+)
 
 pin: Any = load("pinocchio")
 coal: Any = load("coal")

@@ -13,6 +13,8 @@ from kinreach._checks import MAX_DISTANCE, Floats, as_pose, as_vector, check_pos
 from kinreach.errors import InputError
 from kinreach.kinematics._chain import blocks
 from kinreach.kinematics._tensors import like
+from kinreach.robots.inside import pose as pose  # public in both rooms
+from kinreach.robots.inside import pose_vector as pose_vector
 
 #: How far products of a rotation's columns may be off by rounding alone.
 ROUNDING = 1e-12

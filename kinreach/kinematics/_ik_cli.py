@@ -24,9 +24,16 @@ from kinreach.kinematics._remarks import tool_note, why_none
 from kinreach.kinematics._surroundings import add_surroundings, surrounded
 from kinreach.kinematics._ur.geometry import ur_branch
 from kinreach.kinematics._ur.kinematics import URKinematics
-from kinreach.robots._flags import add_arm_flags, arm_of, may_be_degrees, pose_numbers_of, posture_of, print_notes
-from kinreach.robots._rotations import pose
-from kinreach.robots._ur import JOINTS
+from kinreach.robots.inside import (
+    JOINTS,
+    add_arm_flags,
+    arm_of,
+    may_be_degrees,
+    pose,
+    pose_numbers_of,
+    posture_of,
+    print_notes,
+)
 
 #: Columns of the poses that are read.
 COLUMNS = ("x", "y", "z", "rx", "ry", "rz")

@@ -8,7 +8,7 @@ from kinreach._checks import Floats
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._ur.kinematics import URKinematics
-from kinreach.robots._tools import TOOL, TOOL_BODY
+from kinreach.robots.inside import TOOL, TOOL_BODY
 
 #: A position farther away than this many lengths of the arm is not in metres.
 WRONG_UNIT = 10

@@ -12,7 +12,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker, NoShapesError
 from kinreach.robots import ArmDescription, Box, Workcell
-from kinreach.robots._flags import numbers_of
+from kinreach.robots.inside import numbers_of
 
 #: Edges of the table of `--table` [m].
 TABLE_SIZE = (6.0, 6.0, 1.0)

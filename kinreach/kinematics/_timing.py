@@ -16,7 +16,7 @@ from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._planning import as_waypoints
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.robots import ArmDescription
-from kinreach.robots._ur import JOINTS, UR_ACCELERATION, ur_speeds
+from kinreach.robots.inside import JOINTS, UR_ACCELERATION, ur_speeds
 
 #: Full acceleration is reached in this time [s]. No maker of an arm known to kinreach publishes a limit of its jerk.
 ACCELERATION_TIME = 0.1

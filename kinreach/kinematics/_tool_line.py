@@ -14,7 +14,7 @@ from kinreach.errors import InputError, PathError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._motion_check import MotionCheck
-from kinreach.robots._rotations import PoseLine, pose
+from kinreach.robots.inside import PoseLine, pose
 
 #: Rotation of the tool between two postures [rad], at most.
 TURN_STEP = 0.02

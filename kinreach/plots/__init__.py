@@ -8,41 +8,6 @@ Figures of comparisons are drawn in `kinreach.compare`, those of the notebooks i
 internal.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from typing import TYPE_CHECKING
-
-from kinreach._lazy import on_first_use
-
-if TYPE_CHECKING:
-    from kinreach.plots._calibration import draw_calibration
-    from kinreach.plots._maps import draw_error_maps
-    from kinreach.plots._methods import PALETTE, colours_of
-    from kinreach.plots._style import FAINT, INK, key, label_ends, new_figure
-
-#: Name -> its module, imported when the name is first used: names and colours of methods need no matplotlib.
-_MODULES = {
-    "FAINT": "_style",
-    "INK": "_style",
-    "PALETTE": "_methods",
-    "colours_of": "_methods",
-    "draw_calibration": "_calibration",
-    "draw_error_maps": "_maps",
-    "key": "_style",
-    "label_ends": "_style",
-    "new_figure": "_style",
-}
-
-__all__ = [
-    "FAINT",
-    "INK",
-    "PALETTE",
-    "colours_of",
-    "draw_calibration",
-    "draw_error_maps",
-    "key",
-    "label_ends",
-    "new_figure",
-]
-
-__getattr__ = on_first_use(__name__, _MODULES)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

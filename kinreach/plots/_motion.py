@@ -8,7 +8,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from kinreach._checks import Floats
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics.inside import Trajectory
 from kinreach.plots._style import label_ends, name_label, new_figure
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics import _check as check
+from kinreach.kinematics import ArmKinematics, check
 from kinreach.plots._style import MAGNITUDE, name_label, new_figure
 
 

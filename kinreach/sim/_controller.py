@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats, check_number
 from kinreach.errors import InputError
-from kinreach.kinematics._solutions import SLACK
+from kinreach.kinematics.inside import SLACK
 from kinreach.robots import ArmDescription
 from kinreach.sim._engine import mujoco
 from kinreach.sim._movable_boxes import box_names

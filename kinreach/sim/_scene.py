@@ -18,9 +18,9 @@ import numpy as np
 
 from kinreach._checks import check_number
 from kinreach.errors import InputError
-from kinreach.kinematics._collision import check_shapes, disabled_pairs
+from kinreach.kinematics.inside import check_shapes, disabled_pairs
 from kinreach.robots import ArmDescription
-from kinreach.robots._meshes import collision_mesh
+from kinreach.robots.inside import collision_mesh
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import add_free_objects
 from kinreach.sim._imperfections import IDEAL, Imperfections

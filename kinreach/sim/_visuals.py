@@ -13,7 +13,7 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.robots import ArmDescription, Box, CameraMount
-from kinreach.robots._shapes import LinkShape, link_shapes
+from kinreach.robots.inside import LinkShape, link_shapes
 from kinreach.sim._engine import mujoco
 
 #: Geoms of this group are not drawn by default.

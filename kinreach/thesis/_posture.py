@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_ANGLE, Floats, as_floats, check_entries, check_tensor, is_tensor
 from kinreach.errors import InputError
-from kinreach.kinematics._tensors import like, namespace, where
+from kinreach.kinematics.inside import like, namespace, where
 
 #: Natural-arm error of a posture on neither branch.
 UNNATURAL_ERROR = 25.0

@@ -10,24 +10,6 @@ The modules are internal. `_target`, `_real_arm`, `_episodes` and `_results` com
 draw; `_page` is one tab, `_server` serves all.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from typing import TYPE_CHECKING
-
-from kinreach._lazy import on_first_use
-
-if TYPE_CHECKING:
-    from kinreach.demo._players import new_player
-    from kinreach.view._results import read_results
-    from kinreach.view._target import TargetModel
-
-#: Name -> its module, imported when the name is first used.
-_MODULES = {
-    "TargetModel": "_target",
-    "new_player": ".demo._players",
-    "read_results": "_results",
-}
-
-__all__ = ["TargetModel", "new_player", "read_results"]
-
-__getattr__ = on_first_use(__name__, _MODULES)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,8 +10,7 @@ from typing import Any
 from kinreach._checks import check_count
 from kinreach.cli import Parser
 from kinreach.robots import THESIS_ARM, Tool, arm_names
-from kinreach.robots._flags import add_arm_flags, arm_options, arm_with, print_notes
-from kinreach.robots._registry import FILES
+from kinreach.robots.inside import FILES, add_arm_flags, arm_options, arm_with, print_notes
 from kinreach.view._results import read_results
 from kinreach.view._server import Server
 from kinreach.view._setup import Setup

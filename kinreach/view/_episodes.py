@@ -14,16 +14,17 @@ from numpy.typing import NDArray
 
 from kinreach._checks import STEP_LIMIT, Floats
 from kinreach._statistics import Trial
-from kinreach.baselines._loop import rollout
-from kinreach.demo._drawn import arm_of, put, scene_of
-from kinreach.demo._players import ARM, new_player, options_for, playable, trained_in
+from kinreach.baselines import rollout
+from kinreach.demo.inside import ARM, arm_of, options_for, playable, put, scene_of, trained_in
+from kinreach.demo.inside import new_player as new_player  # public here
 from kinreach.errors import KinreachError
 from kinreach.robots import ArmDescription
-from kinreach.sim._simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
 from kinreach.view._mujoco_scene import Contact, MujocoScene
 from kinreach.view._names import length
 from kinreach.view._snippet import robots
-from kinreach.vision._goal_view import CameraGoalView, GoalMeasurement
+from kinreach.vision import CameraGoalView
+from kinreach.vision.inside import GoalMeasurement
 
 #: Frames per second of simulated time.
 FPS = 25

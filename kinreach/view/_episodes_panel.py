@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from kinreach.demo._players import BACKEND, OBSERVATION, playable
-from kinreach.envs._reach.task import BACKENDS, OBSERVATION_KINDS
+from kinreach.demo.inside import BACKEND, OBSERVATION, playable
+from kinreach.envs.inside import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.view import _html as html
@@ -20,7 +20,7 @@ from kinreach.view._inputs import by_user
 from kinreach.view._messages import error_message
 from kinreach.view._names import plain
 from kinreach.view._panel import Panel
-from kinreach.vision._goal_view import GoalMeasurement
+from kinreach.vision.inside import GoalMeasurement
 
 PLAY, PAUSE, STEP, START = "play", "pause", "step", "start"
 #: Size of a contact [m].

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach._engines import load
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._arm import link_frame
-from kinreach.kinematics._chain import rotation_to
+from kinreach.kinematics.inside import link_frame, rotation_to
 from kinreach.robots import ArmDescription
-from kinreach.robots._shapes import LinkShape, link_shapes
+from kinreach.robots.inside import LinkShape, link_shapes
 
 pin: Any = load("pinocchio")
 

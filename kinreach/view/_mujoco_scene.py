@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.sim._engine import mujoco
+from kinreach.sim.inside import mujoco
 from kinreach.view._draw import box_colour
 from kinreach.view._figure import Piece, shade
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import degrees
 
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
-from kinreach.kinematics._ur.geometry import ur_branch
+from kinreach.kinematics.inside import ur_branch
 
 
 def branch_name(kinematics: ArmKinematics, branch: int) -> str:

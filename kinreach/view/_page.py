@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Any
 
-from kinreach.robots._ur import ur_model
+from kinreach.robots.inside import ur_model
 from kinreach.view import _html as html
 from kinreach.view._draw import Grid, Surroundings, overview
 from kinreach.view._episodes_panel import EpisodesPanel

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._registration import MULTI, SINGLE
-from kinreach.baselines._loop import rollout
-from kinreach.baselines._policies import load_policy, needed_options
+from kinreach.baselines import load_policy, rollout
+from kinreach.baselines.inside import needed_options
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, IKResult
-from kinreach.kinematics._goals import Goal
-from kinreach.kinematics._solutions import Accept
+from kinreach.kinematics.inside import Accept, Goal
 
 
 class PolicySolver:

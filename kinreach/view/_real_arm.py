@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, IKResult, URKinematics
-from kinreach.kinematics._closed_form import ClosedFormKinematics
-from kinreach.kinematics._goals import rotation_angle
+from kinreach.kinematics.inside import ClosedFormKinematics, rotation_angle
 from kinreach.robots import ArmDescription
 
 #: Cells of a map along its longer edge.

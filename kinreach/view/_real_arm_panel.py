@@ -9,7 +9,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.errors import KinreachError
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription
-from kinreach.robots._ur import ur_model
+from kinreach.robots.inside import ur_model
 from kinreach.view import _html as html
 from kinreach.view._draw import BLUE, RED, SolidArm
 from kinreach.view._figure import Figure

@@ -14,7 +14,7 @@ from kinreach._checks import MAX_ANGLE, MAX_DISTANCE, Floats, check_path, shown
 from kinreach._files import read_text
 from kinreach._tables import Table, read_table
 from kinreach.errors import InputError
-from kinreach.plots._methods import method_colours
+from kinreach.plots.inside import method_colours
 from kinreach.robots import arm_names
 
 #: Names of the files; a trial has about 700 bytes.

@@ -11,8 +11,7 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach._engines import load
-from kinreach.kinematics._seven_axis.curves import SelfMotion, SelfMotions
-from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
+from kinreach.kinematics.inside import SelfMotion, SelfMotions, SevenAxisKinematics
 from kinreach.view import _html as html
 from kinreach.view._draw import Branch
 from kinreach.view._inputs import Entry, by_user

@@ -7,8 +7,8 @@ from functools import cached_property
 
 from kinreach._objects import load_object
 from kinreach._registration import MULTI, SINGLE
-from kinreach.baselines._policies import load_policy
-from kinreach.demo._players import ARM, playable, playable_names, trained_for
+from kinreach.baselines import load_policy
+from kinreach.demo.inside import ARM, playable, playable_names, trained_for
 from kinreach.robots import ArmDescription, arm_names, get_arm
 from kinreach.view._figure import Figure
 from kinreach.view._target import TargetModel

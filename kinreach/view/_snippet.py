@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from kinreach._checks import Floats, as_floats
 from kinreach.kinematics import AxisGoal, PoseGoal
-from kinreach.kinematics._goals import Goal
+from kinreach.kinematics.inside import Goal
 from kinreach.robots import Tool
 from kinreach.view._real_arm import RealArm
 from kinreach.view._results import Results

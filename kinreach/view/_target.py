@@ -17,19 +17,27 @@ from kinreach.kinematics import (
     AxisGoal,
     CollisionChecker,
     IKResult,
+    LevenbergMarquardtSolver,
     PoseGoal,
     PositionGoal,
     URKinematics,
 )
-from kinreach.kinematics._closed_form import ClosedFormKinematics
-from kinreach.kinematics._collision import NoShapesError, Pair
-from kinreach.kinematics._goals import Goal, goal_error
-from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
-from kinreach.kinematics._solutions import SLACK, nearest_windings
-from kinreach.kinematics._solvers import SOLVERS, LevenbergMarquardtSolver, Solver, new_solver
-from kinreach.kinematics._solvers.iterative import goal_frame
-from kinreach.kinematics._ur.geometry import Miss
-from kinreach.kinematics._ur.reach import Shortfall
+from kinreach.kinematics.inside import (
+    SLACK,
+    SOLVERS,
+    ClosedFormKinematics,
+    Goal,
+    Miss,
+    NoShapesError,
+    Pair,
+    Shortfall,
+    SixAxisKinematics,
+    Solver,
+    goal_error,
+    goal_frame,
+    nearest_windings,
+    new_solver,
+)
 from kinreach.robots import ArmDescription
 from kinreach.view._names import angle, branch_name, length, plain
 from kinreach.view._policy_solver import PolicySolver

@@ -12,10 +12,8 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.errors import KinreachError
-from kinreach.kinematics._goals import Goal
-from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
-from kinreach.kinematics._solvers import SOLVERS
-from kinreach.robots._rotations import rotation, rpy
+from kinreach.kinematics.inside import SOLVERS, Goal, SevenAxisKinematics
+from kinreach.robots.inside import rotation, rpy
 from kinreach.view import _html as html
 from kinreach.view._draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm
 from kinreach.view._inputs import Entry, add_unseen, by_user, frame_of, put

@@ -17,9 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_count, check_entries, check_number, shown
 from kinreach.errors import InputError
-from kinreach.sim._engine import mujoco
-from kinreach.sim._rendering import FrameRenderer, camera_id
-from kinreach.sim._simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
+from kinreach.sim.inside import FrameRenderer, camera_id, mujoco
 
 #: Largest width and height of a picture [pixels].
 MAX_PIXELS = 2**16

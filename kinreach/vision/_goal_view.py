@@ -29,11 +29,10 @@ from kinreach._checks import (
     shown,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics._arm import build_model, link_frame, pin
+from kinreach.kinematics.inside import build_model, link_frame, pin
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
-from kinreach.sim._rendering import FrameRenderer
-from kinreach.sim._simulation import ArmSimulation
-from kinreach.sim._visuals import camera_rotation
+from kinreach.sim import ArmSimulation
+from kinreach.sim.inside import FrameRenderer, camera_rotation
 from kinreach.vision._ball_finder import PIPELINES, BallFix, find_ball
 from kinreach.vision._cameras import MAX_PIXELS, OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise, check_noise
 

@@ -10,7 +10,7 @@ pytest.importorskip("stable_baselines3")
 import torch
 
 from kinreach._registration import RANDOM_ARM
-from kinreach.baselines import _random_arms as arms
+from kinreach.baselines import random_arms as arms
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._models import build
 from kinreach.baselines._recipes import get_recipe
@@ -80,7 +80,7 @@ def test_the_objective_is_the_distance_of_the_true_tip():
 
 
 def test_the_policy_of_the_package_is_evaluated_with_and_without_its_environment(capsys):
-    own = "kinreach.baselines._random_arms:" + RANDOM_ARM
+    own = "kinreach.baselines.random_arms:" + RANDOM_ARM
     for more in ([], ["--env", own]):
         assert main(["evaluate", "random-arms", "--goals", "100", *more]) == 0
         assert "100 held-out goals" in capsys.readouterr().out

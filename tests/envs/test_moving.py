@@ -7,7 +7,7 @@ import pytest
 import kinreach  # noqa: F401
 from kinreach._registration import MOVING
 from kinreach.baselines._expert import tool_down_postures
-from kinreach.envs._moving import (
+from kinreach.envs.moving import (
     AGE,
     ANGLES,
     BALL,

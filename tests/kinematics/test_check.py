@@ -11,8 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinreach.errors import InputError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
-from kinreach.kinematics import _check as check
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.plots._check_cli import main
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
 from kinreach.robots._urdf import without_shapes

@@ -11,10 +11,10 @@ from example_robot_data.robots_loader import getModelPath
 from benchmarks.speed.peers.analytic import eaik_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal
-from kinreach.kinematics._check import random_postures
 from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._solutions import Status
+from kinreach.kinematics.check import random_postures
 from kinreach.robots import ArmDescription
 
 #: A file of example-robot-data, and the tip: two arms with six joints, one of them with a hand beside the last axis.

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from kinreach.kinematics import URKinematics
-from kinreach.kinematics import _check as check
+from kinreach.kinematics import URKinematics, check
 from kinreach.plots._workspace import draw_workspace
 
 

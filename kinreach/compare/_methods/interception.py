@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.baselines._expert import GRIPPER, tool_down_postures
+from kinreach.baselines.inside import GRIPPER, tool_down_postures
 from kinreach.compare._methods.turn_rate import TurnRateFit
-from kinreach.envs import _moving as ball
-from kinreach.envs._moving import moved, ur5_checker
+from kinreach.envs.inside import moving as ball
 from kinreach.kinematics import URKinematics
 from kinreach.robots import THESIS_ARM
 
@@ -111,7 +110,7 @@ class Interception(_ClosedForm):
     def __init__(self, env: gym.Env[Any, Any], *, noise: float | None = None) -> None:
         super().__init__(env)
         self._counts = self._env.options.collisions
-        self._checker = ur5_checker(self._env.options.margin)
+        self._checker = ball.ur5_checker(self._env.options.margin)
         self._noise = noise
         self._known = {"speed": self._env.speed_limit, "acceleration": self._env.acceleration_limit}
         area = self._env.arm.workcell.goals
@@ -249,7 +248,7 @@ class Interception(_ClosedForm):
     def _after_a_frame(q: Floats, v: Floats, target: Floats, limits: Mapping[str, Any]) -> tuple[Floats, Floats]:
         """Return where joints are a frame later, and how fast."""
         for _ in range(ball.PARTS):
-            q, v = moved(q, v, target, PART, **limits)
+            q, v = ball.moved(q, v, target, PART, **limits)
         return q, v
 
     def _way(self, q: Floats, v: Floats, xy: Floats, parts: Any) -> tuple[Floats | None, int]:
@@ -298,7 +297,7 @@ class Interception(_ClosedForm):
         """Return whether the joints can move towards a target for some parts of a frame without a collision."""
         way = []
         for _ in range(parts):
-            q, v = moved(q, v, target, PART, **self._limits)
+            q, v = ball.moved(q, v, target, PART, **self._limits)
             way.append(q)
         return not self._collides(np.array(way[STRIDE - 1 :: STRIDE])).any()
 
@@ -324,7 +323,7 @@ class Interception(_ClosedForm):
             tried = np.linspace(low, high, 33)
             end, speed = np.tile(q, (33, 1)), np.tile(v, (33, 1))
             for _ in range(parts):
-                end, speed = moved(end, speed, tried, PART, **self._limits)
+                end, speed = ball.moved(end, speed, tried, PART, **self._limits)
             first = (end + ahead * speed < goal - 1e-6).sum(axis=0)
             low, high = tried[np.maximum(first - 1, 0), joints], tried[np.minimum(first, 32), joints]
         return np.asarray(high)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.baselines._expert import tool_down_postures
-from kinreach.baselines._random_arms import on_table, ur5
-from kinreach.robots._identification import IdentifiedArm, JointTerms, Prior
+from kinreach.baselines.inside import random_arms as arms
+from kinreach.baselines.inside import tool_down_postures
+from kinreach.robots.inside import IdentifiedArm, JointTerms, Prior
 
 #: How far base and tool may be from the data sheet [m, rad], and links: calibrations of UR3, UR10e, UR3e and UR5e have
 #: 0.3 to 0.8 mm and 1.4 to 1.7 mrad (root mean square), none of which is among those of the task `real-arm`.
@@ -27,7 +27,7 @@ def _joint_terms(q: Floats) -> Floats:
     Of each joint: sine and cosine of its angle (an encoder off its axis), how much it lifts the tip (compliance under a
     load), and the sign of its last motion (hysteresis).
     """
-    lifts = ur5().chain.jacobian(q)[:, 2]
+    lifts = arms.ur5().chain.jacobian(q)[:, 2]
     ways = np.sign(np.diff(q, axis=0, prepend=q[:1]))
     return np.concatenate([np.eye(6) * part[:, :, None] for part in (np.sin(q), np.cos(q), lifts, ways)], axis=2)
 
@@ -47,7 +47,7 @@ class DataSheet:
         """Ignore the looks: the data sheet does not change."""
 
     def aim(self, points: Floats) -> Floats:
-        return tool_down_postures(ur5(), points)
+        return tool_down_postures(arms.ur5(), points)
 
     def doubt(self, points: Floats) -> float:
         return UNKNOWN
@@ -61,11 +61,11 @@ class Modelled(DataSheet):
 
     def where(self, count: int) -> Floats:
         """Return postures over the table; turns of the tool by up to 0.15 or 0.5 rad left larger errors."""
-        return tool_down_postures(ur5(), on_table(count))
+        return tool_down_postures(arms.ur5(), arms.on_table(count))
 
     def predicted(self, q: Floats) -> Floats:
         """Return where the tip would be seen in postures (m, 6) [m], shape (m, 3)."""
-        return ur5().chain.positions(q)
+        return arms.ur5().chain.positions(q)
 
     def aim(self, points: Floats) -> Floats:
         target = points
@@ -89,7 +89,7 @@ class Identified(Modelled):
         self._arm: IdentifiedArm | None = None
 
     def learn(self, q: Floats, seen: Floats) -> None:
-        placements = ur5().chain.placements
+        placements = arms.ur5().chain.placements
         self._arm = IdentifiedArm(placements, q, seen, prior=self._prior, noise=self._noise, terms=self._terms)
 
     def predicted(self, q: Floats) -> Floats:
@@ -100,7 +100,7 @@ class Identified(Modelled):
         if self._arm is None:
             return UNKNOWN
         return math.hypot(
-            self._arm.doubt(tool_down_postures(ur5(), points)), 0.0 if self._prior.links[0] else UNMODELLED
+            self._arm.doubt(tool_down_postures(arms.ur5(), points)), 0.0 if self._prior.links[0] else UNMODELLED
         )
 
 
@@ -124,12 +124,12 @@ class Residual(Modelled):
         self._weights: Floats = np.empty((0, 3))
 
     def learn(self, q: Floats, seen: Floats) -> None:
-        self._places = ur5().chain.positions(q)
+        self._places = arms.ur5().chain.positions(q)
         self._inverse = np.linalg.inv(self._covariance(self._places, self._places) + self._noise**2 * np.eye(len(q)))
         self._weights = np.asarray(self._inverse @ (seen - self._places))
 
     def predicted(self, q: Floats) -> Floats:
-        places = ur5().chain.positions(q)
+        places = arms.ur5().chain.positions(q)
         return np.asarray(places + self._covariance(places, self._places) @ self._weights)
 
     def doubt(self, points: Floats) -> float:
@@ -141,7 +141,7 @@ class Residual(Modelled):
         return math.sqrt(max(float(left.mean()), 0.0))
 
     def _covariance(self, one: Floats, other: Floats) -> Floats:
-        middle = on_table(50).mean(axis=0)
+        middle = arms.on_table(50).mean(axis=0)
         a, b = one - middle, other - middle
         apart = ((a[:, None] - b[None]) ** 2).sum(axis=2)
         return self.MEAN**2 + self.SLOPE**2 * a @ b.T + self.REST**2 * np.exp(-0.5 * apart / self.LENGTH**2)

@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.envs._real_arm import BUDGET, MOVES, SEEN_BALL, SEEN_TIP
+from kinreach.envs.inside import BUDGET, MOVES, SEEN_BALL, SEEN_TIP
 
 
 class Learner(Protocol):

@@ -14,15 +14,21 @@ from kinreach._checks import check_known, shown
 from kinreach._objects import load_object
 from kinreach._provenance import digest
 from kinreach._registration import LIFT
-from kinreach.baselines._loop import Policy, as_policy
-from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, trained_arm
-from kinreach.baselines._policy_file import run_name
-from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.baselines import load_policy
+from kinreach.baselines.inside import (
+    LearnedPolicy,
+    Policy,
+    SolverPolicy,
+    as_policy,
+    needed_options,
+    run_name,
+    trained_arm,
+)
 from kinreach.compare._task import POLICY, SOLVER, Method, Task, policy_version
-from kinreach.envs._reach.task import CAMERA
+from kinreach.envs.inside import CAMERA
 from kinreach.errors import InputError, raise_unknown
-from kinreach.kinematics._solvers import Solver
-from kinreach.plots._methods import method_colours
+from kinreach.kinematics.inside import Solver
+from kinreach.plots.inside import method_colours
 from kinreach.robots import THESIS_ARM, ArmDescription
 
 #: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.

@@ -10,14 +10,11 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.baselines import _random_arms as arms
-from kinreach.baselines._policies import LearnedPolicy
-from kinreach.baselines._policy_file import Network
-from kinreach.baselines._random_arms import on_table, ur5
+from kinreach.baselines.inside import LearnedPolicy, Network
+from kinreach.baselines.inside import random_arms as arms
 from kinreach.compare._methods.models import DataSheet, Modelled
 from kinreach.compare._methods.practice import LookingPolicy
-from kinreach.envs._reach.task import TOOL_DOWN, goal_block
-from kinreach.envs._real_arm import BUDGET, MOVES, POSTURE, SEEN_BALL, SEEN_TIP
+from kinreach.envs.inside import BUDGET, MOVES, POSTURE, SEEN_BALL, SEEN_TIP, TOOL_DOWN, goal_block
 
 
 class Trained(DataSheet):
@@ -52,7 +49,7 @@ class Tuned(Trained):
         self._trained, self._noise = policy, noise
 
     def where(self, count: int) -> Floats:
-        return self._trained.posture(_observed(on_table(count)))
+        return self._trained.posture(_observed(arms.on_table(count)))
 
     def learn(self, q: Floats, seen: Floats) -> None:
         network, x = self._trained.network, _observed(seen)
@@ -79,7 +76,7 @@ class Informed(LookingPolicy):
         if observation[0, MOVES] == 0.0:
             budget = int(observation[0, BUDGET])
             self._practise(budget)
-            places = ur5().chain.positions(self._q)
+            places = arms.ur5().chain.positions(self._q)
             self._observation = np.zeros((len(observation), arms.SIZE))
             self._observation[:, arms.BALL], self._observation[:, arms.LOOKED] = observation[:, SEEN_BALL], budget
             self._observation[:, arms.SUMMARY] = arms.summary(places, self._seen - places)
@@ -90,6 +87,6 @@ class Informed(LookingPolicy):
 
 def _observed(points: Floats) -> Floats:
     """Return observations of balls at points (n, 3), with the tool straight down."""
-    arm = ur5().arm
+    arm = arms.ur5().arm
     rest = np.array([*TOOL_DOWN, *arm.home, 0.0 if arm.gripper is None else arm.gripper.opening])
     return np.column_stack([goal_block(arm, points), np.tile(rest, (len(points), 1))])

@@ -10,10 +10,9 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.baselines._loop import Policy
-from kinreach.baselines._policies import load_policy
-from kinreach.envs._obstacles import ObstaclesEnv
-from kinreach.envs._reach.task import MULTI_STEP
+from kinreach.baselines import load_policy
+from kinreach.baselines.inside import Policy
+from kinreach.envs.inside import MULTI_STEP, ObstaclesEnv
 from kinreach.errors import PathError
 from kinreach.kinematics import joint_line, plan_path
 

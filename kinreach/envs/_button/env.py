@@ -17,7 +17,7 @@ from kinreach.envs._button.world import ButtonState, SingleTorqueWorld
 from kinreach.envs._options import RENDER_MODES, options_from, with_options
 from kinreach.envs._single import DrawnEnv
 from kinreach.robots import ArmDescription
-from kinreach.sim._picture import FPS, Scene, ScenePicture
+from kinreach.sim.inside import FPS, Scene, ScenePicture
 
 
 @with_options(ButtonOptions)

@@ -15,10 +15,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.envs._button.task import CONTROL_LIMIT, Actuation
 from kinreach.robots import ArmDescription, CameraMount
-from kinreach.sim._engine import mujoco
-from kinreach.sim._picture import CAMERA
-from kinreach.sim._scene import BALL, build_scene
-from kinreach.sim._visuals import DRAWN_ONLY, add_camera
+from kinreach.sim.inside import BALL, CAMERA, DRAWN_ONLY, add_camera, build_scene, mujoco
 
 Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]

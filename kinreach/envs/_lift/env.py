@@ -19,10 +19,8 @@ from kinreach.envs._lift.task import LiftOptions, LiftStart, LiftTask
 from kinreach.envs._options import RENDER_MODES, check_not_over, check_started, options_from, with_options
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
-from kinreach.sim._free_objects import OBJECTS
-from kinreach.sim._grasping import Grasping
-from kinreach.sim._picture import FPS, ScenePicture
-from kinreach.sim._simulation import ArmSimulation, BatchSimulation
+from kinreach.sim import ArmSimulation, BatchSimulation
+from kinreach.sim.inside import FPS, OBJECTS, Grasping, ScenePicture
 
 
 def _objects(options: LiftOptions) -> int:

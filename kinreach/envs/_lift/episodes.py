@@ -27,10 +27,8 @@ from kinreach.envs._lift.task import (
 )
 from kinreach.envs._reach.observers import CameraObserver, PixelObserver
 from kinreach.envs._reach.task import CAMERA, joint_limits
-from kinreach.sim._controller import MoveStatus
-from kinreach.sim._free_objects import CUBE, SHAPES, Objects
-from kinreach.sim._grasping import Grasping
-from kinreach.vision._goal_view import GoalMeasurement
+from kinreach.sim.inside import CUBE, SHAPES, Grasping, MoveStatus, Objects
+from kinreach.vision.inside import GoalMeasurement
 
 #: How far an episode got, and what stopped it there, by the number of the stage.
 STARTED, REACHED, CLOSED, RAISED, LIFTED = range(5)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.envs._lift.task import face_angle
-from kinreach.sim._free_objects import CUBE, SHAPES, Objects
+from kinreach.sim.inside import CUBE, SHAPES, Objects
 
 #: Along the width of a finger the object's middle may be so far from the tip, and along the tool so far behind it or
 #: ahead of it [m]: the pads are 22 mm wide and end 10 mm beyond the tip.

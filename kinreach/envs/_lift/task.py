@@ -35,12 +35,11 @@ from kinreach.envs._reach.task import (
 )
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.kinematics._collision import MARGIN
+from kinreach.kinematics.inside import MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, get_arm
-from kinreach.robots._tools import FLANGE
-from kinreach.sim._controller import BEYOND_LIMIT
-from kinreach.sim._free_objects import BALL_SHAPE, CUBE, SHAPES, Objects
-from kinreach.vision._cameras import SensorNoise
+from kinreach.robots.inside import FLANGE
+from kinreach.sim.inside import BALL_SHAPE, BEYOND_LIMIT, CUBE, SHAPES, Objects
+from kinreach.vision import SensorNoise
 
 #: Ways to act: a grasp in one action, or changes of joints and fingers 25 times a second.
 SINGLE, MULTI = STEPS = ("single", "multi")

@@ -28,8 +28,8 @@ from kinreach.envs._reach.worlds import KinematicWorld, ReachWorld, SingleDynami
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, PositionGoal
-from kinreach.sim._picture import FPS, ScenePicture
-from kinreach.sim._simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
+from kinreach.sim.inside import FPS, ScenePicture
 
 
 class ReachEnv(ArmEnv):

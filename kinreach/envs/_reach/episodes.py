@@ -14,8 +14,8 @@ from kinreach.envs._reach.observers import PixelObserver, goal_observer, measure
 from kinreach.envs._reach.rewards import Score, term_names
 from kinreach.envs._reach.task import CAMERA_RANGE, IMAGE, TOOL_DOWN, ReachTask, Start, joint_limits
 from kinreach.envs._reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
-from kinreach.kinematics._tensors import copied, flags_like, like, namespace, on_host
-from kinreach.vision._goal_view import GoalMeasurement, in_image
+from kinreach.kinematics.inside import copied, flags_like, like, namespace, on_host
+from kinreach.vision.inside import GoalMeasurement, in_image
 
 Flags = NDArray[np.bool_]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.envs._batch import ROWS_AHEAD, RowStreams
-from kinreach.robots._workcell import BoxRegion, Workcell
+from kinreach.robots import BoxRegion, Workcell
 
 
 class GoalStreams(RowStreams):

@@ -15,10 +15,10 @@ from kinreach._checks import Floats
 from kinreach.envs._reach.task import CAMERA_RANGE, ReachOptions, ReachTask, goal_block, joint_limits, opening_of
 from kinreach.envs._reach.worlds import Ids
 from kinreach.robots import ArmDescription
-from kinreach.sim._controller import BEYOND_LIMIT
-from kinreach.sim._simulation import ArmSimulation
-from kinreach.vision._cameras import RGBDCamera
-from kinreach.vision._goal_view import CameraGoalView, GoalMeasurement, goals_in_world
+from kinreach.sim import ArmSimulation
+from kinreach.sim.inside import BEYOND_LIMIT
+from kinreach.vision import CameraGoalView, RGBDCamera
+from kinreach.vision.inside import GoalMeasurement, goals_in_world
 
 if TYPE_CHECKING:
     from kinreach.envs._lift.task import LiftOptions

@@ -10,8 +10,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.envs._reach.task import tool_goal
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.kinematics._solvers import LevenbergMarquardtSolver
+from kinreach.kinematics import ArmKinematics, CollisionChecker, LevenbergMarquardtSolver
 from kinreach.robots import ArmDescription
 
 #: Goals are this far from the first joint's axis, as shares of the largest distance of the tip: away from the arm's own

@@ -20,9 +20,8 @@ from kinreach.envs._options import about, options_from
 from kinreach.envs._reach.rewards import DirectedReward, Score
 from kinreach.envs._reach.task import JOINTS, MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant, Start
 from kinreach.errors import InputError
-from kinreach.kinematics._tensors import namespace
-from kinreach.robots import get_arm
-from kinreach.robots._workcell import BoxRegion
+from kinreach.kinematics.inside import namespace
+from kinreach.robots import BoxRegion, get_arm
 from kinreach.thesis import REACHED_DISTANCE
 
 #: What an option `steps` means.

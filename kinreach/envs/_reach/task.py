@@ -32,14 +32,12 @@ from kinreach.envs._reach.goals import goal_streams
 from kinreach.envs._reach.rewards import RewardFunction, Score, Scorer, check_reward, default_reward, scorer_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
-from kinreach.kinematics._collision import MARGIN
+from kinreach.kinematics.inside import MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, get_arm
-from kinreach.sim._controller import BEYOND_LIMIT
-from kinreach.sim._imperfections import IDEAL, Imperfections, as_imperfections
+from kinreach.sim.inside import BEYOND_LIMIT, IDEAL, Imperfections, as_imperfections
 from kinreach.thesis import REACHED_POSTURE_ERROR
-from kinreach.vision._ball_finder import PIPELINES
-from kinreach.vision._cameras import MAX_EXPOSURE, SensorNoise
-from kinreach.vision._goal_view import geometric_goal_view
+from kinreach.vision import SensorNoise, geometric_goal_view
+from kinreach.vision.inside import MAX_EXPOSURE, PIPELINES
 
 #: How the tool points at a goal, in the world: straight down.
 TOOL_DOWN = (0.0, 0.0, -1.0)

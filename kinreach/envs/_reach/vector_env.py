@@ -24,8 +24,8 @@ from kinreach.envs._reach.task import (
     check_actions,
 )
 from kinreach.envs._reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
-from kinreach.sim._imperfections import as_imperfections
-from kinreach.sim._simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
+from kinreach.sim.inside import as_imperfections
 
 #: Two pictures of three bytes and a depth; what all environments see may take so much [bytes].
 _PIXEL_BYTES, MAX_BYTES = 2 * (3 + 4), 2**32

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.envs._reach.task import ReachTask
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._tensors import as_device, on_device
+from kinreach.kinematics.inside import as_device, on_device
 from kinreach.robots import ArmDescription
-from kinreach.sim._controller import MoveResult, MoveStatus
-from kinreach.sim._imperfections import IDEAL, Imperfections
-from kinreach.sim._simulation import WARP, ArmSimulation, BatchSimulation
+from kinreach.sim import ArmSimulation, BatchSimulation
+from kinreach.sim.inside import IDEAL, WARP, Imperfections, MoveResult, MoveStatus
 
 Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]

@@ -28,8 +28,7 @@ from kinreach.kinematics._angles import TURN, wrapped
 from kinreach.kinematics._core import doubles, lib
 from kinreach.kinematics._general_6r import Chain, General6R
 from kinreach.kinematics._six_axis.methods import Method, method_of
-from kinreach.robots._identification import moved_frames
-from kinreach.robots._rotations import turns_about_z
+from kinreach.robots.inside import moved_frames, turns_about_z
 
 JOINTS = 7
 #: Values at which each joint is held.

@@ -29,7 +29,7 @@ from kinreach.kinematics._six_axis.dh import DenavitHartenberg
 from kinreach.kinematics._six_axis.near_misses import reached_beside
 from kinreach.kinematics._solutions import ANGLES, BRANCH, Row
 from kinreach.kinematics._ur.geometry import BRANCHES
-from kinreach.robots._identification import moved_frames
+from kinreach.robots.inside import moved_frames
 
 #: Lengths [m] and angles [rad] below which an arm of the closed form has zeros: exactly, and nearly.
 EXACTLY, NEARLY = (1e-9, 1e-9), (3e-3, 5e-3)

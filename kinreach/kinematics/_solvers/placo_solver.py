@@ -22,7 +22,7 @@ from kinreach.kinematics._solvers.iterative import (
     SteppingSolver,
     goal_frame,
 )
-from kinreach.robots._urdf import add_joint, add_link, named, without_shapes
+from kinreach.robots.inside import add_joint, add_link, named, without_shapes
 
 #: Limit [rad] for joints that turn full circle: no search reaches it.
 NO_LIMIT = 100.0

@@ -20,7 +20,7 @@ from kinreach.kinematics._ur.batch import flange_entries
 from kinreach.kinematics._ur.closed_form import core_arm
 from kinreach.kinematics._ur.geometry import Rows, URGeometry
 from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
-from kinreach.robots._identification import moved_frames
+from kinreach.robots.inside import moved_frames
 
 #: Random postures at which the fitted arm is compared with the real one, and Gauss-Newton steps of the fit.
 SAMPLES, FIT_STEPS = 400, 5

@@ -44,8 +44,7 @@ from kinreach.kinematics._ur.closed_form import core_arm
 from kinreach.kinematics._ur.geometry import BRANCHES, Rows, URGeometry, miss_text, ur_fk
 from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.robots import ArmDescription, Tool, get_arm
-from kinreach.robots._tools import FLANGE
-from kinreach.robots._ur import FLIP
+from kinreach.robots.inside import FLANGE, FLIP
 
 pin: Any = load("pinocchio")
 

@@ -21,14 +21,25 @@ from scipy.stats import qmc
 from kinreach._checks import Floats
 from kinreach._registration import MAX_EPISODE_STEPS, RANDOM_ARM
 from kinreach.baselines._expert import tool_down_postures
-from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, RowStreams, check_batch
-from kinreach.envs._moving import check_actions
-from kinreach.envs._options import check_not_over, option_rows
-from kinreach.envs._real_arm import BUDGETS, MEDIAN_LENGTH, NEAR, NOISE
-from kinreach.envs._single import SingleEnv
+from kinreach.envs.inside import (
+    BUDGETS,
+    MEDIAN_LENGTH,
+    NOISE,
+    REACHED_WITHIN,
+    Flags,
+    Ids,
+    NativeVectorEnv,
+    Outcome,
+    RowStreams,
+    SingleEnv,
+    check_batch,
+    check_not_over,
+    moving,
+    option_rows,
+)
 from kinreach.kinematics import URKinematics
 from kinreach.robots import THESIS_ARM
-from kinreach.robots._identification import Prior, frames_of, moved_frames, slopes
+from kinreach.robots.inside import Prior, frames_of, moved_frames, slopes
 
 #: Errors of frames as in `kinreach/RealArm-v0` (root mean square); those of the base stand for cameras, too.
 ERRORS = Prior(base=(3e-3, 6e-3), links=(1e-3, 2e-3), tool=(3e-3, 0.0))
@@ -47,6 +58,7 @@ _PARTS = (42, 3, 1, 1, 9, 3, 3 * MOVES)
 
 @cache
 def ur5() -> URKinematics:
+    """Return the kinematics of the thesis's arm, in the world, to the tool centre point."""
     return URKinematics(THESIS_ARM, tip="tcp", base="world")
 
 
@@ -121,9 +133,11 @@ class RandomArmEpisodes:
         self._places = frames[-1][:, :3, 3]
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Let world `index` draw from `rng`."""
         self._streams.seed(index, rng)
 
     def begin(self, ids: Ids, start: RandomArmStart = ALL_DRAWN) -> None:
+        """Begin an episode in worlds `ids`: an arm, a ball and the number of looks."""
         errors, ball, budget, moves, look_noise, ball_noise, noise = np.split(
             self._streams.draw(ids), np.cumsum(_PARTS)[:-1], axis=1
         )
@@ -153,6 +167,7 @@ class RandomArmEpisodes:
         return frames_of(np.swapaxes(self.placements[rows], 0, 1), q)[-1][:, :3, 3]
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
+        """Move to the postures of `actions`, shape (n, 6), in [-1, 1], and look again."""
         acting = np.ones(len(actions), dtype=np.bool_) if acting is None else acting
         q = math.pi * np.clip(actions, -1.0, 1.0)
         tips = self.tips(q)
@@ -166,6 +181,7 @@ class RandomArmEpisodes:
         return Outcome(reward, over, np.zeros_like(over), self._info(slice(None), reward))
 
     def observe(self) -> Floats:
+        """Return what all worlds observe, shape (n, SIZE)."""
         return self._observed.copy()
 
     def start_info(self, ids: Ids) -> dict[str, Any]:
@@ -173,6 +189,7 @@ class RandomArmEpisodes:
         return self._info(ids, np.zeros(len(ids)))
 
     def goal_info(self, rows: Any) -> dict[str, Any]:
+        """Return the balls [m] in the world."""
         return {"goal": np.array(self.balls[rows])}
 
     def _info(self, rows: Any, reward: Floats) -> dict[str, Any]:
@@ -180,8 +197,8 @@ class RandomArmEpisodes:
         return {
             **self.goal_info(rows),
             "distance": distance,
-            "reached": distance < NEAR,
-            "is_success": distance < NEAR,
+            "reached": distance < REACHED_WITHIN,
+            "is_success": distance < REACHED_WITHIN,
             "impossible": np.zeros(len(distance), dtype=np.bool_),
             "reward_terms": {"distance": reward},
         }
@@ -223,7 +240,7 @@ class RandomArmEnv(SingleEnv):
 
     def _check_action(self, action: ArrayLike) -> Floats:
         check_not_over(self._over)
-        return check_actions(action, None)
+        return moving.check_actions(action, None)
 
 
 class RandomArmVectorEnv(NativeVectorEnv):
@@ -257,7 +274,7 @@ class RandomArmVectorEnv(NativeVectorEnv):
             num_envs,
             action_space=_action_space(),
             observation_space=_observation_space(),
-            check_actions=partial(check_actions, count=num_envs),
+            check_actions=partial(moving.check_actions, count=num_envs),
             check_start=_no_start,
             autoreset_mode=autoreset_mode,
             max_episode_steps=max_episode_steps,

@@ -26,7 +26,7 @@ from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.envs._single import SingleEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.kinematics._collision import MARGIN
+from kinreach.kinematics.inside import MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 
 #: Frames of the cameras a second, and parts of a frame in which the motion is computed.

@@ -1,0 +1,15 @@
+from ._algorithms import Algorithm as Algorithm
+from ._algorithms import register_algorithm as register_algorithm
+from ._button_controller import AnalyticButtonPolicy as AnalyticButtonPolicy
+from ._evaluation import HELD_OUT as HELD_OUT
+from ._evaluation import evaluate as evaluate
+from ._learning_curve import read_curve as read_curve
+from ._loop import RandomPolicy as RandomPolicy
+from ._loop import rollout as rollout
+from ._policies import load_policy as load_policy
+from ._recipes import Networks as Networks
+from ._recipes import Recipe as Recipe
+from ._recipes import get_recipe as get_recipe
+from ._recipes import register_recipe as register_recipe
+from ._training import train as train
+from ._vec_envs import SB3VecEnv as SB3VecEnv

@@ -1,0 +1,1 @@
+from ._single import RecordMotion as RecordMotion

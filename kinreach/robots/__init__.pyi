@@ -1,0 +1,16 @@
+from ._calibrate import calibrate as calibrate
+from ._calibration import PUBLISHED_CALIBRATIONS as PUBLISHED_CALIBRATIONS
+from ._calibration import read_calibration as read_calibration
+from ._description import ArmDescription as ArmDescription
+from ._obstacles import Obstacle as Obstacle
+from ._pairs import PosePairs as PosePairs
+from ._registry import arm_names as arm_names
+from ._registry import get_arm as get_arm
+from ._registry import register_arm as register_arm
+from ._tools import Tool as Tool
+from ._ur_arms import THESIS_ARM as THESIS_ARM
+from ._workcell import Box as Box
+from ._workcell import BoxRegion as BoxRegion
+from ._workcell import CameraMount as CameraMount
+from ._workcell import QuadrantRegion as QuadrantRegion
+from ._workcell import Workcell as Workcell
