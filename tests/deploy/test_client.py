@@ -12,6 +12,7 @@ import pytest
 from kinreach.deploy import Move, Program, SimulatedUR, URClient, _server
 from kinreach.deploy._connection import LostError
 from kinreach.deploy._rtde import NOT_FOUND, Kind, package
+from kinreach.deploy._script_port import ScriptPort
 from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import ArmKinematics, pose
 from kinreach.kinematics._trajectory import Trajectory
@@ -240,8 +241,15 @@ def test_nobody_answers(free_address):
         URClient(free_address())
 
 
-def test_the_last_reason_counts_however_the_messages_are_cut(client):
+def test_the_last_reason_counts_however_the_messages_are_cut():
     """As the script port sends them: others between, and pieces of any size."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = ScriptPort(*silent.getsockname())
+        check_reasons(port)
+        port.close()
+
+
+def check_reasons(port):
     head = struct.pack(">QbB", 5, -1, 10)
     key = bytes([20]) + struct.pack(">QbB", 5, -1, 7)
     kinds = {
@@ -256,7 +264,6 @@ def test_the_last_reason_counts_however_the_messages_are_cut(client):
     }  # fmt: skip
     said = {"text": "line 3: ä", "key": "collision"}
     rng, heard = np.random.default_rng(0), 0
-    port = client._script
     for _ in range(30):
         port.forget()
         order = rng.choice(list(kinds), 5)
