@@ -20,11 +20,12 @@ DOCS := $(VENV)/.installed-docs
 BENCH := $(VENV)/.installed-bench
 VIEW := $(VENV)/.installed-view
 CODE_IN_C := hatch_build.py $(wildcard kinreach/kinematics/_core/*.[ch])
+NEWEST_VENV ?= build/venv-newest
 CLIENTS_VENV ?= build/venv-clients
 CLIENTS := $(CLIENTS_VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare view examples test test-all lint bench clients wheels core-check digest endurance notebooks docs clean
+.PHONY: help setup compare view examples test test-all newest lint bench clients wheels core-check digest endurance notebooks docs clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -47,6 +48,11 @@ test: $(DEV) ## Run the tests but the slow ones
 
 test-all: $(DEV) ## Run all tests
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+newest: ## Test kinematics with the newest versions of all packages, without placo, for example PYTHON=python3.13
+	$(PYTHON) -m venv --clear $(NEWEST_VENV)
+	$(NEWEST_VENV)/bin/pip install --disable-pip-version-check --root-user-action=ignore --quiet -e . hypothesis jsonschema pytest pytest-xdist
+	$(NEWEST_VENV)/bin/python -m pytest -m "not slow" -W ignore::DeprecationWarning -W ignore::ResourceWarning $(PYTEST_ARGS) tests/kinematics tests/robots
 
 lint: $(DEV) ## Check style, format and types
 	$(BIN)/ruff check .
@@ -88,7 +94,7 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(CORE): pyproject.toml constraints.txt $(CODE_IN_C) | $(BIN)/python
-	$(PIP_INSTALL) -e .
+	$(PIP_INSTALL) -e '.[placo]'
 	@touch $@
 
 $(DEV): pyproject.toml constraints.txt $(CODE_IN_C) | $(BIN)/python

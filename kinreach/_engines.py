@@ -1,7 +1,7 @@
 """Imports of the compiled engines, with one clear error when an installation does not fit together.
 
-placo is compiled against one exact Pinocchio. `pip install pin placo` without versions brings a pair that
-ends in a missing shared library at import; `load` turns that into the list of versions to install.
+placo is compiled against one exact Pinocchio; beside another it ends in a missing shared library at import. `load`
+turns that into the list of versions to install.
 """
 
 from __future__ import annotations
@@ -12,14 +12,12 @@ from types import ModuleType
 
 from kinreach.errors import InstallationError
 
-#: The versions that load together (placo's binary is linked to this Pinocchio).
-ENGINE_VERSIONS = {
-    "pin": "3.8.0",
+#: The versions that load together with placo.
+PLACO_VERSIONS = {
     "placo": "0.10.2",
+    "pin": "3.8.0",
     "cmeel-urdfdom": "4.0.1",
     "cmeel-tinyxml2": "10.0.0",
-    "example-robot-data": "4.4.0",
-    "example-robot-data-loaders": "4.4.0",
 }
 
 
@@ -41,16 +39,22 @@ def load(module: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except (ImportError, AttributeError) as error:
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        said = f"cannot import {module}: {reason}"
+        if module != "placo" and installed_version("placo") is None:
+            raise InstallationError(
+                f"{said}. Found: pin {installed_version('pin') or 'missing'}. Install it again: "
+                "pip install --force-reinstall 'pin>=3.8,<5'"
+            ) from error
         wrong = [
             f"{name} {installed_version(name) or 'missing'} (needs {wanted})"
-            for name, wanted in ENGINE_VERSIONS.items()
+            for name, wanted in PLACO_VERSIONS.items()
             if installed_version(name) != wanted
         ]
         found = "; ".join(wrong) if wrong else "all versions as needed, but files of the installation are damaged"
-        command = "pip install " + " ".join(f"{name}=={wanted}" for name, wanted in ENGINE_VERSIONS.items())
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        command = "pip install " + " ".join(f"{name}=={wanted}" for name, wanted in PLACO_VERSIONS.items())
         raise InstallationError(
-            f"cannot import {module}: {reason}. Found: {found}. Install the set that works together: {command}"
+            f"{said}. Found: {found}. placo loads in one set of versions only; install it: {command}"
         ) from error
 
 

@@ -63,6 +63,13 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         config.stash[FOLDER].close()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests of placo, an extra, by the names of their cases."""
+    for item in items:
+        if "placo" in item.name.lower():
+            item.fixturenames.append("needs_placo")  # type: ignore[attr-defined]
+
+
 def pytest_collection_finish() -> None:
     gc.freeze()  # what was imported stays: the collector need not look through it again
 
@@ -99,6 +106,12 @@ def needs_gl() -> None:
         if os.environ.get("KINREACH_REQUIRE_GL"):
             pytest.fail(f"KINREACH_REQUIRE_GL is set, and nothing can be drawn: {error}")
         pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def needs_placo() -> None:
+    """Skip where placo is not installed: it takes one Pinocchio only, and `make newest` another."""
+    pytest.importorskip("placo")
 
 
 @pytest.fixture(scope="session")

@@ -238,7 +238,7 @@ class TestIncompatibleInstallation:
         assert self.TRACE in message
         assert "placo 0.9.0 (needs 0.10.2)" in message
         assert "pin 3.8.0 (needs" not in message
-        for name, version in engines.ENGINE_VERSIONS.items():
+        for name, version in engines.PLACO_VERSIONS.items():
             assert f"{name}=={version}" in message
         assert message.count("cannot import") == 1
 
@@ -260,9 +260,20 @@ class TestIncompatibleInstallation:
         assert len(done.stderr.splitlines()) == 1
         self.check(done.stderr)
 
+    def test_without_placo_any_pinocchio_will_do(self, monkeypatch):
+        monkeypatch.setitem(sys.modules, "pinocchio", None)
+        versions = {"pin": "4.0.0"}
+        monkeypatch.setattr(engines, "installed_version", versions.get)
+        with pytest.raises(
+            engines.InstallationError, match=r"^cannot import pinocchio: .*Found: pin 4\.0\.0\. .*'pin>=3\.8,<5'$"
+        ):
+            engines.load("pinocchio")
+
     def test_missing_engine(self, monkeypatch):
         monkeypatch.setitem(sys.modules, "placo", None)
-        with pytest.raises(engines.InstallationError, match=r"cannot import placo: .*pip install pin==3\.8\.0 placo=="):
+        with pytest.raises(
+            engines.InstallationError, match=r"cannot import placo: .*pip install placo==0\.10\.2 pin=="
+        ):
             engines.load("placo")
 
     @pytest.mark.parametrize(
@@ -301,10 +312,11 @@ def constraints(root: Path) -> dict[str, str]:
 class TestFilesAgree:
     """Versions are written down in more than one file."""
 
-    def test_engines_are_one_set(self, project, constraints):
-        exact = dict(d.split("==") for d in project["dependencies"] if "==" in d)
-        assert exact == engines.ENGINE_VERSIONS
-        assert {name: constraints[name] for name in exact} == engines.ENGINE_VERSIONS
+    def test_only_placo_needs_exact_versions(self, project, constraints):
+        assert [name for name in project["dependencies"] if "==" in name] == []
+        exact = dict(name.split("==") for name in project["optional-dependencies"]["placo"])
+        assert exact == engines.PLACO_VERSIONS
+        assert {name: constraints[name] for name in exact} == exact
 
     def test_constraints_cover_every_requirement(self, project, constraints):
         lists = [project["dependencies"], *project["optional-dependencies"].values()]

@@ -98,7 +98,7 @@ def example_robot_data() -> str:
                 return str(parent / "share")
     raise InstallationError(
         "the descriptions of the arms are missing; install them with: "
-        "pip install example-robot-data==4.4.0 example-robot-data-loaders==4.4.0"
+        "pip install example-robot-data example-robot-data-loaders"
     )
 
 

@@ -25,6 +25,7 @@ class Aside:
         return None if self._turn == 2 else action
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_failures_add_up():
     methods = {"closed-form": LIFT_TASK.methods["closed-form"], "placo": LIFT_TASK.methods["placo"], "aside": Aside}
     found = compare("lift", methods, goals=8, options={"attempts": 1})
@@ -39,6 +40,7 @@ def test_failures_add_up():
     assert entries["aside"]["outcomes"].get("forfeited", 0) > 0
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_another_arm_and_another_object():
     found = compare("lift", goals=3, arm="ur5e", options={"shapes": ("cube",), "sizes": (0.03,)})
     assert [entry["reached"] for entry in found["methods"]] == [1.0, 1.0]

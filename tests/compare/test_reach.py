@@ -219,6 +219,7 @@ except InstallationError as error:
     assert refused.startswith("refused: cannot import placo")
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_an_arm_from_its_urdf_file_on_the_command_line(tmp_path, capsys, without_pictures):
     file = f"{get_arm('ur5').package_root()}/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
     arguments = ["--arm", file, "--goals", "3", "--out", str(tmp_path)]
@@ -229,6 +230,7 @@ def test_an_arm_from_its_urdf_file_on_the_command_line(tmp_path, capsys, without
     assert file in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_the_panda_has_solvers_and_a_policy_of_its_own():
     found = compare("ur5", arm="panda", goals=10)
     assert [entry["name"] for entry in found["methods"]] == ["closed-form", "placo", "lm", "qp", "panda-single"]

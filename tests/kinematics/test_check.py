@@ -137,6 +137,7 @@ def test_solvers_are_judged_by_forward_kinematics(kin):
     assert check.solved(kin, Liar(), postures, postures[:0]).success == 0.0
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_one_screen(tmp_path, capsys):
     file = f"{get_arm('ur5').package_root()}/example-robot-data/robots/xarm_description/urdf/xarm7.urdf"
     said = {"ur5": "UR: every", "arm3": "turning base", file: "as curves, by Newton's method from a closed form"}
@@ -182,6 +183,7 @@ def test_names_are_drawn_as_they_are(tmp_path, capsys):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_what_a_calibration_changes(tmp_path, capsys):
     picture = tmp_path / "error.png"
     file = PUBLISHED_CALIBRATIONS["ur5_a"]

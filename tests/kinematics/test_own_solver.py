@@ -70,6 +70,7 @@ def test_a_solver_of_ten_lines():
     assert all(result.iterations > 1 for result in results)
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_solvers_by_their_names():
     kin, plain = URKinematics("ur5-thesis"), ArmKinematics("ur5-thesis")
     for name in SOLVERS:

@@ -305,6 +305,7 @@ def test_limits_of_a_joint_without_end_are_refused(tmp_path, limit):
         arm.with_limits({"a": (-1.0, 1.0)})
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_a_speed_that_is_not_given_holds_no_joint_still(tmp_path):
     """Continuous joints often have no speed, or 0, and solvers with speed limits left them where they were."""
     for limit in ("", '<limit effort="0" velocity="0"/>'):
@@ -318,6 +319,7 @@ def test_a_speed_that_is_not_given_holds_no_joint_still(tmp_path):
             np.testing.assert_allclose(found.q, [1.2, 1.1], atol=1e-2)
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_a_link_and_a_joint_may_have_one_name(tmp_path):
     file = tmp_path / "same.urdf"
     file.write_text(ARM.format(a="revolute", limit=LIMIT, mimic="").replace('joint name="d"', 'joint name="end"'))
@@ -447,6 +449,7 @@ def test_joints_beyond_one_that_slides_count_where_it_is_held(tmp_path):
     assert ArmDescription.from_urdf(file, tip="l2").joints == ("j0", "j1")
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_an_arm_of_one_joint_is_checked(tmp_path, capsys):
     file = tmp_path / "chain.urdf"
     file.write_text(chain(TURNS, ("fixed", "")))
