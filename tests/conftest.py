@@ -66,7 +66,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Tests of placo, an extra, by the names of their cases."""
     for item in items:
-        if "placo" in item.name.lower():
+        if "placo" in item.name.partition("[")[2].lower():
             item.fixturenames.append("needs_placo")  # type: ignore[attr-defined]
 
 

@@ -152,6 +152,7 @@ def test_axis_goals_opposite_to_the_tool_are_left(solver_class):
     check_reached(solver_class(kin).solve(goal, kin.arm.home), goal, kin)
 
 
+@pytest.mark.usefixtures("needs_placo")
 def test_placo_goes_on_where_its_program_gives_no_numbers(monkeypatch):
     """It happens rarely, and with goals far out of reach; here one step in seven does it."""
     kin = ArmKinematics("ur5-thesis")
