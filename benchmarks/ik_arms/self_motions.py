@@ -83,7 +83,7 @@ def checked(name: str, errors: bool, posture: int, *, full: bool) -> dict[str, A
     if full:
         T = kin.fk(q)
         samples, charts = (np.empty((0, 7)), np.empty((0, 7))) if errors else theirs(name, T)
-        more = np.vstack([np.empty((0, 7)), *(curve for curve, _ in finer(kin).curves(T)[0])])
+        more = np.vstack([np.empty((0, 7)), *(curve.q for curve in finer(kin).curves(T)[0])])
         counts = len(samples) + len(charts), *(_lost(kin, curves, each, T) for each in (samples, charts, more))
         others = dict(zip(COMPARED, counts, strict=True))
     return {"arm": name, "errors": int(errors), "posture": posture, **found, **others}
@@ -93,10 +93,10 @@ def faults(kin: SevenAxisKinematics, q: Floats) -> tuple[list[Curve], dict[str, 
     """The curves of a posture's pose; and what is wrong with them, by the column of the table."""
     T = kin.fk(q)
     motions = kin.self_motions(T, limits=False).curves
-    curves = [(curve.q, curve.closed) for curve in motions]
+    curves = [Curve(curve.q, curve.closed, curve.tangent) for curve in motions]
     still = [np.einsum("mij,mj->mi", kin.jacobian(curve.q), curve.tangent) for curve in motions]
     return curves, {
-        "curves": len(curves), "open": sum(not closed for _, closed in curves), "lost": _lost(kin, curves, q[None], T),
+        "curves": len(curves), "open": sum(not curve.closed for curve in curves), "lost": _lost(kin, curves, q[None], T),
         "missed": f"{max((np.abs(kin.fk(curve.q) - T).max() for curve in motions), default=0.0):.1e}",
         "motion": f"{max((np.abs(each).max() for each in still), default=0.0):.1e}",
     }  # fmt: skip

@@ -22,6 +22,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._general_6r import Chain
 from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
+from kinreach.kinematics._seven_axis.tracing import Curve
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._solutions import IKSolutions
 from tests.cases import slow
@@ -191,8 +192,8 @@ def test_seven_axes(seed, tmp_path):
         for q in rng.uniform(-np.pi, np.pi, (3, 7)):
             T = judge.fk(q)
             motions = kin.self_motions(T, limits=False)
-            known = [(curve.q, curve.closed) for curve in motions]
-            assert all(closed for _, closed in known)
+            known = [Curve(curve.q, curve.closed, curve.tangent) for curve in motions]
+            assert all(curve.closed for curve in motions)
             assert len(kin._tracer.beside(known, q[None], T)) == 0
             for curve in motions:
                 assert max(np.abs(judge.fk(one) - T).max() for one in curve.q[::20]) < 1e-9

@@ -69,8 +69,10 @@ static void bordered(const double *F, const double direction[N], double M[49]) {
     for (int i = 0; i < N; i++) M[(N + 1) * i] += NUDGE;
 }
 
-double kr_across(const double A[96], const double T[12], const double direction[7], int steps, double q[7]) {
-    double F[12 * (N + 1)], M[49], twist[6], b[14], missed;
+/* `kr_across`, which leaves the frames of the posture in F. */
+static double across(const double A[96], const double T[12], const double direction[N], int steps, double q[N],
+                     double F[12 * (N + 1)]) {
+    double M[49], twist[6], b[14], missed;
     for (;; steps--) {
         kr_frames(N, A, q, F);
         missed = kr_twist_to(F + 12 * N, T, twist);
@@ -83,9 +85,9 @@ double kr_across(const double A[96], const double T[12], const double direction[
     }
 }
 
-int kr_tangent_along(const double A[96], const double q[7], const double direction[7], double tangent[7]) {
-    double F[12 * (N + 1)], M[49], b[14] = {0.0}, square = 0.0;
-    kr_frames(N, A, q, F);
+/* `kr_tangent_along` where the frames are F. */
+static int tangent_at(const double F[12 * (N + 1)], const double direction[N], double tangent[N]) {
+    double M[49], b[14] = {0.0}, square = 0.0;
     bordered(F, direction, M);
     b[12] = 1.0;
     const int sign = kr_solve_seven(M, b);
@@ -93,6 +95,25 @@ int kr_tangent_along(const double A[96], const double q[7], const double directi
     if (!sign || !(0.0 < square && square < INFINITY)) return 0;
     for (int j = 0; j < N; j++) tangent[j] = b[2 * j] / sqrt(square);
     return sign;
+}
+
+double kr_across(const double A[96], const double T[12], const double direction[7], int steps, double q[7]) {
+    double F[12 * (N + 1)];
+    return across(A, T, direction, steps, q, F);
+}
+
+int kr_tangent_along(const double A[96], const double q[7], const double direction[7], double tangent[7]) {
+    double F[12 * (N + 1)];
+    kr_frames(N, A, q, F);
+    return tangent_at(F, direction, tangent);
+}
+
+double kr_step_along(const double A[96], const double T[12], const double direction[7], int steps, double q[7],
+                     double tangent[7], int *sign) {
+    double F[12 * (N + 1)];
+    const double missed = across(A, T, direction, steps, q, F);
+    *sign = missed < INFINITY ? tangent_at(F, direction, tangent) : 0;
+    return missed;
 }
 
 int kr_tangent(const double A[96], const double q[7], double tangent[7]) {
@@ -184,9 +205,9 @@ void kr_across_each(const double A[96], const double T[12], int steps, int count
                     double *missed) {
     for (int i = 0; i < count; i++) {
         double tangent[N];
-        missed[i] = kr_across(A, T, direction + N * i, steps, q + N * i);
-        if (kr_tangent_along(A, q + N * i, direction + N * i, tangent))
-            memcpy(direction + N * i, tangent, sizeof tangent);
+        int sign;
+        missed[i] = kr_step_along(A, T, direction + N * i, steps, q + N * i, tangent, &sign);
+        if (sign) memcpy(direction + N * i, tangent, sizeof tangent);
     }
 }
 

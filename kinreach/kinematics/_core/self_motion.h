@@ -14,6 +14,10 @@ double kr_across(const double A[96], const double T[12], const double direction[
 /* Unit tangent nearest to a direction at q; returns the sign of det [J; direction], 0 where there is none. */
 int kr_tangent_along(const double A[96], const double q[7], const double direction[7], double tangent[7]);
 
+/* `kr_across`, and `kr_tangent_along` where it ends, whose sign `sign` gets. */
+double kr_step_along(const double A[96], const double T[12], const double direction[7], int steps, double q[7],
+                     double tangent[7], int *sign);
+
 /* Unit tangent t at q with det [J; t] > 0; returns 0 where there is none. */
 int kr_tangent(const double A[96], const double q[7], double tangent[7]);
 

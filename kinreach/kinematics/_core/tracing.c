@@ -133,10 +133,11 @@ static int followed(const motion_t *m, int me, int first, double longest, int fo
     for (int k = 0; k < MAX_STEPS && count < room && step > SHORTEST; k++) {
         double beside = 0.0;
         for (int j = 0; j < N; j++) there[j] = q[j] + step * way[j];
-        const double missed = kr_across(m->A, m->T, way, STEPS, there);
+        int sign;
+        const double missed = kr_step_along(m->A, m->T, way, STEPS, there, ahead, &sign);
         for (int j = 0; j < N; j++) beside += (there[j] - q[j] - step * way[j]) * (there[j] - q[j] - step * way[j]);
         if (!(missed < ON_CURVE && beside < ASIDE * ASIDE * step * step)
-            || kr_tangent_along(m->A, there, way, ahead) != (forwards ? 1 : -1) || !(dot(ahead, way) > STRAIGHT)) {
+            || sign != (forwards ? 1 : -1) || !(dot(ahead, way) > STRAIGHT)) {
             step *= 0.5;
             continue;
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,12 +47,15 @@ class SelfMotion:
     """
 
     q: Floats
-    tangent: Floats
     length: Floats
     closed: bool
     total: float
     _tracer: SelfMotionTracer
     _T: Floats
+
+    @cached_property
+    def tangent(self) -> Floats:
+        return self._tracer.tangents(self.q)
 
     def at(self, length: float) -> Floats:
         """Return the posture at an arc length [rad] from the first, shape (7,); exact, not interpolated.
@@ -211,10 +215,10 @@ class SelfMotions:
         wound, within = nearest_windings(q.T, seed[:, None], self._lower, self._upper)
         if not within.any():
             return []
-        known = [(curve.q, curve.closed) for curve in self.curves]
+        known = [Curve(curve.q, curve.closed, curve.tangent) for curve in self.curves]
         index = next((i for i, curve in enumerate(known) if not len(tracer.beside([curve], q, self._T))), -1)
         if index < 0:  # where whole curves are singular they are a little beside
-            away = [float(np.linalg.norm(wrapped(curve - q), axis=1).min()) for curve, _ in known]
+            away = [float(np.linalg.norm(wrapped(curve.q - q), axis=1).min()) for curve in known]
             index = int(np.argmin(away)) if away and min(away) < 2.0 * LONGEST else -1
         on = [not tracer.off_surfaces(q, [cover])[0] for cover in self.surfaces]
         if any(on):
@@ -285,7 +289,7 @@ def within_limits(
     tracer: SelfMotionTracer, T: Floats, curves: Sequence[Curve], lower: Floats, upper: Floats
 ) -> list[SelfMotion]:
     """The parts of curves within the joint limits, the longest first."""
-    parts = [part for curve in curves for part in cut(tracer, T, curve, lower, upper)]
+    parts = cut(tracer, T, curves, lower, upper)
     return sorted((_motion(tracer, T, *part) for part in parts), key=lambda motion: -motion.total)
 
 
@@ -303,7 +307,7 @@ def _motion(tracer: SelfMotionTracer, T: Floats, q: Floats, closed: bool) -> Sel
     steps = np.linalg.norm(np.diff(q, axis=0), axis=1)
     length = np.concatenate([[0.0], np.cumsum(steps)])
     total = float(length[-1]) + (float(np.linalg.norm(wrapped(q[0] - q[-1]))) if closed else 0.0)
-    return SelfMotion(q, tracer.tangents(q), length, closed, total, tracer, T)
+    return SelfMotion(q, length, closed, total, tracer, T)
 
 
 def _least(values: Floats, *, closed: bool) -> list[int]:

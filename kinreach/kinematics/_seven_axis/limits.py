@@ -6,6 +6,8 @@ with that joint exactly there. So every way between two neighbours is within the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,55 +17,72 @@ from kinreach.kinematics._core import doubles, ffi, lib
 from kinreach.kinematics._seven_axis.tracing import MISSED, ON_CURVE, SAME, Curve, SelfMotionTracer
 from kinreach.kinematics._solutions import SLACK
 
+#: Part of a curve within limits: postures [rad], shape (m, 7), without jumps, and whether it is all of a closed one.
+Part = tuple[Floats, bool]
 #: Steps of Newton's method to a limit.
 NEWTON = 8
 
 
-def cut(tracer: SelfMotionTracer, T: Floats, curve: Curve, lower: Floats, upper: Floats) -> list[Curve]:
-    """Cut a curve of a pose (4, 4) at joint limits (7,), and wind it into them.
+def cut(tracer: SelfMotionTracer, T: Floats, curves: Sequence[Curve], lower: Floats, upper: Floats) -> list[Part]:
+    """Cut curves of a pose (4, 4) at joint limits (7,), and wind their parts into them.
 
-    It is also cut where a joint that may turn by more than a whole turn comes to a limit, and goes on a turn back. A
+    They are also cut where a joint that may turn by more than a whole turn comes to a limit, and goes on a turn back. A
     joint that has no limits goes round and round.
     """
-    q, closed, whole = _with_crossings(tracer, T, curve, lower, upper)
+    if not curves:
+        return []
+    q, owner, whole = _with_crossings(tracer, T, curves, lower, upper)
     inside = _inside(q, lower, upper) & (tracer.missed(q, T) < MISSED)
-    count = len(q)
-    whole &= inside & np.roll(inside, -1)
-    if not closed:
-        whole[-1] = False
-    if whole.all():
-        runs = [np.arange(count + 1) % count]
-    else:
-        last = np.flatnonzero(~whole)
-        begins = np.roll(last, 1) + 1
-        begins[0] -= 0 if closed else count
-        runs = [np.arange(a if a <= b else a - count, b + 1) for a, b in zip(begins, last, strict=True)]
-        runs = [run[inside[run]] for run in runs]
-    found: list[Curve] = []
-    for run in runs:
-        if len(run) > 1 or (len(run) and count == 1):
-            unrolled = q[run[0]] + np.vstack([np.zeros(7), np.cumsum(wrapped(np.diff(q[run], axis=0)), axis=0)])
-            found += _wound(unrolled, lower, upper, full=bool(whole.all()))
+    found: list[Part] = []
+    for index, curve in enumerate(curves):
+        begin, end = np.searchsorted(owner, (index, index + 1))
+        here, within = q[begin:end], inside[begin:end]
+        ways = whole[begin:end] & within & np.roll(within, -1)
+        if not curve.closed:
+            ways[-1] = False
+        for run in _runs(ways, within, closed=curve.closed):
+            if len(run) > 1 or (len(run) and len(here) == 1):
+                unrolled = here[run[0]] + np.vstack(
+                    [np.zeros(7), np.cumsum(wrapped(np.diff(here[run], axis=0)), axis=0)]
+                )
+                found += _wound(unrolled, lower, upper, full=bool(ways.all()))
     return found
 
 
+def _runs(ways: NDArray[np.bool_], inside: NDArray[np.bool_], *, closed: bool) -> list[NDArray[np.int64]]:
+    """The samples of each part of a curve whose samples (m,) and ways to the next ones (m,) are inside."""
+    count = len(ways)
+    if ways.all():
+        return [np.arange(count + 1) % count]
+    last = np.flatnonzero(~ways)
+    begins = np.roll(last, 1) + 1
+    begins[0] -= 0 if closed else count
+    runs = [np.arange(a if a <= b else a - count, b + 1) for a, b in zip(begins, last, strict=True)]
+    return [run[inside[run]] for run in runs]
+
+
 def _with_crossings(
-    tracer: SelfMotionTracer, T: Floats, curve: Curve, lower: Floats, upper: Floats
-) -> tuple[Floats, bool, NDArray[np.bool_]]:
-    """A curve with a sample wherever a joint is at a limit; and which ways to the next sample may be inside."""
-    q, closed = curve
+    tracer: SelfMotionTracer, T: Floats, curves: Sequence[Curve], lower: Floats, upper: Floats
+) -> tuple[Floats, NDArray[np.int64], NDArray[np.bool_]]:
+    """The samples of all curves, and one wherever a joint is at a limit.
+
+    Returns:
+        Postures (m, 7); the curve of each; and whether the way from each to the next may be inside.
+    """
+    q, tangent = np.vstack([curve.q for curve in curves]), np.vstack([curve.tangents for curve in curves])
+    owner = np.repeat(np.arange(len(curves)), [len(curve.q) for curve in curves])
     free = upper - lower >= 2.0 * MAX_ANGLE
-    whole = np.ones(len(q), dtype=np.bool_)
-    if free.all() or len(q) == 1:
-        return q, closed, whole
-    tangent = tracer.tangents(np.vstack([q, q[: int(closed)]]))
-    begin, end = (q, np.roll(q, -1, axis=0)) if closed else (q[:-1], q[1:])
-    out, into = tangent[:-1], tangent[1:]
-    away = wrapped(end - begin)
+    after = _following(owner)
+    here, closed = np.arange(len(q)), np.array([curve.closed for curve in curves])[owner]
+    (steps,) = np.nonzero((after > here) | (closed & (after < here)))
+    if free.all() or not len(steps):
+        return q, owner, np.ones(len(q), dtype=np.bool_)
+    begin, out, into = q[steps], tangent[steps], tangent[after[steps]]
+    away = wrapped(q[after[steps]] - begin)
     length = np.linalg.norm(away, axis=1)[:, None]
     piece, joint, limit, share = _crossings(begin, away, length * out, length * into, lower, upper, ~free)
     if not len(piece):
-        return q, closed, whole
+        return q, owner, np.ones(len(q), dtype=np.bool_)
     start = begin[piece] + _cubic(away[piece], (length * out)[piece], (length * into)[piece], share[:, None])
     row = np.arange(len(piece))
     start[row, joint] += wrapped(limit - start[row, joint])
@@ -73,24 +92,30 @@ def _with_crossings(
     slip = np.linalg.norm(there - start, axis=1) > 0.3 * length[piece, 0]
     failed = slip | (off >= ON_CURVE)  # the curve only touches the limit
     if failed.any():
-        along = out[piece[failed]]
-        there[failed], _, off[failed] = tracer.corrected(start[failed], T, along)
+        there[failed], _, off[failed] = tracer.corrected(start[failed], T, out[piece[failed]])
     gone = wrapped(there - begin[piece])
     good = off < ON_CURVE
     order = np.lexsort(((gone * away[piece]).sum(axis=1)[good], piece[good]))
-    piece, gone = piece[good][order], gone[good][order]
+    piece, gone = steps[piece[good][order]], gone[good][order]
     places = piece + 1
-    wide = np.insert(q, places, q[piece] + gone, axis=0)
+    wide, owner = np.insert(q, places, q[piece] + gone, axis=0), np.insert(owner, places, owner[piece])
     # middles of the ways that begin or end at an added sample
     added = places + np.arange(len(places))
     near = np.union1d(added, added - 1)
     whole = np.ones(len(wide), dtype=np.bool_)
-    following = wide[(near + 1) % len(wide)]
-    step = wrapped(following - wide[near])
+    step = wrapped(wide[_following(owner)[near]] - wide[near])
     direction = step / np.maximum(np.linalg.norm(step, axis=1), SAME)[:, None]
     middle, _, off = tracer.corrected(wide[near] + 0.5 * step, T, direction)
     whole[near] = (off < ON_CURVE) & _inside(middle, lower, upper)
-    return wide, closed, whole
+    return wide, owner, whole
+
+
+def _following(owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The row after each of curves' samples, the first one after the last."""
+    after = np.arange(1, len(owner) + 1)
+    (ends,) = np.nonzero(np.append(owner[1:] != owner[:-1], True))
+    after[ends] = np.append(0, ends[:-1] + 1)
+    return after
 
 
 def _crossings(
@@ -121,7 +146,7 @@ def _inside(q: Floats, lower: Floats, upper: Floats) -> NDArray[np.bool_]:
     return np.all(np.mod(q - lower + SLACK, TURN) <= upper - lower + 2.0 * SLACK, axis=1)
 
 
-def _wound(q: Floats, lower: Floats, upper: Floats, *, full: bool) -> list[Curve]:
+def _wound(q: Floats, lower: Floats, upper: Floats, *, full: bool) -> list[Part]:
     """Wind a part of a curve (m, 7) that is within limits but for whole turns; a `full` one ends as it begins."""
     shift = _shifts(q, lower, upper)
     jumps = np.flatnonzero((np.diff(shift, axis=0) != 0.0).any(axis=1))
@@ -140,17 +165,12 @@ def _wound(q: Floats, lower: Floats, upper: Floats, *, full: bool) -> list[Curve
 def _shifts(q: Floats, lower: Floats, upper: Floats) -> Floats:
     """Whole turns by which the postures of a part of a curve are wound into the limits, shape (m, 7)."""
     middle = q[len(q) // 2] if len(q) > 2 else q.mean(axis=0)
-    shift = np.empty(q.shape)
-    for joint, (low, high) in enumerate(zip(lower, upper, strict=True)):
-        if high - low < TURN:
-            shift[:, joint] = -TURN * np.floor((middle[joint] - low) / TURN)
-            continue
-        turn = -TURN * np.rint((q[0, joint] - 0.5 * (low + high)) / TURN)
-        if low - SLACK <= q[:, joint].min() + turn and q[:, joint].max() + turn <= high + SLACK:
-            shift[:, joint] = turn
-            continue
-        along = np.ascontiguousarray(q[:, joint])
-        turns = np.empty(len(q))
-        lib.kr_turns_along(len(q), 1, doubles(along), low, high, SLACK, doubles(turns))
-        shift[:, joint] = turns
+    narrow = upper - lower < TURN
+    turns = -TURN * np.where(narrow, np.floor((middle - lower) / TURN), np.rint((q[0] - 0.5 * (lower + upper)) / TURN))
+    shift = np.tile(turns, (len(q), 1))
+    whole = (lower - SLACK <= q.min(axis=0) + turns) & (q.max(axis=0) + turns <= upper + SLACK)
+    for joint in np.flatnonzero(~(narrow | whole)):
+        along, turned = np.ascontiguousarray(q[:, joint]), np.empty(len(q))
+        lib.kr_turns_along(len(q), 1, doubles(along), lower[joint], upper[joint], SLACK, doubles(turned))
+        shift[:, joint] = turned
     return shift

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +37,16 @@ ASIDE = 0.15
 
 _BYTES, _INTS = ffi.typeof("unsigned char[]"), ffi.typeof("int[]")
 
-#: Postures along a curve [rad], shape (m, 7), without jumps, and whether it is closed. A curve that is smaller than
-#: `BESIDE` may be a single posture.
-Curve = tuple[Floats, bool]
+
+class Curve(NamedTuple):
+    """Postures along a curve [rad], shape (m, 7), whether it is closed, and its unit tangents there, shape (m, 7).
+
+    A curve that is smaller than `BESIDE` may be a single posture.
+    """
+
+    q: Floats
+    closed: bool
+    tangents: Floats
 
 
 class SelfMotionTracer:
@@ -94,7 +101,7 @@ class SelfMotionTracer:
             curves, alone = self._followed(q, T)
             points = np.vstack([points, alone])
         points = points[self.off_surfaces(points, surfaces)]
-        return curves + [(point[None], True) for point in _apart(points, curves)], surfaces
+        return curves + [self.point(q) for q in _apart(points, curves)], surfaces
 
     def reached(self, seed: Floats, T: Floats) -> Floats:
         """The posture of a pose to which the shortest steps lead from a seed (7,), shape (1, 7); (0, 7) without one."""
@@ -136,12 +143,11 @@ class SelfMotionTracer:
     def beside(self, curves: list[Curve], q: Floats, T: Floats) -> Floats:
         """Those of postures (m, 7) of a pose that are on none of some of its curves."""
         q, on = np.ascontiguousarray(q), np.zeros(len(q), dtype=np.bool_)
-        for curve, closed in curves:
-            curve = np.ascontiguousarray(curve)
-            tangents, here = self.tangents(np.vstack([curve, curve[: int(closed)]])), np.empty(len(q), dtype=np.bool_)
+        for curve in curves:
+            here = np.empty(len(q), dtype=np.bool_)
             lib.kr_on_curve(
-                self._A, doubles(T), doubles(curve), doubles(tangents), len(curve), closed, doubles(q), len(q),
-                ffi.from_buffer(_BYTES, here),
+                self._A, doubles(T), doubles(curve.q), doubles(curve.tangents), len(curve.q), curve.closed, doubles(q),
+                len(q), ffi.from_buffer(_BYTES, here),
             )  # fmt: skip
             on |= here
         return q[~on]
@@ -210,6 +216,10 @@ class SelfMotionTracer:
         lib.kr_tangents(self._A, len(q), doubles(q), doubles(ahead), doubles(tangents))
         return tangents
 
+    def point(self, q: Floats) -> Curve:
+        """A posture (7,) as a curve of its own."""
+        return Curve(q[None], True, self.tangents(q[None]))
+
     def _followed(self, q: Floats, T: Floats) -> tuple[list[Curve], Floats]:
         """The curves of postures (m, 7), and postures whose curve cannot be followed."""
         q = np.ascontiguousarray(q[np.argsort(q[:, 0])])
@@ -222,20 +232,19 @@ class SelfMotionTracer:
         )  # fmt: skip
         curves, alone = [], [q[:0]]
         for begin, end, back in zip([0, *ends[: found - 1]], ends[:found], closed[:found].tolist(), strict=False):
-            curve = samples[begin:end].copy()
             if back < 0:
                 continue
-            if not back and _length(curve) < BESIDE:
-                alone.append(wrapped(curve[:1]))
+            if not back and _length(samples[begin:end]) < BESIDE:
+                alone.append(wrapped(samples[begin : begin + 1]))
             else:
-                curves.append((curve, bool(back)))
+                curves.append(Curve(samples[begin:end].copy(), bool(back), tangents[begin:end].copy()))
         return curves, np.vstack(alone)
 
 
 def _apart(points: Floats, curves: list[Curve]) -> Floats:
     """Those of postures (m, 7) that are not near an earlier one, nor near a curve's sample."""
     points = points[first_of_each(points, BESIDE)]
-    samples = np.vstack([points[:0], *(curve for curve, _ in curves)])
+    samples = np.vstack([points[:0], *(curve.q for curve in curves)])
     near = [np.abs(wrapped(point - samples)).max(axis=1).min(initial=np.inf) < BESIDE for point in points]
     return points[~np.array(near, dtype=np.bool_)]
 
