@@ -128,6 +128,24 @@ def test_a_grid_twice_as_fine_finds_no_further_curve(name, errors):
     assert errors or sum(row["samples"] for row in rows) >= 60
 
 
+def test_the_curves_of_a_folded_elbow_are_found(tmp_path):
+    """The wrist is as near to the shoulder as it comes, 0.02 m, and moves away slowly: the curves are on a boundary."""
+    lengths, tilts = (0.36, 0, 0.42, 0, 0.4, 0, 0.126), (-RIGHT, RIGHT, RIGHT, -RIGHT, -RIGHT, RIGHT, 0)
+    links = (motion(0, length, 0, tilt) for length, tilt in zip(lengths, tilts, strict=True))
+    kin, rng = kinematics(tmp_path, np.array([np.eye(4), *links])), np.random.default_rng(1)
+    for _ in range(6):
+        q = rng.uniform(-2.8, 2.8, 7)
+        q[3] = np.pi
+        q[[1, 5]] = np.copysign(np.maximum(np.abs(q[[1, 5]]), 0.05), q[[1, 5]])  # and nothing else is singular
+        T = kin.fk(q)
+        motions = kin.self_motions(T, limits=False)
+        exact(kin, T, motions)
+        assert len(motions) == 8  # two of the shoulder, two of the wrist, and both sides of the elbow
+        assert all(curve.closed for curve in motions)
+        assert min(apart(q, curve.q) for curve in motions) < 0.1
+        assert np.abs(np.sin(kin.nearest(T, q).q - q)).max() < 1e-6
+
+
 def test_the_curves_of_an_elbow_that_is_stretched_or_almost_so_are_found(tmp_path):
     """Only joints 3 and 5 move along them: they lie between two values of the first joint and of the last.
 

@@ -70,8 +70,9 @@ class SevenAxisKinematics(ArmKinematics):
         Returns:
             The curves, or the reason why there is none. Where every posture is singular, because the elbow of an arm
             such as an iiwa is stretched to less than 1e-5 rad, each curve is there twice, once for either side of the
-            elbow, 3e-5 rad apart. Its postures miss the pose by up to 1e-10 m and rad. Where two pairs of axes
-            coincide, or almost, the postures are a surface: it is among `surfaces`, by postures all over it.
+            elbow, 3e-5 rad apart, or up to 3e-3 where it is folded. Its postures miss the pose by up to 1e-10 m and
+            rad. Where two pairs of axes coincide, or almost, the postures are a surface: it is among `surfaces`, by
+            postures all over it.
 
         Raises:
             InputError: `T` is not a finite rigid motion, or the seed is malformed.

@@ -161,6 +161,10 @@ class Starts:
             q = np.vstack([q, more])
         return wrapped(q)
 
+    def across(self, q: Floats, T: Floats) -> Floats:
+        """The postures (k, 7) of a pose on both sides of singular ones beside its postures (m, 7)."""
+        return wrapped(self._newton(self._vertices(q, T), T, STEPS)[0])
+
     def _newton(self, q: Floats, T: Floats, steps: int) -> tuple[Floats, Floats]:
         """Postures that arrived, in the order of their starts, and those that are near but slow."""
         q, off = np.array(q, order="C"), np.empty(len(q))

@@ -28,6 +28,8 @@ NEWTON, ON_CURVE = 4, 1e-10
 MISSED = 1e-9
 #: By how much a pose is moved where all of a curve is singular [m, rad].
 INWARDS = 1e-10
+#: A pose is on the boundary if at least this share of its postures are singular, and on no surface.
+BOUNDARY = 0.25
 #: Two postures nearer than this are one [rad].
 SAME = 1e-5
 #: A posture from which no curve can be followed is part of one that comes nearer than this [rad].
@@ -90,9 +92,12 @@ class SelfMotionTracer:
         if surfaces:
             away = self.off_surfaces(q, surfaces)
             q, singular, surface, twists = q[away], singular[away], surface[away], twists[away]
+        if not surfaces:  # what looked like one is on a boundary that the elbow leaves slowly
+            surface = surface & (np.count_nonzero(singular) < BOUNDARY * len(q))
         along = singular & ~surface
-        if along.any() and np.count_nonzero(along) >= 0.25 * len(q):
+        if along.any() and np.count_nonzero(along) >= BOUNDARY * len(q):
             T, q = self._beside_boundary(T, q, twists[np.argmax(along)], seeds)
+            points = points[:0] if not surfaces else points
         else:
             q = q[~surface]
         q = q[self.off_surfaces(q, surfaces)]
@@ -129,7 +134,9 @@ class SelfMotionTracer:
             moved[:3, :3] += sign * INWARDS * np.cross(w, T[:3, :3], axisb=0, axisc=0)
             found.append((moved, np.vstack([self._starts.reached(seeds, moved), self._starts.of(moved)])))
         moved, near = max(found, key=lambda each: len(each[1]))
-        return (moved, near) if len(near) else (T, q)
+        if not len(near):
+            return T, q
+        return moved, np.vstack([near, self._starts.across(near, moved)])
 
     def off_surfaces(self, q: Floats, surfaces: list[Floats]) -> NDArray[np.bool_]:
         """Which of postures (m, 7) are on none of some surfaces."""
