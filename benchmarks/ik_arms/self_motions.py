@@ -96,7 +96,7 @@ def faults(kin: SevenAxisKinematics, q: Floats) -> tuple[list[Curve], dict[str, 
     curves = [Curve(curve.q, curve.closed, curve.tangent) for curve in motions]
     still = [np.einsum("mij,mj->mi", kin.jacobian(curve.q), curve.tangent) for curve in motions]
     return curves, {
-        "curves": len(curves), "open": sum(not curve.closed for curve in curves), "lost": _lost(kin, curves, q[None], T),
+        "curves": len(curves), "open": sum(not each.closed for each in curves), "lost": _lost(kin, curves, q[None], T),
         "missed": f"{max((np.abs(kin.fk(curve.q) - T).max() for curve in motions), default=0.0):.1e}",
         "motion": f"{max((np.abs(each).max() for each in still), default=0.0):.1e}",
     }  # fmt: skip
