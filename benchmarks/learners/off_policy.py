@@ -24,8 +24,8 @@ from torch.optim import Optimizer
 
 from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines import Algorithm, Networks, Recipe, SB3VecEnv, register_algorithm, register_recipe
-from kinreach.baselines._adaptive_ppo import Exploration, share_left
 from kinreach.baselines._algorithms import mlp_arguments
+from kinreach.baselines._ranked_ppo import Exploration, share_left
 from kinreach.baselines._rewards import REWARDS, dense
 from kinreach.envs._reach.task import action_range
 from kinreach.robots import get_arm

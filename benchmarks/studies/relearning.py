@@ -43,11 +43,10 @@ from kinreach._checks import Floats, check_count
 from kinreach._files import make_writable, replacing
 from kinreach._jobs import add_options
 from kinreach._statistics import bootstrap_intervals, mean
-from kinreach.baselines._adaptive_ppo import AdaptiveRate, Exploration
-from kinreach.baselines._algorithms import normal_scores
 from kinreach.baselines._networks import ACTIVATIONS, ObservationFeatures, PostureHead
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import Network
+from kinreach.baselines._ranked_ppo import AdaptiveRate, Exploration, normal_scores
 from kinreach.baselines.random_arms import ur5
 from kinreach.cli import Parser, finish
 from kinreach.envs._reach.task import goal_block

@@ -1,10 +1,4 @@
-"""Ranked PPO, and the registry of the algorithms that a recipe can be trained with.
-
-Ranked PPO is for tasks where the reward of one action is its whole outcome, as in reaching: there, the critic is the
-largest source of error of PPO. It tries K actions from every state; the advantage of each is the normal score of its
-rank among the K. There is no critic, and no scale of the reward to tune. The rest is PPO: clipped ratios, several
-epochs, minibatches. Group-relative advantages are those of GRPO (Shao et al. 2024, DeepSeekMath, section 4.1), with
-ranks instead of standardised rewards; normal scores of ranks are those of evolution strategies.
+"""The registry of the algorithms that a recipe can be trained with, and how a recipe's settings become theirs.
 
 An algorithm from outside is one entry, for example of sb3-contrib:
 
@@ -20,26 +14,24 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import torch
 from gymnasium.vector import VectorEnv
 from numpy.typing import ArrayLike
-from scipy.special import ndtri
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.buffers import RolloutBuffer
 
 from kinreach._checks import STEP_LIMIT, check_known, shown
 from kinreach._registration import LIFT, SPACE
-from kinreach.baselines._adaptive_ppo import AdaptivePPO, AdaptiveRate, Exploration, LateCollisionsPPO
+from kinreach.baselines._adaptive_ppo import AdaptivePPO, LateCollisionsPPO
 from kinreach.baselines._batch import first_observations
 from kinreach.baselines._descent import AnalyticGradient, MovingGradient, RandomArmGradient
-from kinreach.baselines._looks import Looks
+from kinreach.baselines._looks import Looks, LooksVecEnv
 from kinreach.baselines._networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
 from kinreach.baselines._policy_file import Network
 from kinreach.baselines._ppo2 import PPO2
+from kinreach.baselines._ranked_ppo import AdaptiveRate, Exploration, RankedPPO, TriesVecEnv
 from kinreach.baselines._recipes import Recipe
 from kinreach.baselines._rewards import TrainingReward
-from kinreach.baselines._vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
+from kinreach.baselines._vec_envs import SB3VecEnv
 from kinreach.envs.inside import (
     CAMERA,
     CONTROL_LIMIT,
@@ -54,43 +46,6 @@ from kinreach.envs.inside import (
 )
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
-
-
-def normal_scores(rewards: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Normal scores of the ranks within each row, shape (n, k): mean 0, variance 1; equal rewards share a rank."""
-    k = rewards.shape[1]
-    left, right = rewards[:, :, None], rewards[:, None, :]
-    doubled = 2 * (left > right).sum(axis=2) + (left == right).sum(axis=2) - 1  # twice the mean rank from 0
-    scores = ndtri((np.arange(2 * k - 1) + 1) / (2 * k))
-    return (scores / scores[::2].std())[doubled]
-
-
-class RankedRolloutBuffer(RolloutBuffer):
-    """A rollout buffer whose advantages are ranks among the `tries` consecutive environments that share a state."""
-
-    def __init__(self, *args: Any, tries: int, **kwargs: Any) -> None:
-        self.tries = tries
-        super().__init__(*args, **kwargs)
-
-    def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: np.ndarray[Any, Any]) -> None:
-        outcomes = self.rewards.reshape(-1, self.tries)
-        self.advantages = normal_scores(outcomes).astype(np.float32).reshape(self.rewards.shape)
-        self.returns = np.zeros_like(self.rewards)
-
-
-class RankedPPO(AdaptivePPO):
-    """PPO with ranks among several tries instead of a critic; the environment must be a `TriesVecEnv` of as many."""
-
-    def __init__(self, *args: Any, tries: int, **kwargs: Any) -> None:
-        super().__init__(
-            *args,
-            rollout_buffer_class=RankedRolloutBuffer,
-            rollout_buffer_kwargs={"tries": tries},
-            vf_coef=0.0,
-            normalize_advantage=False,
-            **kwargs,
-        )
-
 
 #: Angular frequencies of the waves of normalised observations.
 WAVES = (0.5, 1.0, 2.0)
@@ -166,8 +121,6 @@ def actor_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, A
 def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     arguments = actor_arguments(recipe, env, planned)
     arguments.pop("looks", None)
-    if recipe.networks.posture:
-        arguments["policy_kwargs"]["paired"] = True
     return arguments
 
 

@@ -1,13 +1,17 @@
-"""Pictures of goals for a training, rendered in advance."""
+"""Pictures of goals for a training, rendered in advance, and the environments that show them."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs
 
 from kinreach._checks import Floats
+from kinreach.baselines._ranked_ppo import TriesVecEnv
 from kinreach.envs.inside import PixelObserver, ReachTask
 
 
@@ -38,3 +42,32 @@ class Looks:
     def seen(self, numbers: NDArray[Any]) -> dict[str, NDArray[np.uint8]]:
         """Looks by their numbers, shape (k,), as environments with `observation="pixels"` give them."""
         return {name: self.pictures[numbers, camera] for camera, name in enumerate(self.names)}
+
+
+class LooksVecEnv(TriesVecEnv):
+    """Groups of tries from pictures: an observation is the number of a look at a group's goal.
+
+    Looks are taken when the environments are seeded.
+    """
+
+    def __init__(self, env: VectorEnv[Any, Any, Any], *, looks: Looks, **kwargs: Any) -> None:
+        super().__init__(env, **kwargs)
+        self.looks = looks
+        self.observation_space = spaces.Box(0.0, float(len(looks.pictures) - 1), (1,))
+        self._goals = np.zeros((len(looks.pictures), 3))
+
+    def seen(self, observations: NDArray[Any]) -> Any:
+        return self.looks.seen(observations[:, 0].astype(int))
+
+    def reset(self) -> VecEnvObs:
+        if self._seeds[0] is not None:
+            rng = np.random.default_rng([self._seeds[0], 1])
+            self._goals = np.array(self._draw(rng, len(self._goals))["goal"])
+            self.looks.take(self._goals, rng)
+        return super().reset()
+
+    def _begin(self) -> NDArray[Any]:
+        groups = self._rng.integers(len(self._goals), size=self.num_envs // self._tries)
+        numbers = np.repeat(groups, self._tries)
+        self._env.reset(options={"goal": self._goals[numbers]})
+        return numbers[:, None].astype(np.float32)

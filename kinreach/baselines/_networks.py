@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, FlattenExtractor
 from torch import Tensor, nn
@@ -99,16 +98,6 @@ class LookFeatures(BaseFeaturesExtractor):
         return torch.cat([eye(pictures[:, camera]) for camera, eye in enumerate(self.eyes)], dim=1)[rows]
 
 
-class PairedGaussian(DiagGaussianDistribution):
-    """A normal distribution whose samples come in antithetic pairs: rows 2i and 2i + 1 have opposite noise."""
-
-    def sample(self) -> Tensor:
-        """Return one sample a row; the number of rows must be even."""
-        mean = self.distribution.mean
-        noise = torch.randn(len(mean) // 2, mean.shape[1])
-        return mean + self.distribution.stddev * torch.stack([noise, -noise], dim=1).flatten(0, 1)
-
-
 class PostureHead(nn.Linear):
     """The mean action from the last hidden layer h: shift + gain (W h + b), at first nearly the shift.
 
@@ -131,17 +120,15 @@ class PostureHead(nn.Linear):
 
 
 class PosturePolicy(ActorCriticPolicy):
-    """stable-baselines3's policy with a `PostureHead`; `paired` samples come in antithetic pairs, of even batches."""
+    """stable-baselines3's policy with a `PostureHead`."""
 
-    def __init__(self, *args: Any, head: dict[str, Any], paired: bool = False, **kwargs: Any) -> None:
-        self._head, self._paired = head, paired
+    def __init__(self, *args: Any, head: dict[str, Any], **kwargs: Any) -> None:
+        self._head = head
         super().__init__(*args, **kwargs)
 
     def _build(self, lr_schedule: Any) -> None:
         super()._build(lr_schedule)
         self.action_net = PostureHead(self.mlp_extractor.latent_dim_pi, **self._head)
-        if self._paired:
-            self.action_dist = PairedGaussian(len(self.action_net.shift))
         new_optimizer: Any = self.optimizer_class
         self.optimizer = new_optimizer(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
 

@@ -1,24 +1,19 @@
-"""Batches of environments for stable-baselines3."""
+"""A native batch of environments as stable-baselines3 takes it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from kinreach._objects import place_of
 from kinreach.baselines._batch import last_step
-from kinreach.baselines._looks import Looks
-from kinreach.baselines._policies import paced
 from kinreach.baselines._rewards import TrainingReward, own
-from kinreach.envs.inside import UR5_LAYOUT, Layout, action_range
 from kinreach.errors import InputError, TrainingError
-from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 
 Array = np.ndarray[Any, Any]
 
@@ -122,96 +117,3 @@ class SB3VecEnv(VecEnv):
 def _check_finite(what: str, values: Array) -> None:
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         raise TrainingError(f"{what} became {values[~np.isfinite(values)][0]:g}")
-
-
-class TriesVecEnv(SB3VecEnv):
-    """A batch of reach environments in groups of `tries` with the same goal; a step is a whole episode.
-
-    Actions are postures, approached in `steps` steps; the reward is that of the last one.
-
-    Args:
-        tries: Size of a group.
-        draw: Draws options of a reset, among them `goal` [m], shape (n, 3).
-        steps: Of an episode; 1 if the environment's actions are postures.
-        blur: Standard deviation of noise on the goal in observations [m], for cameras that do not quite agree.
-    """
-
-    def __init__(
-        self,
-        env: VectorEnv[Any, Any, Any],
-        *,
-        tries: int,
-        draw: Callable[[np.random.Generator, int], Mapping[str, Array]],
-        steps: int,
-        reward: TrainingReward,
-        blur: float,
-        layout: Layout = UR5_LAYOUT,
-        arm: str | ArmDescription = THESIS_ARM,
-    ) -> None:
-        super().__init__(env, reward=reward)
-        self._tries, self._draw, self._steps, self._blur = tries, draw, steps, blur
-        self._layout = layout
-        self._half, self._middle = action_range(get_arm(arm))
-        self._rng = np.random.default_rng()
-        self._infos: list[dict[str, Any]] = [{} for _ in range(env.num_envs)]
-        self._over = np.ones(env.num_envs, dtype=np.bool_)
-
-    def reset(self) -> VecEnvObs:
-        if self._seeds[0] is not None:
-            self._rng = np.random.default_rng(self._seeds[0])
-            self._env.reset(seed=self._seeds[0])
-        self._reset_seeds()
-        return self._begin()
-
-    def step_wait(self) -> VecEnvStepReturn:
-        if self._steps == 1:
-            _, rewards, _, _, info = self._env.step(self._actions)
-        else:
-            rewards, info = self._walk(self._half * np.clip(self._actions, -1, 1) + self._middle)
-        seen = self._rewarded(rewards, {**info, **last_step(info)}).astype(np.float32)
-        return self._begin(), seen, self._over, self._infos
-
-    def _walk(self, postures: Array) -> tuple[Any, Any]:
-        q = self._first[:, self._layout.q]
-        for _ in range(self._steps):
-            observations, rewards, _, _, info = self._env.step(paced(postures - q))
-            q = observations[:, self._layout.q]
-        return rewards, info
-
-    def _begin(self) -> Array:
-        groups = self.num_envs // self._tries
-        starts = self._draw(self._rng, groups)
-        options = {name: np.repeat(rows, self._tries, axis=0) for name, rows in starts.items()}
-        self._first = np.array(self._env.reset(options=options)[0])
-        noise = self._rng.normal(0.0, self._blur, (groups, self._layout.goal.stop))
-        self._first[:, self._layout.goal] += np.repeat(noise, self._tries, axis=0)
-        return self._first
-
-
-class LooksVecEnv(TriesVecEnv):
-    """The same for pictures: an observation is the number of a look at a group's goal.
-
-    Looks are taken when the environments are seeded.
-    """
-
-    def __init__(self, env: VectorEnv[Any, Any, Any], *, looks: Looks, **kwargs: Any) -> None:
-        super().__init__(env, **kwargs)
-        self.looks = looks
-        self.observation_space = spaces.Box(0.0, float(len(looks.pictures) - 1), (1,))
-        self._goals = np.zeros((len(looks.pictures), 3))
-
-    def seen(self, observations: Array) -> Any:
-        return self.looks.seen(observations[:, 0].astype(int))
-
-    def reset(self) -> VecEnvObs:
-        if self._seeds[0] is not None:
-            rng = np.random.default_rng([self._seeds[0], 1])
-            self._goals = np.array(self._draw(rng, len(self._goals))["goal"])
-            self.looks.take(self._goals, rng)
-        return super().reset()
-
-    def _begin(self) -> Array:
-        groups = self._rng.integers(len(self._goals), size=self.num_envs // self._tries)
-        numbers = np.repeat(groups, self._tries)
-        self._env.reset(options={"goal": self._goals[numbers]})
-        return numbers[:, None].astype(np.float32)

@@ -17,7 +17,7 @@ from kinreach.baselines import _evaluation as evaluation
 from kinreach.baselines._evaluation import evaluate
 from kinreach.baselines._learning_curve import COLUMNS, read_curve
 from kinreach.baselines._models import build
-from kinreach.baselines._networks import PairedGaussian, actor_network
+from kinreach.baselines._networks import actor_network
 from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import REWARDS
@@ -70,16 +70,6 @@ def test_schedules_are_followed_and_are_over_at_the_end():
     assert [group["lr"] for group in model.policy.optimizer.param_groups] == [0.0]
 
 
-def test_samples_of_the_ranked_recipes_come_in_opposite_pairs():
-    trainee = build(small("ranked-single"), 0, steps=768)
-    observations = torch.as_tensor(trainee.env.reset(), dtype=torch.float32)
-    policy = trainee.model.policy
-    with torch.no_grad():
-        noise = policy(observations)[0] - policy.get_distribution(observations).mode()
-    assert noise.abs().min() > 0
-    np.testing.assert_allclose(noise[::2], -noise[1::2], atol=1e-6)
-
-
 @pytest.mark.parametrize("name", ["ppo-single", "ppo-multi"])
 def test_ppo_has_the_minibatches_and_the_networks_of_its_recipe(name):
     recipe = replace(get_recipe(name), num_envs=32)
@@ -103,12 +93,6 @@ def test_no_segment_trains_on_the_goals_of_another(tmp_path, monkeypatch):
     groups = np.concatenate(seen).reshape(-1, 8, 3)
     assert len(groups) == 768 // 8
     assert len(np.unique(groups[:, 0], axis=0)) == len(groups)
-
-
-@pytest.mark.parametrize("name", ["ranked-single", "ppo-single", "thesis-ppo-single"])
-def test_only_ranked_ppo_draws_in_pairs(name):
-    policy = build(replace(get_recipe(name), num_envs=8), 0, steps=100).model.policy
-    assert isinstance(policy.action_dist, PairedGaussian) == (name == "ranked-single")
 
 
 @pytest.mark.parametrize(("name", "steps"), [("thesis-ppo-single", 128), ("thesis-ppo-multi", 4096)])
