@@ -52,7 +52,7 @@ test-all: $(DEV) ## Run all tests
 newest: ## Test kinematics with the newest versions of all packages, without placo, for example PYTHON=python3.13
 	$(PYTHON) -m venv --clear $(NEWEST_VENV)
 	$(NEWEST_VENV)/bin/pip install --disable-pip-version-check --root-user-action=ignore --quiet -e . hypothesis jsonschema pytest pytest-xdist
-	$(NEWEST_VENV)/bin/python -m pytest -m "not slow" -W ignore::DeprecationWarning -W ignore::ResourceWarning $(PYTEST_ARGS) $(or $(ARGS),tests/kinematics tests/robots)
+	$(NEWEST_VENV)/bin/python -m pytest -m "not slow" -W ignore::DeprecationWarning -W ignore::ResourceWarning -W "ignore:It looks like .register_random." $(PYTEST_ARGS) $(or $(ARGS),tests/kinematics tests/robots)
 
 lint: $(DEV) ## Check style, format and types
 	$(BIN)/ruff check .
