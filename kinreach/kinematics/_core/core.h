@@ -192,9 +192,9 @@ void kr_least_singular_values(const double A[96], int count, const double *q, do
 /* All curves through `count` starts (count, 7), which reach the pose, in [-pi, pi], sorted by joint 1. Postures along them
  * without jumps go into `samples`, at most `room` in all, unit tangents into `tangents`; `ends` gets where each curve
  * ends there, `closed` 1 if it comes back to its first posture, 0 if not, and -1 if it is none, both (2, count). Memory for
- * what is found on the way: (count, 7) and (4, count). Returns how many curves there are, at most 2 count. */
+ * what is found on the way: (4, count). Returns how many curves there are, at most 2 count. */
 int kr_self_motion(const double A[96], const double T[12], const double *starts, int count, int room, double *samples,
-                   double *tangents, int *ends, int *closed, double *start_tangents, int *marks);
+                   double *tangents, int *ends, int *closed, int *marks);
 
 /* Which of `others` postures (others, 7) of the pose are on a curve with these samples and tangents (count, 7). */
 void kr_on_curve(const double A[96], const double T[12], const double *samples, const double *tangents, int count,

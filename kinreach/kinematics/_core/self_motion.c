@@ -2,6 +2,7 @@
 
 #include "chain.h"
 #include "core.h"
+#include "sincos.h"
 
 #include <math.h>
 #include <string.h>
@@ -10,6 +11,10 @@ enum { N = KR_SEVEN };
 /* Newton's method stops at an error below this [m, rad]; what is added to a matrix before it is inverted; longest step of
  * a joint [rad]. */
 static const double CONVERGED = 1e-13, NUDGE = 1e-14, MAX_JOINT_STEP = 0.3;
+/* After a step whose joints turn by less in all, the error is not computed again but bounded [rad]. */
+static const double TINY_STEP = 1e-6;
+/* A step of Newton's method contracts to a posture if it leaves less than this share of the way, and a little more. */
+static const double CONTRACTS = 0.25, LITTLE = 1e-6;
 /* Least pivot of Cholesky's factor. */
 static const double TINY = 1e-18;
 /* Steps of the inverse iteration. */
@@ -69,57 +74,103 @@ static void bordered(const double *F, const double direction[N], double M[49]) {
     for (int i = 0; i < N; i++) M[(N + 1) * i] += NUDGE;
 }
 
-/* `kr_across`, which leaves the frames of the posture in F. */
-static double across(const double A[96], const double T[12], const double direction[N], int steps, double q[N],
-                     double F[12 * (N + 1)]) {
-    double M[49], twist[6], b[14], missed;
-    for (;; steps--) {
-        kr_frames(N, A, q, F);
-        missed = kr_twist_to(F + 12 * N, T, twist);
-        if (!(CONVERGED <= missed && missed < INFINITY) || steps <= 0) return missed;
-        bordered(F, direction, M);
-        for (int i = 0; i < 6; i++) b[2 * i] = twist[i], b[2 * i + 1] = 0.0;
-        b[12] = b[13] = 0.0;
-        if (!kr_solve_seven(M, b)) return INFINITY;
-        move(q, b, 2);
+/* Frames of the joints and of the tip, as `kr_frames`; all sines and cosines at once. */
+static void frames(const double *restrict A, const double q[N], double *restrict F) {
+    double s[N], c[N];
+    kr_sincos_of_each(N, q, s, c);
+    memcpy(F, A, 12 * sizeof *F);
+    for (int i = 0; i < N; i++, F += 12) {
+        const double *restrict a = A + 12 * (i + 1);
+        double *restrict next = F + 12;
+        for (int r = 0; r < 12; r += 4) {
+            const double x = c[i] * F[r] + s[i] * F[r + 1], y = c[i] * F[r + 1] - s[i] * F[r], z = F[r + 2];
+            for (int k = 0; k < 4; k++) next[r + k] = x * a[k] + y * a[4 + k] + z * a[8 + k];
+            next[r + 3] += F[r + 3];
+            F[r] = x;
+            F[r + 1] = y;
+        }
     }
 }
 
-/* `kr_tangent_along` where the frames are F. */
-static int tangent_at(const double F[12 * (N + 1)], const double direction[N], double tangent[N]) {
-    double M[49], b[14] = {0.0}, square = 0.0;
-    bordered(F, direction, M);
-    b[12] = 1.0;
-    const int sign = kr_solve_seven(M, b);
+/* By how much a posture misses the pose at most after a step of Newton's method, from what the linear equations left: the
+ * second derivatives of the tip's pose are less than all links together, and than 1. Infinite if the step is not tiny. */
+static double missed_after(const double A[96], const double *step, int stride, double left) {
+    double sum = 0.0, reach = 1.0;
+    for (int j = 0; j < N; j++) sum += fabs(step[stride * j]);
+    if (!(sum < TINY_STEP)) return INFINITY;
+    for (int i = 12; i < 12 * (N + 1); i += 12) reach += fabs(A[i + 3]) + fabs(A[i + 7]) + fabs(A[i + 11]);
+    return left + reach * sum * sum;
+}
+
+/* The unit vector along a tangent, every second of b; returns 0 if it has no direction. */
+static int unit(const double *b, double tangent[N]) {
+    double square = 0.0;
     for (int j = 0; j < N; j++) square += b[2 * j] * b[2 * j];
-    if (!sign || !(0.0 < square && square < INFINITY)) return 0;
-    for (int j = 0; j < N; j++) tangent[j] = b[2 * j] / sqrt(square);
-    return sign;
-}
-
-double kr_across(const double A[96], const double T[12], const double direction[7], int steps, double q[7]) {
-    double F[12 * (N + 1)];
-    return across(A, T, direction, steps, q, F);
-}
-
-int kr_tangent_along(const double A[96], const double q[7], const double direction[7], double tangent[7]) {
-    double F[12 * (N + 1)];
-    kr_frames(N, A, q, F);
-    return tangent_at(F, direction, tangent);
+    if (!(0.0 < square && square < INFINITY)) return 0;
+    const double inverse = 1.0 / sqrt(square);
+    for (int j = 0; j < N; j++) tangent[j] = inverse * b[2 * j];
+    return 1;
 }
 
 double kr_step_along(const double A[96], const double T[12], const double direction[7], int steps, double q[7],
                      double tangent[7], int *sign) {
-    double F[12 * (N + 1)];
-    const double missed = across(A, T, direction, steps, q, F);
-    *sign = missed < INFINITY ? tangent_at(F, direction, tangent) : 0;
-    return missed;
+    double F[12 * (N + 1)], M[49], twist[6], b[14], missed;
+    *sign = 0;
+    for (;; steps--) {
+        frames(A, q, F);
+        missed = kr_twist_to(F + 12 * N, T, twist);
+        if (!(missed < INFINITY)) return missed;
+        bordered(F, direction, M);
+        for (int i = 0; i < 6; i++) b[2 * i] = twist[i], b[2 * i + 1] = 0.0;
+        b[12] = 0.0, b[13] = 1.0;
+        const int side = kr_solve_seven(M, b), there = !(CONVERGED <= missed) || steps <= 0;
+        if (!side) return there ? missed : INFINITY;
+        if (!there) {
+            move(q, b, 2);
+            const double after = missed_after(A, b, 2, 0.0);
+            if (!(after < CONVERGED)) continue;
+            missed = after;
+        }
+        *sign = tangent && unit(b + 1, tangent) ? side : 0;
+        return missed;
+    }
+}
+
+double kr_across(const double A[96], const double T[12], const double direction[7], int steps, double q[7]) {
+    int sign;
+    return kr_step_along(A, T, direction, steps, q, NULL, &sign);
+}
+
+int kr_contracts(const double A[96], const double T[12], const double direction[7], const double start[7],
+                 const double q[7], int *sign) {
+    double F[12 * (N + 1)], M[49], twist[6], b[14] = {0.0}, apart = 0.0, left = 0.0;
+    frames(A, q, F);
+    bordered(F, direction, M);
+    frames(A, start, F);
+    const double missed = kr_twist_to(F + 12 * N, T, twist);
+    for (int i = 0; i < 6; i++) b[2 * i] = twist[i];
+    *sign = kr_solve_seven(M, b);
+    for (int j = 0; j < N; j++) {
+        const double away = kr_wrapped(start[j] - q[j]);
+        apart = fmax(apart, fabs(away));
+        left = fmax(left, fabs(away + b[2 * j]));
+    }
+    return *sign && missed < INFINITY && left <= CONTRACTS * apart + LITTLE;
+}
+
+int kr_tangent_along(const double A[96], const double q[7], const double direction[7], double tangent[7]) {
+    double F[12 * (N + 1)], M[49], b[14] = {0.0};
+    frames(A, q, F);
+    bordered(F, direction, M);
+    b[13] = 1.0;
+    const int sign = kr_solve_seven(M, b);
+    return sign && unit(b + 1, tangent) ? sign : 0;
 }
 
 int kr_tangent(const double A[96], const double q[7], double tangent[7]) {
     double F[12 * (N + 1)], J[6 * N], M[49], b[14] = {0.0}, square = 1.0;
     int column[N] = {0, 1, 2, 3, 4, 5, 6};
-    kr_frames(N, A, q, F);
+    frames(A, q, F);
     kr_jacobian_of(N, F, J);
     memcpy(M, J, sizeof J);
     for (int k = 0; k < 6; k++) {  /* elimination; the column that is left is free */
@@ -188,7 +239,7 @@ static void substitute(const double L[36], double v[6]) {
 
 double kr_least_of_seven(const double A[96], const double q[7]) {
     double F[12 * (N + 1)], J[6 * N], L[36], v[6], square = 0.0;
-    kr_frames(N, A, q, F);
+    frames(A, q, F);
     kr_jacobian_of(N, F, J);
     factor(J, TINY, L);
     for (int i = 0; i < 6; i++) v[i] = 1.0 + 0.1 * i;
@@ -213,19 +264,26 @@ void kr_across_each(const double A[96], const double T[12], int steps, int count
 
 void kr_shortest_steps(const double A[96], const double T[12], int steps, int count, double *q, double *missed) {
     for (int i = 0; i < count; i++) {
-        double F[12 * (N + 1)], J[6 * N], L[36], twist[6], step[N], *x = q + N * i;
+        double F[12 * (N + 1)], J[6 * N], L[36], twist[6], v[6], step[N], *x = q + N * i;
         for (int left = steps;; left--) {
-            kr_frames(N, A, x, F);
+            frames(A, x, F);
             missed[i] = kr_twist_to(F + 12 * N, T, twist);
             if (!(CONVERGED <= missed[i] && missed[i] < INFINITY) || left <= 0) break;
             kr_jacobian_of(N, F, J);
             factor(J, NUDGE, L);
-            substitute(L, twist);
+            memcpy(v, twist, sizeof v);
+            substitute(L, v);
             for (int j = 0; j < N; j++) {
                 step[j] = 0.0;
-                for (int a = 0; a < 6; a++) step[j] += J[N * a + j] * twist[a];
+                for (int a = 0; a < 6; a++) step[j] += J[N * a + j] * v[a];
             }
             move(x, step, 1);
+            double slowed = 0.0;  /* (J J^T + NUDGE) v is the twist, J J^T v what the step makes of it */
+            for (int a = 0; a < 6; a++) slowed += NUDGE * fabs(v[a]);
+            const double after = missed_after(A, step, 1, slowed);
+            if (!(after < CONVERGED)) continue;
+            missed[i] = after;
+            break;
         }
     }
 }
@@ -233,7 +291,7 @@ void kr_shortest_steps(const double A[96], const double T[12], int steps, int co
 void kr_missed_by_each(const double A[96], const double T[12], int count, const double *q, double *missed) {
     for (int i = 0; i < count; i++) {
         double F[12 * (N + 1)], twist[6];
-        kr_frames(N, A, q + N * i, F);
+        frames(A, q + N * i, F);
         missed[i] = kr_twist_to(F + 12 * N, T, twist);
     }
 }

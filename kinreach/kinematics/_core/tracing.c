@@ -38,7 +38,6 @@ static const double NEAR = 0.65;
 typedef struct {
     const double *A, *T;
     const double *starts;    /* (count, 7), in [-pi, pi], sorted by joint 1 */
-    const double *tangents;  /* there, with the direction that curves have */
     int count;
     int *mark, *when;        /* the curve that a start is on, or NONE; and after how many of its samples it came there */
     int *closed;             /* of each curve: 1, 0, or LEFT */
@@ -68,28 +67,46 @@ static int first_from(const motion_t *m, double angle) {
     return low;
 }
 
-/* Whether a curve passes a posture on a step from q along its tangent `way`, farther than `least`. */
-static int passes(const motion_t *m, const double q[N], const double way[N], double step, const double posture[N],
-                  double least) {
+/* One step along a curve: from q along the unit tangent `way` by `length`, to `there`, where the tangent is `ahead`. */
+typedef struct {
+    double q[N], way[N], there[N], ahead[N], length;
+    int forwards;  /* whether det [J; way] > 0 */
+} step_t;
+
+/* Where a curve is expected between the ends of a step, as far along its first tangent: a cubic. */
+static void between(const step_t *s, double along, double there[N]) {
+    const double u = along / s->length, cosine = dot(s->ahead, s->way);
+    for (int j = 0; j < N; j++) {
+        const double aside = difference(s->there[j], s->q[j]) - s->length * s->way[j];
+        const double slope = s->length * (s->ahead[j] / cosine - s->way[j]);
+        there[j] = s->q[j] + along * s->way[j] + u * u * ((3.0 - 2.0 * u) * aside + (u - 1.0) * slope);
+    }
+}
+
+/* Whether a curve passes a posture on a step, farther than `least`. */
+static int passes(const motion_t *m, const step_t *s, const double posture[N], double least) {
     double away[N], there[N];
-    for (int j = 0; j < N; j++) away[j] = difference(posture[j], q[j]);
-    const double along = dot(away, way);
-    if (!(least < along && along < step + 0.1 * SAME)) return 0;
-    for (int j = 0; j < N; j++) there[j] = q[j] + along * way[j];
-    if (!(kr_across(m->A, m->T, way, STEPS, there) < ON_CURVE)) return 0;
+    int sign;
+    for (int j = 0; j < N; j++) away[j] = difference(posture[j], s->q[j]);
+    const double along = dot(away, s->way);
+    if (!(least < along && along < s->length + 0.1 * SAME)) return 0;
+    between(s, along, there);
+    const int same = kr_contracts(m->A, m->T, s->way, there, posture, &sign);
+    if (sign != (s->forwards ? 1 : -1)) return 0;
+    if (same) return 1;
+    if (!(kr_across(m->A, m->T, s->way, STEPS, there) < ON_CURVE)) return 0;
     for (int j = 0; j < N; j++)
         if (!(fabs(difference(there[j], posture[j])) < SAME)) return 0;
     return 1;
 }
 
-/* Mark the starts that curve `me` passes on a step from q to another posture. Returns CLOSED if `first` is one of them,
- * MET at one of another curve, which `other` gets, LOST at one where it has been, else ENDED. */
-static end_t mark_passed(const motion_t *m, int me, int first, int sample, int forwards, const double q[N],
-                         const double way[N], double step, const double there[N], int *other) {
+/* Mark the starts that curve `me` passes on a step to its sample number `sample`. Returns CLOSED if `first` is one of
+ * them, MET at one of another curve, which `other` gets, LOST at one where it has been, else ENDED. */
+static end_t mark_passed(const motion_t *m, int me, int first, int sample, const step_t *s, int *other) {
     double middle[N];
-    const double width = NEAR * step + SAME;
+    const double width = NEAR * s->length + SAME;
     end_t end = ENDED;
-    for (int j = 0; j < N; j++) middle[j] = kr_wrapped(0.5 * (q[j] + there[j]));
+    for (int j = 0; j < N; j++) middle[j] = kr_wrapped(0.5 * (s->q[j] + s->there[j]));
     for (int turn = -1; turn <= 1; turn++) {
         const double at = middle[0] + turn * KR_TURN;
         if (!(-KR_PI - width <= at && at <= KR_PI + width)) continue;
@@ -97,9 +114,9 @@ static end_t mark_passed(const motion_t *m, int me, int first, int sample, int f
             const double *posture = m->starts + N * k;
             int near = 1;
             for (int j = 1; j < N && near; j++) near = fabs(difference(posture[j], middle[j])) <= width;
-            if (!near || !((dot(m->tangents + N * k, way) > 0.0) == forwards)) continue;
+            if (!near) continue;
             const double least = sample != 1 ? -0.1 * SAME : k == first ? 0.5 * SAME : -SAME;
-            if (!passes(m, q, way, step, posture, least)) continue;
+            if (!passes(m, s, posture, least)) continue;
             if (k == first) {
                 end = CLOSED;
             } else if (m->mark[k] == me) {
@@ -116,49 +133,69 @@ static end_t mark_passed(const motion_t *m, int me, int first, int sample, int f
     return end;
 }
 
+/* The posture that is expected after a step from s->q: the cubic that has come there from the posture before by d, with
+ * the tangents at both, goes on. */
+static void ahead_of(const step_t *s, const double before[N], const double d[N], double there[N]) {
+    const double gone = sqrt(dot(d, d)), u = gone > 0.0 ? s->length / gone : 0.0;
+    double aside[N];
+    for (int j = 0; j < N; j++) {
+        const double sum = s->way[j] + before[j] - (gone > 0.0 ? 2.0 * d[j] / gone : 0.0);
+        const double bend = sum + s->way[j] - (gone > 0.0 ? d[j] / gone : 0.0);
+        aside[j] = gone > 0.0 ? s->length * u * (bend + u * sum) : 0.0;
+    }
+    const double along = dot(aside, s->way);
+    for (int j = 0; j < N; j++) there[j] = s->q[j] + (s->length - along) * s->way[j] + aside[j];
+}
+
 /* Follow curve `me` from start `first` one way, at most `room` samples; the start itself is the first. Returns how many
  * there are; `end` gets how it ended, `other` the curve that it met. */
 static int followed(const motion_t *m, int me, int first, double longest, int forwards, int room, double *samples,
                     double *tangents, end_t *end, int *other) {
-    double q[N], way[N], there[N], ahead[N], step = 0.5 * longest;
+    double before[N] = {0.0}, came[N] = {0.0};
     const double sense = forwards ? 1.0 : -1.0;
+    step_t s = {.length = 0.5 * longest, .forwards = forwards};
     int count = 1;
     *end = LOST;
     if (room < 1) return 0;
+    if (!kr_tangent(m->A, m->starts + N * first, tangents)) memset(tangents, 0, N * sizeof *tangents);
     for (int j = 0; j < N; j++) {
-        q[j] = samples[j] = m->starts[N * first + j];
-        tangents[j] = m->tangents[N * first + j];
-        way[j] = sense * tangents[j];
+        s.q[j] = samples[j] = m->starts[N * first + j];
+        s.way[j] = sense * tangents[j];
     }
-    for (int k = 0; k < MAX_STEPS && count < room && step > SHORTEST; k++) {
+    for (int k = 0; k < MAX_STEPS && count < room && s.length > SHORTEST; k++) {
         double beside = 0.0;
-        for (int j = 0; j < N; j++) there[j] = q[j] + step * way[j];
         int sign;
-        const double missed = kr_step_along(m->A, m->T, way, STEPS, there, ahead, &sign);
-        for (int j = 0; j < N; j++) beside += (there[j] - q[j] - step * way[j]) * (there[j] - q[j] - step * way[j]);
-        if (!(missed < ON_CURVE && beside < ASIDE * ASIDE * step * step)
-            || sign != (forwards ? 1 : -1) || !(dot(ahead, way) > STRAIGHT)) {
-            step *= 0.5;
+        ahead_of(&s, before, came, s.there);
+        const double missed = kr_step_along(m->A, m->T, s.way, STEPS, s.there, s.ahead, &sign);
+        for (int j = 0; j < N; j++) {
+            const double aside = s.there[j] - s.q[j] - s.length * s.way[j];
+            beside += aside * aside;
+        }
+        if (!(missed < ON_CURVE && beside < ASIDE * ASIDE * s.length * s.length)
+            || sign != (forwards ? 1 : -1) || !(dot(s.ahead, s.way) > STRAIGHT)) {
+            s.length *= 0.5;
             continue;
         }
-        const end_t passed = mark_passed(m, me, first, count, forwards, q, way, step, there, other);
+        const end_t passed = mark_passed(m, me, first, count, &s, other);
         if (passed == CLOSED || passed == LOST) {
             *end = passed;
             return count;
         }
         for (int j = 0; j < N; j++) {
-            q[j] = samples[N * count + j] = there[j];
-            way[j] = ahead[j];
-            tangents[N * count + j] = sense * ahead[j];
+            came[j] = s.there[j] - s.q[j];
+            before[j] = s.way[j];
+            s.q[j] = samples[N * count + j] = s.there[j];
+            s.way[j] = s.ahead[j];
+            tangents[N * count + j] = sense * s.ahead[j];
         }
         count++;
         if (passed == MET) {
             *end = MET;
             return count;
         }
-        step = fmin(longest, 1.3 * step);
+        s.length = fmin(longest, 1.3 * s.length);
     }
-    if (step <= SHORTEST && kr_least_of_seven(m->A, q) < END) *end = ENDED;
+    if (s.length <= SHORTEST && kr_least_of_seven(m->A, s.q) < END) *end = ENDED;
     return count;
 }
 
@@ -245,13 +282,10 @@ static int traced(const motion_t *m, int me, int first, int *shortness, int room
 }
 
 int kr_self_motion(const double A[96], const double T[12], const double *starts, int count, int room, double *samples,
-                   double *tangents, int *ends, int *closed, double *start_tangents, int *marks) {
-    const motion_t m = {A, T, starts, start_tangents, count, marks, marks + count, closed};
+                   double *tangents, int *ends, int *closed, int *marks) {
+    const motion_t m = {A, T, starts, count, marks, marks + count, closed};
     int *shortness = marks + 2 * count, curves = 0, total = 0;
-    for (int k = 0; k < count; k++) {
-        m.mark[k] = NONE;
-        if (!kr_tangent(A, starts + N * k, start_tangents + N * k)) memset(start_tangents + N * k, 0, N * sizeof(double));
-    }
+    for (int k = 0; k < count; k++) m.mark[k] = NONE;
     for (int first = 0; first < count && curves < 2 * count && total < room;) {
         int known = m.mark[first] != NONE, met[2], again = 0;
         for (int c = 0; c < curves && !known; c++) {

@@ -235,7 +235,7 @@ class SelfMotionTracer:
         (ends, closed), marks = np.empty((2, 2 * count), np.int32), np.empty(4 * count, np.int32)
         found = lib.kr_self_motion(
             self._A, doubles(T), doubles(q), count, SAMPLES, doubles(samples), doubles(tangents), _ints(ends),
-            _ints(closed), doubles(np.empty((count, JOINTS))), _ints(marks),
+            _ints(closed), _ints(marks),
         )  # fmt: skip
         curves, alone = [], [q[:0]]
         for begin, end, back in zip([0, *ends[: found - 1]], ends[:found], closed[:found].tolist(), strict=False):
