@@ -171,9 +171,7 @@ def test_numbers_of_any_kind_go_through_the_self_motion_of_seven_axes():
         samples, tangents = np.empty((room, 7)), np.empty((room, 7))
         (ends, closed), marks = np.zeros((2, 2 * n), np.int32), np.empty(4 * n, np.int32)
         ints = [ffi.from_buffer("int[]", each) for each in (ends, closed, marks)]
-        found = lib.kr_self_motion(
-            arm, pose, doubles(starts), n, room, doubles(samples), doubles(tangents), *ints
-        )
+        found = lib.kr_self_motion(arm, pose, doubles(starts), n, room, doubles(samples), doubles(tangents), *ints)
         assert 0 <= found <= 2 * n
         assert (np.diff(ends[:found], prepend=0) >= 0).all()
         assert ends[:found].max(initial=0) <= room
