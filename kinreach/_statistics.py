@@ -70,6 +70,11 @@ def wilson_interval(successes: int, total: int, *, confidence: float = CONFIDENC
 
     Raises:
         InputError: `total` is not positive, `successes` is not in 0 … `total`, or `confidence` is not between 0 and 1.
+
+    Examples:
+        >>> from kinreach.compare import wilson_interval
+        >>> [round(bound, 3) for bound in wilson_interval(48, 50)]
+        [0.865, 0.989]
     """
     total = check_count("total", total, most=2**53)
     successes = check_count("successes", successes, least=0, most=total)

@@ -113,6 +113,15 @@ def rollout(
         A trial an episode: the numbers, truth values, texts and vectors of the environment's last `info`, and
         `steps`, `reward` (of the last step), `return` (sum of all), `solve_s` (wall time of the policy [s]), and the
         sums of the policy's `diagnostics`.
+
+    Examples:
+        >>> import gymnasium as gym
+        >>> import kinreach
+        >>> from kinreach.baselines import RandomPolicy, rollout
+        >>> env = gym.make("kinreach/UR5SingleStep-v0", observation="geometric", backend="kinematic")
+        >>> trials = list(rollout(env, RandomPolicy(env.action_space), [{"seed": seed} for seed in range(3)]))
+        >>> len(trials), trials[0]["steps"]
+        (3, 1)
     """
     _check_spaces(policy, env.observation_space, env.action_space)
     for reset in resets:

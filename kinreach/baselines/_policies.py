@@ -243,6 +243,16 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
     Raises:
         InputError: Unknown policy, not a policy file, or a policy for another environment.
         InstallationError: Torch is not installed, which a `model.zip` needs.
+
+    Examples:
+        >>> import gymnasium as gym
+        >>> import kinreach
+        >>> from kinreach.baselines import load_policy
+        >>> policy = load_policy("ranked-single")
+        >>> env = gym.make("kinreach/UR5SingleStep-v0", observation="geometric", backend="kinematic")
+        >>> observation, info = env.reset(seed=0)
+        >>> policy.act(observation).shape
+        (6,)
     """
     names = pretrained_names()
     if str(policy) in names:

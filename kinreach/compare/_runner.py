@@ -141,6 +141,12 @@ def compare(
         ClusterError: No cluster answers at the address, or it died; finished trials are kept in `out`.
         InputError: An argument is invalid, or `out` holds the results of another comparison.
         UnknownNameError: The task, method, arm or observation is unknown.
+
+    Examples:
+        >>> from kinreach.compare import compare
+        >>> results = compare("ur5", methods=["closed-form", "lm"], goals=2)
+        >>> [(method["name"], method["reached"]) for method in results["methods"]]
+        [('closed-form', 1.0), ('lm', 1.0)]
     """
     comparison = prepare(
         task,

@@ -142,6 +142,15 @@ class Program:
     Raises:
         InputError: Neither moves nor a trajectory, or both; the last move has a blend radius; a trajectory of other
             joints, that does not begin in the start posture, or has no even rate.
+
+    Examples:
+        >>> from kinreach.deploy import Move, Program
+        >>> from kinreach.kinematics import ArmKinematics
+        >>> kin = ArmKinematics.of("ur5e", base="base")
+        >>> home = kin.arm.home
+        >>> program = Program.of(kin, home, [Move("movej", (0.5, *home[1:]), 1.0, 2.0)])
+        >>> "movej" in program.text
+        True
     """
 
     start: tuple[float, ...]

@@ -162,6 +162,12 @@ class ArmKinematics:
 
         Note:
             The tip of `ArmKinematics.of("ur5-thesis")` is `"tcp"`; that of `URKinematics("ur5-thesis")` is `"tool0"`.
+
+        Examples:
+            >>> from kinreach.kinematics import ArmKinematics
+            >>> kin = ArmKinematics.of("panda")
+            >>> kin.n, len(kin.self_motions(kin.fk(kin.arm.home))) > 0
+            (7, True)
         """
         plain = cls(arm, tip=tip, base=base, tool=tool)
         for module, name in cls._closed_forms.get(plain.n, ()):
@@ -233,6 +239,11 @@ class ArmKinematics:
 
         Raises:
             InputError: Wrong shape, or a value that is not finite or larger than 1e6 rad.
+
+        Examples:
+            >>> from kinreach.kinematics import URKinematics
+            >>> URKinematics("ur5e", base="base").fk([0, 0, 0, 0, 0, 0])[:3, 3].round(4).tolist()
+            [-0.8172, -0.2329, 0.0628]
         """
         if is_tensor(q):
             check_tensor("q", q, (self.n,))
@@ -285,6 +296,12 @@ class ArmKinematics:
 
         Raises:
             InputError: Wrong shape, or a value that is not finite or larger than 1e6 rad.
+
+        Examples:
+            >>> from kinreach.kinematics import URKinematics
+            >>> kin = URKinematics("ur5e")
+            >>> bool(abs(kin.jacobian(kin.arm.home)[3:]).max() <= 1)  # the axes are unit vectors
+            True
         """
         if is_tensor(q):
             check_tensor("q", q, (self.n,))

@@ -137,6 +137,13 @@ class CollisionChecker:
         InputError: `margin` cannot be used, or a shape cannot be read or has no convex hull.
         UnknownNameError: Unknown arm, or `meshes` is neither.
         InstallationError: Pinocchio or coal cannot be loaded.
+
+    Examples:
+        >>> from kinreach.kinematics import CollisionChecker
+        >>> from kinreach.robots import Obstacle
+        >>> checker = CollisionChecker("ur5e", obstacles=[Obstacle("shelf", (0.2, 0.4, 0.02), [0.5, 0, 0.3, 0, 0, 0])])
+        >>> checker.free(checker.kinematics.arm.home)
+        True
     """
 
     def __init__(

@@ -22,7 +22,15 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class PoseGoal:
-    """A full pose of the tip: position [m] and orientation. `T` has shape (4, 4)."""
+    """A full pose of the tip: position [m] and orientation. `T` has shape (4, 4).
+
+    Examples:
+        >>> from kinreach.kinematics import LevenbergMarquardtSolver, PoseGoal, URKinematics
+        >>> kin = URKinematics("ur5e")
+        >>> goal = PoseGoal(kin.fk([0.1, -1.4, 1.5, -1.6, -1.5, 0.2]))
+        >>> LevenbergMarquardtSolver(kin).solve(goal, kin.arm.home).success
+        True
+    """
 
     T: Floats
 
@@ -37,7 +45,15 @@ class PoseGoal:
 
 @dataclass(frozen=True)
 class AxisGoal:
-    """The tip's origin is at `position` [m] and its z axis points along `axis`; rotation about it is free."""
+    """The tip's origin is at `position` [m] and its z axis points along `axis`; rotation about it is free.
+
+    Examples:
+        >>> from kinreach.kinematics import AxisGoal, QPSolver, URKinematics
+        >>> kin = URKinematics("ur5e", base="world")
+        >>> down = AxisGoal([0.5, 0.1, 0.3], [0, 0, -1])
+        >>> QPSolver(kin).solve(down, kin.arm.home).success
+        True
+    """
 
     position: Floats
     axis: Floats = (0.0, 0.0, -1.0)  # type: ignore[assignment]

@@ -44,6 +44,13 @@ def joint_line(checker: CollisionChecker, waypoints: ArrayLike, *, keeps: float 
     Raises:
         PathError: A waypoint is out of the joint limits, or something is nearer than the margin; has the place.
         InputError: Malformed waypoints, or a checker without a margin.
+
+    Examples:
+        >>> from kinreach.kinematics import CollisionChecker, joint_line
+        >>> checker = CollisionChecker("ur5e", margin=0.005)
+        >>> home = checker.kinematics.arm.home
+        >>> joint_line(checker, [home, [0.5, *home[1:]]]).shape
+        (2, 6)
     """
     motion = MotionCheck(checker, keeps)
     path = as_waypoints(waypoints, checker.kinematics.n)
@@ -88,6 +95,14 @@ def plan_path(
     Raises:
         PathError: The start collides, no goal is free, or no path was found in time; names links and obstacles.
         InputError: Malformed input, a checker without a margin, or a pose without solutions.
+
+    Examples:
+        >>> from kinreach.kinematics import CollisionChecker, plan_path
+        >>> checker = CollisionChecker("ur5e", margin=0.005)
+        >>> home = checker.kinematics.arm.home
+        >>> path = plan_path(checker, home, [0.5, *home[1:]])
+        >>> path.shape[1], bool(checker.free(path[-1]))
+        (6, True)
     """
     motion = MotionCheck(checker, keeps)
     kin = checker.kinematics

@@ -29,6 +29,11 @@ class Obstacle:
 
     Raises:
         InputError: A size or a coordinate that is not finite, not positive where it must be, or beyond 1 km.
+
+    Examples:
+        >>> from kinreach.robots import Obstacle
+        >>> Obstacle("shelf", (0.2, 0.4, 0.02), [0.5, 0, 0.3, 0, 0, 0]).shape
+        (0.2, 0.4, 0.02)
     """
 
     name: str

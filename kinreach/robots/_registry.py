@@ -62,6 +62,12 @@ def get_arm(name: str | ArmDescription) -> ArmDescription:
     Raises:
         UnknownNameError: Unknown arm; the message lists the available names.
         InstallationError: The package with its URDF is not installed.
+
+    Examples:
+        >>> from kinreach.robots import get_arm
+        >>> arm = get_arm("ur10e").with_tool([0, 0, 0.15, 0, 0, 0])
+        >>> arm.joints[0], len(arm.joints)
+        ('shoulder_pan_joint', 6)
     """
     if isinstance(name, ArmDescription):
         return name

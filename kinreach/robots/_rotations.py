@@ -97,6 +97,11 @@ def pose(numbers: ArrayLike) -> Floats:
 
     Raises:
         InputError: Another shape, or a number that is not finite.
+
+    Examples:
+        >>> from kinreach.kinematics import pose
+        >>> pose([0.4, 0, 0.2, 0, 0, 3.141592653589793]).round(6)[:2].tolist()
+        [[-1.0, -0.0, 0.0, 0.4], [0.0, -1.0, 0.0, 0.0]]
     """
     from scipy.spatial.transform import Rotation  # takes as long to import as the rest of the kinematics
 
@@ -121,6 +126,11 @@ def pose_vector(T: ArrayLike) -> Floats:
 
     Raises:
         InputError: Not a rigid motion.
+
+    Examples:
+        >>> from kinreach.kinematics import pose, pose_vector
+        >>> pose_vector(pose([0.4, 0, 0.2, 0, 0, 1.5])).round(6).tolist()
+        [0.4, 0.0, 0.2, 0.0, 0.0, 1.5]
     """
     from scipy.spatial.transform import Rotation
 

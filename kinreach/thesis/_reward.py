@@ -92,6 +92,11 @@ def distance_reward(d: ArrayLike) -> Floats:
 
     Raises:
         InputError: A distance is negative or not finite.
+
+    Examples:
+        >>> from kinreach.thesis import distance_reward
+        >>> distance_reward([4.0, 0.5, 0.125]).tolist()
+        [-1.0, 1.0, 2.0]
     """
     with np.errstate(divide="ignore"):
         return _distance_reward(_distances(d))

@@ -90,6 +90,13 @@ def find_ball(
     Raises:
         UnknownNameError: Unknown pipeline.
         InputError: Pictures of another type or size than the camera's, or a radius outside 0.1 mm … 0.2 m.
+
+    Examples:
+        >>> import numpy as np
+        >>> from kinreach.vision import Intrinsics, find_ball
+        >>> black = np.zeros((90, 160, 3), np.uint8)
+        >>> find_ball(black, np.ones((90, 160)), Intrinsics.from_fovy(0.8, 160, 90), 0.025) is None
+        True
     """
     check_known("pipeline", pipeline, PIPELINES)
     if not isinstance(intrinsics, Intrinsics):

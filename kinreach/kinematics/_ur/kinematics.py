@@ -85,6 +85,16 @@ class URKinematics(CompiledKinematics):
     Note:
         The tip is the flange unless another one is named, as for the controller of a UR without a tool; that of
         `ArmKinematics.of` is the arm's own, `"tcp"` of `ur5-thesis`.
+
+    Examples:
+        >>> from kinreach.kinematics import URKinematics, pose
+        >>> kin = URKinematics("ur5e", base="base")
+        >>> T = pose([-0.4, 0.1, 0.3, 3.14, 0, 0])
+        >>> solutions = kin.all_solutions(T)
+        >>> len(solutions), bool(solutions.residual.max() < 1e-12)
+        (8, True)
+        >>> kin.nearest(T, [0, -1.5, 2, -2, -1.5, 0]).q.round(2).tolist()
+        [-0.57, -1.7, 2.19, -2.06, -1.57, 1.0]
     """
 
     branches = BRANCHES
