@@ -30,7 +30,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
 from kinreach.kinematics.inside import SLACK, Trajectory
 from kinreach.robots import ArmDescription
-from kinreach.robots.inside import FLANGE, JOINTS, TOOL_BODY, origin_of, parse_urdf, ur_model
+from kinreach.robots.inside import FLANGE, JOINTS, TOOL_BODY, origin_of, ur_model
 from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import mujoco, servo_response, touches
 
@@ -80,7 +80,7 @@ def tcp_of(arm: ArmDescription) -> Floats:
 
 def payload_of(arm: ArmDescription) -> tuple[float, tuple[float, ...]] | None:
     """Return mass [kg] and centre of mass on the flange [m] of an arm's tool; None if it has none."""
-    inertial = parse_urdf(arm.urdf).find(f"./link[@name='{TOOL_BODY}']/inertial")
+    inertial = arm.robot.find(f"./link[@name='{TOOL_BODY}']/inertial")
     if inertial is None:
         return None
     mass = float(inertial.find("mass").get("value", "0"))  # type: ignore[union-attr]

@@ -351,7 +351,7 @@ def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
 
 def _neighbours(arm: ArmDescription, shaped: set[str]) -> list[Pair]:
     """Links with shapes on either side of a joint that moves; links without shapes between them do not count."""
-    robot = ET.fromstring(arm.urdf)
+    robot = arm.robot
     joints = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
     pairs = []
     for child in sorted(shaped & set(joints)):
@@ -396,7 +396,7 @@ def check_shapes(arm: ArmDescription) -> None:
 def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box | Obstacle], meshes_as: str) -> Any:
     """Build the geometry of the links, followed by the obstacles, fixed to the world."""
     check_shapes(arm)
-    robot = without_shapes(arm.urdf, "visual")
+    robot = without_shapes(arm.robot, "visual")
     meshes = {
         link.get("name", ""): [_take_mesh(shape, arm) for shape in link.findall("collision")]
         for link in robot.findall("link")

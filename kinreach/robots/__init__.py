@@ -5,7 +5,7 @@
 - `ArmDescription`: an arm of your own, also from its URDF file; `CameraMount`, `Workcell`, `Box`, `BoxRegion` and
   `QuadrantRegion` are its parts.
 - `Obstacle`: a solid or a mesh around the arm, for collision checks and paths.
-- `Tool`: what is mounted on an arm's flange.
+- `Tool`: what is mounted on an arm's flange; `Gripper`: two fingers there that move (`ArmDescription.with_gripper`).
 - `read_calibration`: the factory calibration of a UR; `PUBLISHED_CALIBRATIONS` are files of real ones.
 - `calibrate`: a calibration from programs, exports, recordings and tables of an arm's owner, or from `PosePairs`.
 

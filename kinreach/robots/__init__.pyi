@@ -2,6 +2,7 @@ from ._calibrate import calibrate as calibrate
 from ._calibration import PUBLISHED_CALIBRATIONS as PUBLISHED_CALIBRATIONS
 from ._calibration import read_calibration as read_calibration
 from ._description import ArmDescription as ArmDescription
+from ._grippers import Gripper as Gripper
 from ._obstacles import Obstacle as Obstacle
 from ._pairs import PosePairs as PosePairs
 from ._registry import arm_names as arm_names

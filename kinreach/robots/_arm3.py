@@ -75,7 +75,7 @@ def _euler(quat: tuple[float, float, float, float]) -> tuple[float, float, float
     return roll, pitch, yaw
 
 
-def _build_urdf() -> str:
+def _build_robot() -> ET.Element:
     robot = ET.Element("robot", name="arm3")
     add_link(robot, "world")
     add_link(robot, "base_link", mass=8.0, solids=(Solid((0.11, 0.15), (0, 0, 0.075)),), rgba="0.25 0.26 0.28 1")
@@ -98,7 +98,7 @@ def _build_urdf() -> str:
     add_link(robot, "end_effector")
     add_joint(robot, "end_effector_joint", parent, "end_effector", xyz=(-0.090, 0.0, 0.48))
     ET.indent(robot)
-    return ET.tostring(robot, encoding="unicode")
+    return robot
 
 
 def _set_inertia(robot: ET.Element, link: _Link) -> None:
@@ -113,7 +113,7 @@ def _set_inertia(robot: ET.Element, link: _Link) -> None:
 ARM = ArmDescription(
     name="arm3",
     title="3-DOF arm of the button task",
-    build_urdf=_build_urdf,
+    build_urdf=_build_robot,
     joints=("link_1_joint", "link_2_joint", "link_3_joint"),
     home=(0.0, 0.0, 0.0),
     base="base_link",

@@ -183,7 +183,7 @@ def _ur(found: Fitted, pairs: PosePairs) -> CalibratedArm:
 
 def _other_arm(arm: ArmDescription, pairs: PosePairs) -> CalibratedArm:
     """An arm that is no UR, with its joints where they were found."""
-    chain = UrdfChain.of(arm.urdf, arm.joints, base=arm.base, tip=arm.tips[arm.default_tip])
+    chain = UrdfChain.of(arm.robot, arm.joints, base=arm.base, tip=arm.tips[arm.default_tip])
     found = fitted_chain(arm.name, arm.joints, chain, pairs)
     notes = (*found.notes, f"the poses are in a frame in which {arm.base} is at {listed_pose(found.base)}")
     if not found.missing:

@@ -293,12 +293,11 @@ def nominal_placements(model: str) -> Floats:
     return np.array([placement(*step) for step in steps])
 
 
-def calibrated_urdf(text: str, calibration: Calibration, *, base: str, tip: str) -> str:
-    """Return a URDF of the model with its joints where the calibration has them; shapes and masses stay in their links.
+def place_by_calibration(robot: ET.Element, calibration: Calibration, *, base: str, tip: str) -> None:
+    """Move the joints of a model's parsed URDF to where the calibration has them; shapes and masses stay as they are.
 
-    In the given URDF, of the arm by its data sheet, the link `base` is base_link and `tip` is tool0.
+    In the URDF, of the arm by its data sheet, the link `base` is base_link and `tip` is tool0.
     """
-    robot = parse_urdf(text)
     frames = _link_frames(robot)
     for link in (base, tip):
         check_known("link of the URDF", link, frames)
@@ -316,7 +315,6 @@ def calibrated_urdf(text: str, calibration: Calibration, *, base: str, tip: str)
         T = np.linalg.inv(carried) @ calibration.placements[index] @ own
         set_origin(robot, name, T[:3, 3], rpy(T[:3, :3]))
         before = nominal[index]
-    return ET.tostring(robot, encoding="unicode")
 
 
 @dataclass(frozen=True)
@@ -402,7 +400,7 @@ def _from_urdf(text: str) -> _Placed:
     for link in robot.findall("link"):
         for element in list(link):
             link.remove(element)
-    check_urdf(ET.tostring(robot, encoding="unicode"), None)
+    check_urdf(robot, None)
     frames = _link_frames(robot)
     joints = []
     for name in JOINTS:

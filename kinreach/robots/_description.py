@@ -15,21 +15,20 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_ANGLE, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError, UnknownNameError, UnknownOptionError
-from kinreach.robots._calibration import Calibration, calibrated_urdf
+from kinreach.robots._calibration import Calibration, place_by_calibration
 from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots._tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
 from kinreach.robots._ur import ur_model
 from kinreach.robots._urdf import (
     WORLD,
+    CheckedUrdf,
     UrdfArm,
     check_home,
-    check_limits_complete,
     check_urdf,
     link_at,
     link_before,
     links_below,
     named,
-    parse_urdf,
     prune,
     set_limits,
 )
@@ -56,7 +55,8 @@ class ArmDescription:
     Attributes:
         name: Key in the registry, as in `get_arm("ur5")`.
         title: Name for people.
-        build_urdf: Returns the URDF text, meshes as `package://` addresses within `package_root`.
+        build_urdf: Returns the URDF, its text or its `<robot>` element, meshes as `package://` addresses within
+            `package_root`. It is checked once, when it is first needed; `with_*` and `calibrated` change a copy.
         joints: Names of the actuated joints in the order of `q`; default are the joints that move between the root and
             the tip. All other joints must be fixed, or be the gripper's.
         home: Start posture [rad], shape `(n,)`, within the limits; default is the middle of each joint's range.
@@ -95,7 +95,7 @@ class ArmDescription:
 
     name: str
     title: str
-    build_urdf: Callable[[], str]
+    build_urdf: Callable[[], str | ET.Element]
     joints: tuple[str, ...] = ()
     home: tuple[float, ...] = ()
     base: str = ""
@@ -144,7 +144,7 @@ class ArmDescription:
         if missing:
             tip = self.tips.get(self.default_tip, self.default_tip) if self.default_tip else None
             gripper = () if self.gripper is None else (self.gripper.joint, self.gripper.mimic_joint)
-            urdf = UrdfArm(self.name, parse_urdf(self._built), tip=tip, joints=self.joints, held=gripper)
+            urdf = UrdfArm(self.name, self._checked.robot, tip=tip, joints=self.joints, held=gripper)
             for name in missing:
                 object.__setattr__(self, name, defaults[name](urdf))
         count = len(self.joints)
@@ -183,7 +183,7 @@ class ArmDescription:
 
     def _check_fit(self) -> None:
         """Refuse a start posture outside the limits, and cameras on links that the URDF does not have."""
-        robot = parse_urdf(self._built)
+        robot = self._checked.robot
         links = [WORLD, *(link.get("name", "") for link in robot.findall("link"))]
         for camera in self.cameras:
             check_known(f"link of camera {camera.name!r} of arm {self.name!r}", camera.link, links)
@@ -262,7 +262,7 @@ class ArmDescription:
         found |= {key: value for key, value in facts.items() if key != "notes"}
         return cls(
             name=name or source.name,
-            build_urdf=partial(str, ET.tostring(source.robot, encoding="unicode")),
+            build_urdf=CheckedUrdf.of(source.robot, root),
             package_root=no_package if root is None else partial(str, root),
             joints=source.joints,
             home=() if home is None else tuple(home),
@@ -289,16 +289,15 @@ class ArmDescription:
         if not isinstance(limits, Mapping):
             bound = check_number("limits", limits, above=0.0, most=MAX_ANGLE)
             limits = dict.fromkeys(self.joints, (-bound, bound))
-        robot = parse_urdf(self.urdf)
+        robot = self._checked.copy()
         for name, pair in limits.items():
             check_known(f"joint of arm {self.name!r}", name, self.joints)
             lower, upper = as_vector(f"the limits of joint {name!r}", pair, 2, most=MAX_ANGLE).tolist()
             set_limits(robot, name, lower, upper)
-        text = ET.tostring(robot, encoding="unicode")
-        check_urdf(text, self.package_root())
+        check_urdf(robot, self.package_root())
         arm = UrdfArm(self.name, robot, tip=self.tips[self.default_tip], joints=self.joints)
         lower, upper = zip(*arm.limits, strict=True)
-        return replace(self, build_urdf=partial(str, text), home=tuple(np.clip(self.home, lower, upper).tolist()))
+        return replace(self, build_urdf=CheckedUrdf(robot), home=tuple(np.clip(self.home, lower, upper).tolist()))
 
     def with_tool(self, tool: Tool | str | ArrayLike) -> ArmDescription:
         """Return the same arm with a tool on its flange, whose centre point becomes the tip `"tool"`.
@@ -313,7 +312,7 @@ class ArmDescription:
             InputError: As `Tool`.
         """
         tool = Tool.of(tool)
-        robot, tips, disabled = parse_urdf(self.urdf), dict(self.tips), self.disabled_collisions
+        robot, tips, disabled = self._checked.copy(), dict(self.tips), self.disabled_collisions
         flange = tips.get(FLANGE, tips[self.default_tip])
         if self.gripper is not None:
             prune(robot, links=links_below(robot, flange))
@@ -329,7 +328,7 @@ class ArmDescription:
             self,
             name=f"{self.name}_tool",
             title=f"{self.title.replace(' with parallel gripper', '')} with tool",
-            build_urdf=partial(str, ET.tostring(robot, encoding="unicode")),
+            build_urdf=CheckedUrdf(robot),
             package_root=no_package if root is None else partial(str, root),
             tips={**{name: link for name, link in tips.items() if link in links}, TOOL: TOOL},
             default_tip=TOOL,
@@ -338,25 +337,31 @@ class ArmDescription:
             cameras=tuple(camera for camera in self.cameras if camera.link in {WORLD, *links}),
         )
 
-    def with_gripper(self) -> ArmDescription:
-        """Return the same arm with the parallel gripper of the thesis on its flange, whose tip is `"tcp"`.
+    def with_gripper(self, gripper: Gripper = PARALLEL_GRIPPER) -> ArmDescription:
+        """Return the same arm with a parallel gripper on its flange, whose tip is `"tcp"`.
+
+        Args:
+            gripper: Its fingers; default is the thesis's gripper.
 
         Raises:
-            InputError: It has a gripper already, or no tip `tool0`.
+            InputError: It has a gripper already, or no tip `tool0`, or is given no `Gripper`.
         """
+        given: Any = gripper
+        if not isinstance(given, Gripper):
+            raise InputError(f"gripper must be a Gripper, got {shown(given)}")
         if self.gripper is not None:
             raise InputError(f"arm {self.name!r} has a gripper already")
         check_known(f"tip of arm {self.name!r} that can carry a gripper", FLANGE, self.tips)
-        robot, flange = parse_urdf(self.urdf), self.tips[FLANGE]
+        robot, flange = self._checked.copy(), self.tips[FLANGE]
         prune(robot, links=("tcp",))
-        add_parallel_gripper(robot, flange)
+        add_parallel_gripper(robot, flange, gripper)
         return replace(
             self,
             title=f"{self.title} with parallel gripper",
-            build_urdf=partial(str, ET.tostring(robot, encoding="unicode")),
+            build_urdf=CheckedUrdf(robot),
             tips={**self.tips, "tcp": "tcp"},
             default_tip="tcp",
-            gripper=PARALLEL_GRIPPER,
+            gripper=gripper,
         )
 
     def calibrated(
@@ -381,12 +386,13 @@ class ArmDescription:
         name = (ur_model(self.name) or self.name) if model is None else model
         calibration = file if isinstance(file, Calibration) else calibration_from(file, name, repair=repair)
         check_known(f"tip of arm {self.name!r}", "tool0", self.tips)
-        urdf = calibrated_urdf(self.urdf, calibration, base=self.base, tip=self.tips["tool0"])
+        robot = self._checked.copy()
+        place_by_calibration(robot, calibration, base=self.base, tip=self.tips["tool0"])
         return replace(
             self,
             name=f"{self.name}_calibrated",
             title=f"{self.title}, calibrated by {calibration.file.name}",
-            build_urdf=partial(str, urdf),
+            build_urdf=CheckedUrdf(robot),
             notes=(*self.notes, *[calibration.note] * bool(calibration.note)),
         )
 
@@ -399,17 +405,22 @@ class ArmDescription:
                 camera on a link that it does not have.
         """
         self._check_fit()
-        return self._built
+        return self._checked()
+
+    @property
+    def robot(self) -> ET.Element:
+        """The `<robot>` element of `urdf`; only to be read."""
+        self._check_fit()
+        return self._checked.robot
 
     @cached_property
-    def _built(self) -> str:
-        text = self.build_urdf()
-        check_urdf(text, self.package_root())
-        robot = parse_urdf(text)
-        check_limits_complete(robot)
-        if any(link_at(joint, "child") == WORLD for joint in robot.findall("joint")):
+    def _checked(self) -> CheckedUrdf:
+        if isinstance(self.build_urdf, CheckedUrdf):
+            return self.build_urdf
+        checked = CheckedUrdf.of(self.build_urdf(), self.package_root())
+        if any(link_at(joint, "child") == WORLD for joint in checked.robot.findall("joint")):
             raise InputError(f"arm {self.name!r}: the link {WORLD!r} must carry all others, and hang on none")
-        return text
+        return checked
 
     @property
     def goal_cameras(self) -> tuple[CameraMount, ...]:

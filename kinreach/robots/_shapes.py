@@ -44,7 +44,7 @@ def link_shapes(arm: ArmDescription, kind: str = "visual", *, meshes_only: bool 
     Returns:
         Link by link in the order of the URDF, one for each colour of a mesh; empty for an arm without shapes.
     """
-    robot = ET.fromstring(arm.urdf)
+    robot = arm.robot
     materials = {m.get("name", ""): _rgba(m) for m in robot.findall("material")}
     return [
         shape

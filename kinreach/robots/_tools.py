@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, as_vector, check_known, check_number, check_path, shown
 from kinreach.errors import InputError
-from kinreach.robots._grippers import FINGER_MASS, PALM, PALM_MASS, PARALLEL_GRIPPER, TCP_OFFSET, finger
+from kinreach.robots._grippers import FINGER_MASS, PALM_MASS, PARALLEL_GRIPPER, TCP_OFFSET, finger, palm
 from kinreach.robots._meshes import collision_mesh
 from kinreach.robots._rotations import MAX_TOOL, as_frame, rpy
 from kinreach.robots._urdf import PACKAGE, Solid, add_joint, add_link, named
@@ -117,7 +117,7 @@ TOOLS = {
         [0.0, 0.0, TCP_OFFSET, 0.0, 0.0, 0.0],
         PALM_MASS + 2 * FINGER_MASS,
         (0.0, 0.0, 0.065),
-        (*PALM, finger(_OPEN), finger(-_OPEN)),
+        (*palm(), finger(_OPEN), finger(-_OPEN)),
     )
 }
 

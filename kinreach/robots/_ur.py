@@ -132,7 +132,7 @@ def _of_joints(three: tuple[float, float, float], *, in_degrees: bool = False) -
     return (base, base, elbow, wrist, wrist, wrist)
 
 
-def nominal_urdf(name: str) -> str:
+def nominal_robot(name: str) -> ET.Element:
     """Build the URDF of a model from its lengths and its shapes; links as in example-robot-data."""
     d1, a2, a3, d4, d5, d6 = UR_LENGTHS[name]
     y, z, quarter = (0, 1, 0), (0, 0, 1), (0, math.pi / 2, 0)
@@ -159,4 +159,4 @@ def nominal_urdf(name: str) -> str:
     add_joint(robot, "tool0_joint", parent, "tool0", xyz=(0, d6, 0), rpy=(-math.pi / 2, 0, 0))
     add_joint(robot, "tcp_joint", "tool0", "tcp", xyz=(0, 0, TCP_OFFSET))
     ET.indent(robot)
-    return ET.tostring(robot, encoding="unicode")
+    return robot

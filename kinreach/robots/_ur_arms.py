@@ -21,7 +21,7 @@ from pathlib import Path
 from kinreach.errors import InstallationError
 from kinreach.robots._description import ArmDescription, no_package
 from kinreach.robots._grippers import PARALLEL_GRIPPER, PARALLEL_GRIPPER_PAIRS, add_parallel_gripper
-from kinreach.robots._ur import JOINTS, MOUNT_YAW, UR_LENGTHS, nominal_urdf
+from kinreach.robots._ur import JOINTS, MOUNT_YAW, UR_LENGTHS, nominal_robot
 from kinreach.robots._urdf import named, prune, set_origin
 from kinreach.robots._workcell import Box, BoxRegion, CameraMount, Workcell
 
@@ -106,18 +106,18 @@ def _from_example_robot_data(model: str) -> ET.Element:
     return ET.parse(Path(example_robot_data()) / URDF_FILE.format(model)).getroot()
 
 
-def _thesis_urdf(model: str) -> str:
+def _thesis_robot(model: str) -> ET.Element:
     robot = _from_example_robot_data(model)
     prune(robot, tags=("gazebo", "transmission"), links=("ee_link", "base"))
     set_origin(robot, "world_joint", (0, 0, 0), (0, 0, MOUNT_YAW))
     add_parallel_gripper(robot, "tool0")
     ET.indent(robot)
-    return ET.tostring(robot, encoding="unicode")
+    return robot
 
 
-def _drawn_urdf(model: str) -> str:
+def _drawn_robot(model: str) -> ET.Element:
     """Build the URDF of a model, drawn by the meshes of example-robot-data."""
-    robot = ET.fromstring(nominal_urdf(model))
+    robot = nominal_robot(model)
     for drawn in _from_example_robot_data(model).iterfind("link"):
         link = named(robot, "link", drawn.get("name", ""))
         if link is not None and (visuals := drawn.findall("visual")):
@@ -125,7 +125,7 @@ def _drawn_urdf(model: str) -> str:
                 link.remove(own)
             link.extend(visuals)
     ET.indent(robot)
-    return ET.tostring(robot, encoding="unicode")
+    return robot
 
 
 _SRDF_PAIRS = (
@@ -189,7 +189,7 @@ def _describe_thesis(cell: _Cell) -> ArmDescription:
     return ArmDescription(
         name=f"{cell.model}{THESIS}",
         title=f"{cell.model.upper()} with parallel gripper",
-        build_urdf=partial(_thesis_urdf, cell.model),
+        build_urdf=partial(_thesis_robot, cell.model),
         joints=JOINTS,
         home=HOME,
         base="base_link",
@@ -230,7 +230,7 @@ def _describe(name: str) -> ArmDescription:
     return ArmDescription(
         name=name,
         title=name.upper(),
-        build_urdf=partial(_drawn_urdf if meshes else nominal_urdf, name),
+        build_urdf=partial(_drawn_robot if meshes else nominal_robot, name),
         package_root=example_robot_data if meshes else no_package,
         joints=JOINTS,
         home=HOME,

@@ -7,6 +7,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePosixPath
@@ -47,9 +48,9 @@ def prune(robot: ET.Element, *, tags: Sequence[str] = (), links: Sequence[str] =
             robot.remove(child)
 
 
-def without_shapes(text: str, *kinds: str) -> ET.Element:
-    """Parse a URDF and remove the shapes of its links that are of these kinds, `"visual"` or `"collision"`."""
-    robot = ET.fromstring(text)
+def without_shapes(robot: ET.Element, *kinds: str) -> ET.Element:
+    """Return a copy of a URDF without the shapes of its links that are of these kinds, `"visual"` or `"collision"`."""
+    robot = deepcopy(robot)
     for link in robot.iter("link"):
         prune(link, tags=kinds)
     return robot
@@ -289,12 +290,47 @@ def parse_urdf(text: object, *, prefixed: bool = False) -> ET.Element:
     return robot
 
 
-def check_urdf(text: object, package_root: str | None) -> None:
-    """Refuse what is not a URDF of one arm, and what would make a reader open other files or take much memory."""
-    robot = parse_urdf(text)
+class CheckedUrdf:
+    """A URDF that was checked, or made from one that was, and its text. Called, it returns the text.
+
+    Attributes:
+        robot: The `<robot>` element; only to be read, as many arms may share it.
+    """
+
+    def __init__(self, robot: ET.Element, text: str | None = None) -> None:
+        self.robot, self._text = robot, text
+
+    @classmethod
+    def of(cls, urdf: object, package_root: str | None) -> CheckedUrdf:
+        """Check a URDF, its text or its element.
+
+        Raises:
+            InputError: As `check_urdf`; or a joint that moves has a `<limit>` without the numbers that engines need.
+        """
+        robot = check_urdf(urdf, package_root)
+        check_limits_complete(robot)
+        return cls(robot, urdf if isinstance(urdf, str) else None)
+
+    def copy(self) -> ET.Element:
+        """Return the element, to be changed."""
+        return deepcopy(self.robot)
+
+    def __call__(self) -> str:
+        if self._text is None:
+            self._text = ET.tostring(self.robot, encoding="unicode")
+        return self._text
+
+
+def check_urdf(urdf: object, package_root: str | None) -> ET.Element:
+    """Refuse what is not a URDF of one arm, and what would make a reader open other files or take much memory.
+
+    Returns the `<robot>` element of a URDF that is text, or the given one.
+    """
+    robot = urdf if isinstance(urdf, ET.Element) else parse_urdf(urdf)
     check_parts(robot, package_root)
     for joint in robot.findall("joint"):
         _check_limits(joint)
+    return robot
 
 
 def check_parts(robot: ET.Element, package_root: str | None, *, kinds: Collection[str] = KINDS) -> None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.robots._rotations import rpy
-from kinreach.robots._urdf import link_at, origin_of, parse_urdf, set_origin
+from kinreach.robots._urdf import CheckedUrdf, link_at, origin_of, set_origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,14 +18,14 @@ class UrdfChain:
     """The joints of `q` between base and tip, each turning about the z axis of a frame of its own.
 
     Attributes:
-        urdf: The text that it is of.
+        robot: The `<robot>` element that it is of.
         names: Of the joints.
         placements: A0 to An of `T_base_tip = A0 Rz(q0) A1 ... An`, shape (n + 1, 4, 4).
         turned: From each joint's frame in the URDF to the one whose z axis is the joint's, shape (n, 4, 4).
         before: From the frame of the joint before to the joint's parent link, fixed joints between, shape (n, 4, 4).
     """
 
-    urdf: str
+    robot: ET.Element
     names: tuple[str, ...]
     placements: Floats
     turned: Floats
@@ -37,11 +36,10 @@ class UrdfChain:
         return len(self.names)
 
     @classmethod
-    def of(cls, urdf: str, names: tuple[str, ...], *, base: str, tip: str) -> UrdfChain:
-        """Read the chain of an arm's URDF from one link to another; joints that are not named are fixed."""
+    def of(cls, robot: ET.Element, names: tuple[str, ...], *, base: str, tip: str) -> UrdfChain:
+        """Read the chain of a parsed URDF from one link to another; joints that are not named are fixed."""
         from scipy.spatial.transform import Rotation
 
-        robot = parse_urdf(urdf)
         carried_by = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
         link, path = tip, []
         while link != base:
@@ -62,12 +60,12 @@ class UrdfChain:
             placements.append(T @ origin_of(joint) @ align)
             turned.append(align)
             T = align.T
-        return cls(urdf, names, np.array([*placements, T]), np.array(turned), np.array(before))
+        return cls(robot, names, np.array([*placements, T]), np.array(turned), np.array(before))
 
-    def urdf_with(self, placements: Floats) -> Callable[[], str]:
-        """Return what builds the URDF with joints 2 to n placed as in `placements`; the first stays, and the tip."""
-        robot = parse_urdf(self.urdf)
+    def urdf_with(self, placements: Floats) -> CheckedUrdf:
+        """Return the URDF with joints 2 to n placed as in `placements`; the first stays, and the tip."""
+        robot = deepcopy(self.robot)
         for index in range(1, self.joints):
             T = np.linalg.inv(self.before[index]) @ placements[index] @ self.turned[index].T
             set_origin(robot, self.names[index], T[:3, 3], rpy(T[:3, :3]))
-        return partial(str, ET.tostring(robot, encoding="unicode"))
+        return CheckedUrdf(robot)

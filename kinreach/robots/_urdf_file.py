@@ -136,7 +136,7 @@ def read_urdf(
         if float(limit.get("velocity", "0")) == 0.0:  # missing: a solver's steps would hold the joint still
             limit.set("velocity", repr(MAX_SPEED))
     if named(robot, "link", WORLD) is None:
-        root_link = UrdfArm(name, robot, tip=arm.tip, held=gripper).base
+        root_link = base_of(robot)
         robot.append(ET.Element("link", name=WORLD))
         add_joint(robot, f"{WORLD}_joint", WORLD, root_link)
     tips = UrdfArm(name, robot, tip=arm.tip, joints=arm.joints, held=gripper).tips

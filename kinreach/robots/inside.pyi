@@ -13,7 +13,6 @@ from ._flags import pose_numbers_of as pose_numbers_of
 from ._flags import posture_of as posture_of
 from ._flags import print_notes as print_notes
 from ._flags import tool_of as tool_of
-from ._grippers import Gripper as Gripper
 from ._identification import IdentifiedArm as IdentifiedArm
 from ._identification import JointTerms as JointTerms
 from ._identification import Prior as Prior
@@ -51,5 +50,4 @@ from ._urdf import add_link as add_link
 from ._urdf import link_at as link_at
 from ._urdf import named as named
 from ._urdf import origin_of as origin_of
-from ._urdf import parse_urdf as parse_urdf
 from ._urdf import without_shapes as without_shapes

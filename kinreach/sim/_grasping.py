@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.errors import InputError
-from kinreach.robots.inside import Gripper
+from kinreach.robots import Gripper
 from kinreach.sim._controller import JointController, as_index, pairs_in_contact, touches
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import BODY_FIELDS, GEOM_FIELDS, OBJECT, OBJECTS, Objects

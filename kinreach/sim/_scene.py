@@ -10,7 +10,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from copy import copy
+from copy import copy, deepcopy
 from functools import lru_cache
 from typing import Any
 
@@ -114,7 +114,7 @@ def _compiled(arm: ArmDescription, **options: Any) -> Any:
 
 
 def _import_urdf(arm: ArmDescription) -> Any:
-    robot = ET.fromstring(arm.urdf)
+    robot = deepcopy(arm.robot)
     for link in robot.iter("link"):
         for visual in link.findall("visual"):
             if visual.find("geometry/mesh") is not None:  # of the others the importer takes the colour

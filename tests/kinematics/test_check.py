@@ -114,7 +114,7 @@ def test_shapes_that_cannot_be_read_are_not_taken_for_none(tmp_path, capsys):
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("collisions")]
     assert line.startswith("collisions   not known: the mesh 'package://link.stl' has no triangles")
     bare = tmp_path / "bare.urdf"
-    bare.write_bytes(ET.tostring(without_shapes(get_arm("ur5e").urdf, "visual", "collision")))
+    bare.write_bytes(ET.tostring(without_shapes(get_arm("ur5e").robot, "visual", "collision")))
     assert main([str(bare), "--poses", "2"], prog="check") == 0
     assert "collisions   not known: the arm has no shapes\n" in capsys.readouterr().out
 

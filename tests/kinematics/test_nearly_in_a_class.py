@@ -1,6 +1,7 @@
 """Six axes that nearly have a closed form, as files with rounded digits do: no posture is lost, none is wrong."""
 
 import re
+import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from kinreach.kinematics import ArmKinematics, AxisGoal
 from kinreach.kinematics._general_6r import Chain, miss, missed_by
 from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._six_axis import methods
-from kinreach.robots._ur import nominal_urdf
+from kinreach.robots._ur import nominal_robot
 from tests.cases import slow
 
 #: Class that `make test` tries directions on.
@@ -154,7 +155,7 @@ def test_no_posture_misses_where_others_reach(name):
 def test_a_file_with_rounded_right_angles_is_solved_as_it_is(tmp_path, digits):
     """A UR whose URDF says 1.571 or 1.5708 for a right angle is no UR, by the digits that are missing."""
     file = tmp_path / "rounded.urdf"
-    text = re.sub(r"1\.57079632\d*", f"{np.pi / 2:.{digits}f}", nominal_urdf("ur5e"))
+    text = re.sub(r"1\.57079632\d*", f"{np.pi / 2:.{digits}f}", ET.tostring(nominal_robot("ur5e"), encoding="unicode"))
     file.write_text(text)
     kin = ArmKinematics.from_urdf(file, tip="tool0")
     q = np.random.default_rng(digits).uniform(-2.5, 2.5, (40, 6))

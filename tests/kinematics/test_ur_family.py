@@ -24,7 +24,7 @@ from kinreach.kinematics._ur.geometry import URGeometry
 from kinreach.kinematics._ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names, get_arm
 from kinreach.robots._shapes import link_shapes
-from kinreach.robots._ur import UR_LENGTHS, nominal_urdf
+from kinreach.robots._ur import UR_LENGTHS, nominal_robot
 from kinreach.robots._urdf import add_joint, add_link, origin_of
 from kinreach.sim import ArmSimulation
 from kinreach.sim._controller import MoveStatus
@@ -82,7 +82,7 @@ def test_forward_kinematics_is_the_oracles(name):
 def test_forward_kinematics_is_that_of_the_urdfs(name):
     model = pin.buildModelFromUrdf(str(UR_FILES / f"{name}_robot.urdf"))
     data, frame = model.createData(), model.getFrameId("tool0")
-    kin = URKinematics(ArmDescription(name, name, partial(nominal_urdf, name)))
+    kin = URKinematics(ArmDescription(name, name, partial(nominal_robot, name)))
     q = np.random.default_rng(2).uniform(-6, 6, (100, 6))
     for posture, T in zip(q, kin.fk(q), strict=True):
         pin.framesForwardKinematics(model, data, posture)
@@ -168,7 +168,7 @@ def test_arms_without_meshes_have_shapes(name):
 def test_shapes_are_those_of_the_meshes(name, largest):
     """Few points of the meshes are out of the cylinders, and not far; other models have theirs by the same rule."""
     drawn = ArmKinematics(get_arm(f"{name}-thesis"), tip="tool0")
-    ruled = ArmKinematics(ArmDescription(name, name, partial(nominal_urdf, name)), tip="tool0")
+    ruled = ArmKinematics(ArmDescription(name, name, partial(nominal_robot, name)), tip="tool0")
     q, counted = np.zeros(6), 0
     for link in ("shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"):
         frames = []

@@ -460,7 +460,7 @@ def test_any_arm_is_calibrated_from_what_a_tracker_saw(tmp_path, with_rotations,
     """Its base in the tracker and its tool are not known; the URDF that is written puts the tool where it was seen."""
     arm = get_arm("panda")
     kin, rng = ArmKinematics.of(arm), np.random.default_rng(3)
-    chain = UrdfChain.of(arm.urdf, arm.joints, base=arm.base, tip=arm.tips[arm.default_tip])
+    chain = UrdfChain.of(arm.robot, arm.joints, base=arm.base, tip=arm.tips[arm.default_tip])
     q = rng.uniform(kin.lower, kin.upper, (60, kin.n))
     np.testing.assert_allclose(frames_of(chain.placements, q)[-1], kin.fk(q), atol=1e-10)
     errors = rng.normal(size=(8, 6)) * np.repeat((1e-3, 2e-3), 3)

@@ -45,7 +45,7 @@ def of(shapes):
 def test_shapes_are_as_they_were(tmp_path):
     """Of arms with meshes, drawn finely and simply, of one without, and of a MuJoCo scene with every kind of shape."""
     bare = tmp_path / "bare.urdf"
-    bare.write_bytes(ET.tostring(without_shapes(get_arm("ur5e").urdf, "visual", "collision")))
+    bare.write_bytes(ET.tostring(without_shapes(get_arm("ur5e").robot, "visual", "collision")))
     arms = {"ur5": get_arm("ur5-thesis"), "arm3": get_arm("arm3"), "bare": ArmDescription.from_urdf(bare)}
     shapes = {name: Figure(ArmKinematics.of(arm, base="world")) for name, arm in arms.items()}
     shapes |= {"simple ur5": Figure(ArmKinematics.of("ur5-thesis", base="world"), simple=True)}

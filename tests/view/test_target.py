@@ -14,7 +14,7 @@ from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, URKin
 from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
 from kinreach.robots._shapes import link_shapes
-from kinreach.robots._urdf import without_shapes
+from kinreach.robots._urdf import parse_urdf, without_shapes
 from kinreach.view import _html as html
 from kinreach.view._cli import setup_of
 from kinreach.view._figure import Figure
@@ -276,7 +276,7 @@ def test_a_figure_follows_the_arm():
 
 
 def test_arms_without_shapes_are_drawn_as_tubes(tmp_path):
-    (tmp_path / "bare.urdf").write_bytes(ET.tostring(without_shapes(get_arm("ur5e").urdf, "visual", "collision")))
+    (tmp_path / "bare.urdf").write_bytes(ET.tostring(without_shapes(get_arm("ur5e").robot, "visual", "collision")))
     kinematics = ArmKinematics.from_urdf(tmp_path / "bare.urdf", tip="tool0", base="world")
     assert link_shapes(kinematics.arm) == []
     assert TargetModel(kinematics.arm).checker is None
@@ -352,7 +352,7 @@ def test_a_copied_search_keeps_the_limits_of_the_page(capsys):
 def test_an_arm_with_any_six_joints_has_all_its_postures(tmp_path):
     file = "kinova_description/robots/kinova.urdf"
     text = Path(f"{getModelPath(file)}/{file}").read_text()
-    (tmp_path / "bare.urdf").write_bytes(ET.tostring(without_shapes(text, "visual", "collision")))
+    (tmp_path / "bare.urdf").write_bytes(ET.tostring(without_shapes(parse_urdf(text), "visual", "collision")))
     model = TargetModel(ArmDescription.from_urdf(tmp_path / "bare.urdf", tip="j2s6s200_link_6"))
     kinematics, rng, most = model.kinematics, np.random.default_rng(3), 0
     for _ in range(6):

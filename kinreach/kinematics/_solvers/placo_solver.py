@@ -85,7 +85,7 @@ class _WorkSpace(threading.local):
 
     def __init__(self, kin: ArmKinematics, tolerance: Tolerance, dt: float, free: Sequence[str]) -> None:
         placo: Any = load("placo")  # here, and not above: without placo the other solvers still work
-        urdf, tip = _skeleton(kin.arm.urdf, kin.arm.tips[kin.tip])
+        urdf, tip = _skeleton(kin.arm.robot, kin.arm.tips[kin.tip])
         self.robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), urdf)
         for name, position in kin.arm.locked_joints.items():
             self.robot.set_joint(name, position)
@@ -141,12 +141,12 @@ class _Problem:
         return True
 
 
-def _skeleton(urdf: str, tip: str) -> tuple[str, str]:
+def _skeleton(robot: ET.Element, tip: str) -> tuple[str, str]:
     """The URDF without shapes, as placo needs none of the files that they name, and the link that is the tip in it.
 
     placo looks for links and joints by one name; where a joint has the tip's, a link in the same place is the tip.
     """
-    robot = without_shapes(urdf, "visual", "collision")
+    robot = without_shapes(robot, "visual", "collision")
     if named(robot, "joint", tip) is not None:
         add_link(robot, f"{tip} (link)")
         add_joint(robot, f"{tip} (link) mount", tip, f"{tip} (link)")
