@@ -1,7 +1,7 @@
 """Prints the mean reward before and after stable-baselines3's PPO trains on 256 arms.
 
     python examples/07_stable_baselines3.py
-    kinreach compare --methods ppo-single,results/reach.zip --goals 50
+    kinreach compare --methods ppo-single,results/reach.safetensors --goals 50
 
 It goes from collisions to rewards above 0 in 60 000 steps, too few to reach a goal.
 `kinreach train ppo-single` is PPO that does. Needs the extra `train`.
@@ -14,11 +14,12 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecMonitor
 
 import kinreach  # noqa: F401  (registers the environments)
-from kinreach.baselines import SB3VecEnv
+from kinreach.baselines import SB3VecEnv, export_policy
 
+ENVIRONMENT = "kinreach/UR5SingleStep-v0"
 torch.set_num_threads(1)  # a network this small is quickest on one
 batch = gym.make_vec(
-    "kinreach/UR5SingleStep-v0",
+    ENVIRONMENT,
     num_envs=256,
     vectorization_mode="vector_entry_point",
     backend="kinematic",
@@ -38,4 +39,4 @@ model = PPO(
 print(f"mean reward before: {evaluate_policy(model, env, n_eval_episodes=256)[0]:.1f}")
 model.learn(60_000)
 print(f"mean reward after: {evaluate_policy(model, env, n_eval_episodes=256)[0]:.1f}")
-model.save("results/reach.zip")
+export_policy(model, "results/reach.safetensors", environment=ENVIRONMENT)

@@ -16,7 +16,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 PAGE = (EXAMPLES.parent / "docs" / "guides/examples.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?(?: [mu]s\b)?")
 #: Their numbers are of a training, which differs from processor to processor.
-TRAINED = ("03_own_policy", "06_own_algorithm", "07_stable_baselines3", "08_pytorch_loop")
+TRAINED = ("03_own_policy", "06_own_algorithm", "07_stable_baselines3", "08_pytorch_loop", "17_search")
 
 
 def shown(name: str) -> str:
@@ -179,16 +179,26 @@ def test_stable_baselines3(run, tmp_path):
     before, after = numbers(r"(?:before|after): (-?[\d.]+)", run("07_stable_baselines3"))
     assert after > before + 10
     assert after > -5
-    assert (tmp_path / "results" / "reach.zip").stat().st_size > 10_000
+    assert (tmp_path / "results" / "reach.safetensors").stat().st_size > 10_000
 
 
 @pytest.mark.slow
 def test_pytorch_loop(run):
-    text = run("08_pytorch_loop")
+    text = run("08_pytorch_loop", "17_search")
     distances = numbers(r"distance +(\d+) mm", text)
     assert len(distances) == 13
     assert distances[-1] < distances[0] / 3
     assert numbers(r"learned: .* ([\d.]+) mm in the median", text)[0] < distances[0] / 3
+
+
+def test_search(run, tmp_path):
+    pytest.importorskip("optuna")
+    text = run("17_search")
+    finished, early = map(int, re.search(r"(\d) finished, (\d) ended early", text).groups())
+    assert finished + early == 4
+    assert finished >= 2
+    assert re.search(r"^\d+ mm: rate [\d.e-]+, [2-8] epochs$", text, re.MULTILINE)
+    assert (tmp_path / "results" / "search" / "trial-0" / "policy.safetensors").is_file()
 
 
 @pytest.mark.usefixtures("needs_gl")

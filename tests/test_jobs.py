@@ -31,19 +31,6 @@ COMPARE = (
     "import sys; from kinreach.compare import compare, _runner as runner; runner.BLOCK = 50; "
     f"compare(methods={METHODS}, goals={GOALS}, out=sys.argv[1], engine='ray', address=sys.argv[2])"
 )
-#: A search of Optuna's; on two nodes two of its trials run at a time.
-SEARCH_TRIALS = 3
-SEARCH = f"""
-recipe: ppo-single
-ranges:
-  settings.learning_rate: {{loguniform: [1.0e-4, 1.0e-2]}}
-trials: {SEARCH_TRIALS}
-steps: 400
-goals: 20
-judge: return
-searcher: optuna
-scheduler: none
-"""
 
 
 def thrice(job):
@@ -298,38 +285,6 @@ def test_a_comparison_survives_its_driver_and_a_node(cluster, root, tmp_path):
     assert len(rows(out)) == 2 * GOALS
     assert rows(out) == rows(tmp_path / "serial")
     assert numbers(out) == numbers(tmp_path / "serial")
-
-
-@pytest.mark.slow
-def test_a_search_survives_its_driver(cluster, root, tmp_path, monkeypatch):
-    monkeypatch.setenv("TMPDIR", str(tmp_path))  # Ray's locks: those in /tmp may be another user's
-    file = tmp_path / "mine.yaml"
-    file.write_text(SEARCH)
-    folder = tmp_path / "search-mine"
-    command = ("-m", "kinreach.train", "--search", file, "--address", cluster.address, "--out", tmp_path)
-
-    def finished():
-        """Of the trials that Tune knows to be over, what they are called and what they came to."""
-        states = sorted(folder.glob("tune/experiment_state-*.json"))
-        trials = [json.loads(trial) for trial, _ in json.loads(states[-1].read_text())["trial_data"]] if states else []
-        names = [trial["trial_id"] for trial in trials if trial["status"] == "TERMINATED"]
-        # Tune may write its state before a result
-        files = [(name, path) for name in names for path in folder.glob(f"tune/*{name}*/result.json")]
-        return {name: path.read_bytes() for name, path in files}
-
-    driver = start(root, *command)
-    wait_until(finished, driver)
-    driver.send_signal(signal.SIGKILL)
-    driver.communicate()
-    before = finished()
-    assert 0 < len(before) < SEARCH_TRIALS
-    finish(start(root, *command, "--resume"))
-    results = json.loads((folder / "results.json").read_text())["trials"]
-    assert [trial["status"] for trial in results] == ["finished"] * SEARCH_TRIALS
-    assert len({trial["settings.learning_rate"] for trial in results}) == SEARCH_TRIALS
-    after = finished()
-    assert len(after) == SEARCH_TRIALS
-    assert {name: after[name] for name in before} == before
 
 
 @pytest.mark.slow

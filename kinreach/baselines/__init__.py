@@ -3,11 +3,11 @@
 - `load_policy`, `rollout`, `evaluate`: load a policy, play episodes with it, measure it on held-out goals.
 - `Recipe`, `get_recipe`, `train`: from a recipe and a seed to a policy file, a learning curve and a checkpoint.
 - `register_recipe`, `register_algorithm`: train by a recipe and an algorithm of your own.
-- `SB3VecEnv`: a native batch as stable-baselines3 takes it.
+- `SB3VecEnv`: a native batch as stable-baselines3 takes it; `export_policy`: a policy file of its model.
 - `RandomPolicy`, `AnalyticButtonPolicy`: policies that are not trained.
 
-`train`, `register_algorithm` and `SB3VecEnv` need the extra `train`; the rest runs without torch. The modules are
-internal.
+`train`, `register_algorithm`, `SB3VecEnv` and `export_policy` need the extra `train`; the rest runs without torch. The
+modules are internal.
 """
 
 from typing import Any

@@ -11,5 +11,6 @@ from ._recipes import Networks as Networks
 from ._recipes import Recipe as Recipe
 from ._recipes import get_recipe as get_recipe
 from ._recipes import register_recipe as register_recipe
+from ._sb3_export import export_policy as export_policy
 from ._training import train as train
 from ._vec_envs import SB3VecEnv as SB3VecEnv

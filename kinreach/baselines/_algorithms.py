@@ -25,12 +25,13 @@ from kinreach.baselines._adaptive_ppo import AdaptivePPO, LateCollisionsPPO
 from kinreach.baselines._batch import first_observations
 from kinreach.baselines._descent import AnalyticGradient, MovingGradient, RandomArmGradient
 from kinreach.baselines._looks import Looks, LooksVecEnv
-from kinreach.baselines._networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
+from kinreach.baselines._networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy
 from kinreach.baselines._policy_file import Network
 from kinreach.baselines._ppo2 import PPO2
 from kinreach.baselines._ranked_ppo import AdaptiveRate, Exploration, RankedPPO, TriesVecEnv
 from kinreach.baselines._recipes import Recipe
 from kinreach.baselines._rewards import TrainingReward
+from kinreach.baselines._sb3_export import actor_network
 from kinreach.baselines._vec_envs import SB3VecEnv
 from kinreach.envs.inside import (
     CAMERA,

@@ -187,7 +187,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--env",
         metavar="ID",
-        help="environment of policies without one, as stable-baselines3's model.zip; yours as module:id",
+        help="another environment than the policy's own; yours as module:id",
     )
     parser.add_argument("--goals", type=int, default=1000, metavar="N", help="default: %(default)s")
     parser.add_argument(

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
-import numpy as np
-from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from kinreach._checks import check_known
@@ -17,12 +14,9 @@ from kinreach.baselines._learning_curve import LearningCurve
 from kinreach.baselines._policy_file import Network
 from kinreach.baselines._recipes import Recipe
 from kinreach.baselines._rewards import training_reward
+from kinreach.baselines._sb3_export import check_export, check_trainable
 from kinreach.baselines._vec_envs import SB3VecEnv
 from kinreach.errors import InputError, KinreachError
-
-#: How far an exported actor may be from the model's own, which computes in single precision.
-EXPORT_TOLERANCE = 1e-3
-_SAMPLES = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,24 +56,15 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
         except Exception as error:  # of the algorithm, about its settings or the spaces
             raise InputError(f"{recipe.algorithm} does not take the settings of {recipe.name}: {error}") from error
         trainee = Trainee(model, env, curve, algorithm)
-        check_export(trainee)
+        check_export(model, _exported(trainee), algorithm.name, seen=env.seen)
     except BaseException:
         batch.close()
         raise
     return trainee
 
 
-def check_trainable(observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
-    """Refuse observations that are not vectors of numbers, and actions neither `Box` nor `Discrete` from 0."""
-    if not isinstance(observations, spaces.Box) or len(observations.shape) != 1:
-        raise InputError(f"training needs observations that are vectors of numbers, got {observations}")
-    vector = isinstance(actions, spaces.Box) and len(actions.shape) == 1
-    if not vector and not (isinstance(actions, spaces.Discrete) and actions.start == 0):
-        raise InputError(f"training needs actions that are vectors or numbered from 0, got {actions}")
-
-
-def check_export(trainee: Trainee) -> None:
-    """Refuse a model that cannot be exported, or whose exported actor does not act as it does."""
+def _exported(trainee: Trainee) -> Network:
+    """Return the actor; refuse what is no model, and exporters that fail."""
     model, name = trainee.model, trainee.algorithm.name
     if not isinstance(model, BaseAlgorithm):
         raise InputError(
@@ -87,24 +72,8 @@ def check_export(trainee: Trainee) -> None:
             f"{type(model).__name__}"
         )
     try:
-        network = trainee.network
+        return trainee.network
     except KinreachError:
         raise
     except Exception as why:  # of the exporter
         raise InputError(f"the exporter of {name} fails: {type(why).__name__}: {why}{place_of(why)}") from why
-    space: Any = model.observation_space
-    draws = np.random.default_rng(0).normal(size=(_SAMPLES, *space.shape))
-    observations = np.clip(draws, space.low, space.high).astype(space.dtype)
-    expected = model.predict(observations, deterministic=True)[0]
-    found = network(trainee.env.seen(observations))
-    if isinstance(model.action_space, spaces.Discrete):
-        best = found[np.arange(_SAMPLES), expected]
-        error = float((found.max(axis=1) - best).max())
-    else:
-        low, high = (-1.0, 1.0) if network.low is None else (network.low, network.high)
-        error = float(np.abs(np.clip(found, low, high) - expected).max())
-    if not error <= EXPORT_TOLERANCE:
-        raise InputError(
-            f"the exporter of {trainee.algorithm.name} gives a network that does not answer as the model does: it is "
-            f"off by {error:.2g}"
-        )

@@ -1,28 +1,27 @@
-"""Networks that stable-baselines3 lacks, and the export of trained actors to numpy."""
+"""Networks that stable-baselines3 lacks."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import torch
 from gymnasium import spaces
-from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, FlattenExtractor
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
-from kinreach.baselines import _sb3_zip as sb3_zip
 from kinreach.baselines._eyes import MIDDLE, Eye
 from kinreach.baselines._looks import Looks
-from kinreach.baselines._policy_file import Network
-from kinreach.errors import InputError
 
 #: Activations of hidden layers by the name that recipes and policy files use.
 ACTIVATIONS: Mapping[str, type[nn.Module]] = {
-    name: getattr(nn, torchs) for torchs, name in sb3_zip.TORCH_ACTIVATIONS.items()
+    "tanh": nn.Tanh,
+    "silu": nn.SiLU,
+    "relu": nn.ReLU,
+    "elu": nn.ELU,
+    "leaky_relu": nn.LeakyReLU,
 }
 
 
@@ -131,32 +130,3 @@ class PosturePolicy(ActorCriticPolicy):
         self.action_net = PostureHead(self.mlp_extractor.latent_dim_pi, **self._head)
         new_optimizer: Any = self.optimizer_class
         self.optimizer = new_optimizer(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
-
-
-def actor_network(model: BaseAlgorithm) -> Network:
-    """Return the deterministic actor of a stable-baselines3 model with `MlpPolicy`, of DQN its Q-network."""
-    policy: Any = model.policy
-    names = {kind: name for name, kind in ACTIVATIONS.items()}
-    if policy.activation_fn not in names:
-        known = ", ".join(kind.__name__ for kind in names)
-        raise InputError(f"{policy.activation_fn.__name__} cannot be exported; known activations are {known}")
-    space = model.action_space
-    network, _ = sb3_zip.actor_network(
-        {name: value.detach().numpy() for name, value in policy.state_dict().items()},
-        activation=names[policy.activation_fn],
-        bounds=(space.low, space.high) if isinstance(space, spaces.Box) else None,
-    )
-    owner = next(getattr(policy, name) for name in ("actor", "q_net", "action_net") if hasattr(policy, name))
-    features = (
-        policy.pi_features_extractor if owner is getattr(policy, "action_net", None) else owner.features_extractor
-    )
-    if isinstance(features, ObservationFeatures):
-        constants = {name: getattr(features, name).numpy() for name in ("mean", "scale", "waves")}
-        network = replace(network, **constants)
-    elif isinstance(features, LookFeatures):
-        network = replace(network, eyes=[eye.exported() for eye in features.eyes])
-    elif type(features) is not FlattenExtractor:
-        raise InputError(f"the features extractor {type(features).__name__} cannot be exported")
-    if isinstance(owner, PostureHead):
-        network = replace(network, gain=owner.gain.numpy(), shift=owner.shift.numpy())
-    return network

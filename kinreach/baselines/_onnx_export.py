@@ -55,7 +55,7 @@ class _Graph:
 
     def constant(self, value: ArrayLike) -> str:
         name, array = f"constant{len(self.constants)}", np.asarray(value)
-        if array.dtype.kind == "f":  # a `model.zip` has single precision
+        if array.dtype.kind == "f":  # what a training exports has single precision
             array = array.astype(np.float64)
         self.constants.append(self.onnx.numpy_helper.from_array(array, name))
         return name

@@ -1,9 +1,8 @@
-"""Trained policies, from policy files or from stable-baselines3's `model.zip`; nothing in a file is executed."""
+"""Trained policies, from policy files; nothing in a file is executed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -17,7 +16,6 @@ from kinreach._checks import as_floats, check_entries, check_path, shown
 from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 from kinreach.baselines._eyes import picture_names
 from kinreach.baselines._policy_file import Network, PolicyCard, read_policy
-from kinreach.baselines._sb3_zip import read_zip
 from kinreach.envs.inside import SINGLE_STEP, STEP_SIZE, action_range
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
@@ -45,7 +43,6 @@ class LearnedPolicy:
 
     Args:
         card, network: As `read_policy` returns them.
-        exact: Whether an observation must have as many numbers as the network reads; else it may have more.
 
     Attributes:
         card, network: As given.
@@ -53,9 +50,8 @@ class LearnedPolicy:
         stepwise: Whether its output is a posture that is approached in steps.
     """
 
-    def __init__(self, card: PolicyCard, network: Network, *, exact: bool = False) -> None:
+    def __init__(self, card: PolicyCard, network: Network) -> None:
         self.card, self.network = card, network
-        self._exact = exact
         self.bounds = (-1.0 if network.low is None else network.low, 1.0 if network.high is None else network.high)
         self.stepwise = card.meaning == "posture" and _walks(card)
 
@@ -120,7 +116,7 @@ class LearnedPolicy:
         vector = isinstance(observations, spaces.Box) and len(observations.shape) == 1
         if not vector or not self.accepts(observations.shape[0]):  # type: ignore[index]
             raise InputError(
-                f"{self.name} takes a vector of {self._wanted} numbers, not observations of {observations}"
+                f"{self.name} takes a vector of at least {self.inputs} numbers, not observations of {observations}"
             )
         if self.card.meaning == "preferences":
             fits = isinstance(actions, spaces.Discrete) and actions.n == outputs
@@ -135,13 +131,9 @@ class LearnedPolicy:
         """Least number of entries of an observation."""
         return max(len(self.network.mean), len(self.network.gain) + 1 if self.stepwise else 0)
 
-    @property
-    def _wanted(self) -> str:
-        return f"{'' if self._exact else 'at least '}{self.inputs}"
-
     def accepts(self, count: int) -> bool:
         """Return whether an observation may have `count` numbers."""
-        return count == self.inputs if self._exact else count >= self.inputs
+        return count >= self.inputs
 
     def _output(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
         x: Any = self._pictures(observation) if self.network.eyes else self._numbers(observation)
@@ -159,7 +151,7 @@ class LearnedPolicy:
     def _numbers(self, observation: Any) -> Array:
         x = as_floats("observation", observation)
         if x.ndim == 0 or not self.accepts(x.shape[-1]):
-            raise InputError(f"an observation must have {self._wanted} numbers, got shape {x.shape}")
+            raise InputError(f"an observation must have at least {self.inputs} numbers, got shape {x.shape}")
         check_entries("observation", x, 1e6)
         return x
 
@@ -237,12 +229,11 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
     """Load a policy.
 
     Args:
-        policy: Name of one in the package, or path of a policy file or of a stable-baselines3 `model.zip`.
-        environment: Id of the environment that it must be for; a `model.zip` does not name one.
+        policy: Name of one in the package, or path of a policy file.
+        environment: Id of the environment that it must be for.
 
     Raises:
         InputError: Unknown policy, not a policy file, or a policy for another environment.
-        InstallationError: Torch is not installed, which a `model.zip` needs.
 
     Examples:
         >>> import gymnasium as gym
@@ -259,8 +250,11 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
         with resources.as_file(resources.files("kinreach.baselines") / "pretrained" / f"{policy}{_SUFFIX}") as path:
             card, network = read_policy(path)
     elif (path := check_path("policy", policy)).suffix == ".zip":
-        card, network = read_zip(path)
-        return LearnedPolicy(replace(card, environment=environment or ""), network, exact=True)
+        raise InputError(
+            f"{path}: loading stable-baselines3's own files can run code in them, so kinreach reads none; if you trust "
+            "it, load it in Python and write a policy file: kinreach.baselines.export_policy(PPO.load(...), "
+            "'policy.safetensors', environment=ID)"
+        )
     elif path.suffix or path.exists():
         card, network = read_policy(path)
     else:

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
 from kinreach._checks import MAX_THREADS, check_count, check_known, check_path
-from kinreach._jobs import RAY, SERIAL, Engine, add_options, open_engine
+from kinreach._jobs import SERIAL, Engine, add_options, open_engine
 from kinreach._terminal import Console
 from kinreach.baselines._evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
 from kinreach.baselines._policies import LearnedPolicy
@@ -33,15 +32,7 @@ SPLIT = "validation"
 
 def main(argv: Sequence[str], *, prog: str) -> int:
     """Train one recipe with one seed or several."""
-    parser = _parser(prog)
-    arguments = parser.parse_args(argv)
-    if (arguments.recipe is None) == (arguments.search is None):
-        raise InputError("give a RECIPE, or a --search")
-    if arguments.search is not None:
-        for name in ("seed", "seeds", "steps", "split", "engine", "export", "fresh"):  # which a search does not have
-            if getattr(arguments, name) not in (parser.get_default(name), RAY):
-                raise InputError(f"--{name} is not for --search; its file has the settings")
-        return _search(arguments)
+    arguments = _parser(prog).parse_args(argv)
     recipe = get_recipe(arguments.recipe)
     for name in ("seeds", "steps", "threads"):
         value = getattr(arguments, name)
@@ -73,27 +64,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} {arguments.split} goals"))
     again = f"kinreach evaluate {quoted(str(out / recipe.name))}/seed-*/policy.safetensors"
     console.note(f"On held-out goals: {again}")
-    return 0
-
-
-def _search(arguments: argparse.Namespace) -> int:
-    with _needs_training():
-        from kinreach.baselines._search import JUDGES, read_search, search
-    file = check_path("--search", arguments.search)
-    given = read_search(file)
-    check_count("--threads", arguments.threads, most=MAX_THREADS)
-    out = check_path("--out", arguments.out) / f"search-{file.stem}"
-    with open_engine(RAY, arguments.address):
-        results = search(given, out, resume=arguments.resume, threads=arguments.threads)
-    table = Table(title=f"{given.recipe}, {given.goals} validation goals", title_style="bold", box=None)
-    names = [*given.ranges, "steps", *JUDGES, "status"]
-    for name in names:
-        table.add_column(name)
-    for row in results["trials"][:10]:
-        table.add_row(*(f"{row[name]:.4g}" if isinstance(row[name], float) else str(row[name]) for name in names))
-    console = Console(width=TABLE_WIDTH)
-    console.print(table)
-    console.note(f"All trials, and the best one's recipe: {out}")
     return 0
 
 
@@ -186,15 +156,10 @@ def _parser(prog: str) -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "recipe", nargs="?", metavar="RECIPE", help="what to train: one of those below, or module:RECIPE of your own"
+        "recipe", metavar="RECIPE", help="what to train: one of those below, or module:RECIPE of your own"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="the first seed (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=1, metavar="K", help="how many seeds (default: %(default)s)")
-    parser.add_argument(
-        "--search",
-        metavar="FILE",
-        help="instead of a recipe: ranges of one's settings, a budget and validation goals, for Ray Tune",
-    )
     parser.add_argument("--steps", type=int, metavar="N", help="actions to train for (default: the recipe's)")
     parser.add_argument(
         "--out", metavar="DIR", default="results/train", help="runs go into DIR/RECIPE/seed-S (default: %(default)s)"

@@ -9,7 +9,7 @@ from ._policies import LearnedPolicy as LearnedPolicy
 from ._policies import needed_options as needed_options
 from ._policies import pretrained_names as pretrained_names
 from ._policies import trained_arm as trained_arm
+from ._policy_file import MAX_BYTES as MAX_BYTES
 from ._policy_file import Network as Network
 from ._policy_file import run_name as run_name
-from ._sb3_zip import MAX_ZIP as MAX_ZIP
 from ._solver_policy import SolverPolicy as SolverPolicy

@@ -19,7 +19,6 @@ from kinreach._provenance import digest
 from kinreach._statistics import tables
 from kinreach._terminal import Console
 from kinreach.cli import HELP, Parser, quoted
-from kinreach.compare._methods.resolve import ZIP
 from kinreach.compare._motion import with_motion
 from kinreach.compare._options import Flag, add_flags, flags_of, given_options
 from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
@@ -70,12 +69,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     scene = out / "scene.png"
     lines = [
         *notes(task, results),
-        *(
-            f"{name} names no environment and was used in {next(iter(task.variants.values()))}; for another: "
-            + ", ".join(f"{name}@{short}" for short in list(task.variants)[1:])
-            for name in methods
-            if name.endswith(ZIP) and len(task.variants) > 1
-        ),
         f"Again: {results['settings']['command']}",
         f"In {out}: {', '.join(files)}",
         f"Scene: {scene}" if scene.is_file() else "No picture of the scene: the reason is in report.html.",
@@ -189,8 +182,8 @@ class _Parser(Parser):
     def format_help(self) -> str:
         lines = [f"methods of {name}: {', '.join(get_task(name).methods)}" for name in task_names()]
         lines.append(
-            "other methods: a policy's file (policy.safetensors, a stable-baselines3 model.zip, model.zip@multi), or "
-            "module:attribute of a solver, a policy or a function of your own"
+            "other methods: a policy's file (policy.safetensors), or module:attribute of a solver, a policy or a "
+            "function of your own"
         )
         # filled here: argparse would break names at their hyphens
         self.epilog = "\n".join(fill(line, 79, subsequent_indent="  ", break_on_hyphens=False) for line in lines)

@@ -17,7 +17,7 @@ from kinreach import _provenance as provenance
 from kinreach._checks import Floats, check_known, shown
 from kinreach._files import read_bytes
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
-from kinreach.baselines.inside import MAX_ZIP
+from kinreach.baselines.inside import MAX_BYTES
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, BoxRegion, QuadrantRegion
 from kinreach.robots.inside import HULLS
@@ -214,7 +214,7 @@ def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
 def policy_version(policy: str) -> dict[str, str]:
     """Return the digest of the file of a policy, a name of the package's or a path, by the policy's name."""
     shipped = resources.files("kinreach.baselines") / "pretrained" / f"{policy}.safetensors"
-    content = shipped.read_bytes() if shipped.is_file() else read_bytes(Path(policy), "the policy", most=MAX_ZIP)
+    content = shipped.read_bytes() if shipped.is_file() else read_bytes(Path(policy), "the policy", most=MAX_BYTES)
     return {f"policy {policy}": provenance.digest(content)}
 
 

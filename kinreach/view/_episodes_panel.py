@@ -118,7 +118,7 @@ class EpisodesPanel(Panel):
             self._policy = gui.add_dropdown(
                 "who acts", [""], hint="Solvers, methods of the comparison, policies, chance"
             )
-            self._file = gui.add_text("or a file", self._setup.policy or "", hint="policy.safetensors or model.zip")
+            self._file = gui.add_text("or a file", self._setup.policy or "", hint="policy.safetensors")
             self._observation = gui.add_dropdown(
                 "observation", OBSERVATION_KINDS, hint="What cameras measure, what perfect ones would, or pictures",
                 initial_value="geometric",

@@ -34,7 +34,7 @@ class PolicySolver:
         self._policy = load_policy(policy)
         self._kinematics = kinematics
         self.seconds = 0.0
-        environment = self._policy.card.environment or SINGLE
+        environment = self._policy.card.environment
         if environment not in (SINGLE, MULTI):
             raise InputError(f"the policy {policy} is for {environment}, not for one of: {SINGLE}, {MULTI}")
         options = needed_options(self._policy) | {"arm": kinematics.arm, "backend": "kinematic"}

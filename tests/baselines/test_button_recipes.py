@@ -13,10 +13,10 @@ from kinreach.baselines import _training as training
 from kinreach.baselines._evaluation import evaluate
 from kinreach.baselines._learning_curve import LearningCurve
 from kinreach.baselines._models import build
-from kinreach.baselines._networks import actor_network
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import BRANCH_ORDER, POSTURE_WEIGHT, REWARDS, SCALE, goal_postures
+from kinreach.baselines._sb3_export import actor_network
 from kinreach.baselines._training import train
 from kinreach.baselines._vec_envs import SB3VecEnv
 from kinreach.kinematics import Arm3Kinematics

@@ -81,18 +81,6 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
             ["train", "ranked-single", "--seed", "2147483647", "--seeds", "2"],
             "--seed plus --seeds must be at most 2147483648, got 2147483649",
         ),
-        *(
-            (["train", "--search", "x.yaml", *more], f"{more[0]} is not for --search")
-            for more in (
-                ("--seed", "3"),
-                ("--seeds", "2"),
-                ("--steps", "10"),
-                ("--split", "held-out"),
-                ("--engine", "magic"),
-                ("--export",),
-                ("--fresh",),
-            )
-        ),
     ],
 )
 def test_bad_input_is_one_line_before_any_episode(arguments, message, capsys, monkeypatch, tmp_path):

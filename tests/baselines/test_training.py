@@ -17,10 +17,10 @@ from kinreach.baselines import _evaluation as evaluation
 from kinreach.baselines._evaluation import evaluate
 from kinreach.baselines._learning_curve import COLUMNS, read_curve
 from kinreach.baselines._models import build
-from kinreach.baselines._networks import actor_network
 from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import REWARDS
+from kinreach.baselines._sb3_export import actor_network
 from kinreach.baselines._training import _begin_segment, goal_seeds, train
 from kinreach.errors import InputError, UnknownNameError
 from tests.baselines.small_runs import SMALL, small

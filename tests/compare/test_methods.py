@@ -142,8 +142,6 @@ def test_a_policys_file_acts_where_its_card_says(tmp_path):
         assert method.environment == task.variants[name]
         assert method.kind == POLICY
         assert len(method.versions) == 1
-    with pytest.raises(InputError, match="is for kinreach/UR5MultiStep-v0"):
-        resolve_methods(task, [f"{tmp_path / 'mine-multi.safetensors'}@single"])
     with pytest.raises(InputError, match="is for kinreach/UR5SingleStep-v0"):
         resolve_methods(get_task("button"), [str(tmp_path / "mine-single.safetensors")])
 

@@ -87,13 +87,6 @@ def read_run(path):
     kept_run(path.parent, {})
 
 
-def read_search(path):
-    pytest.importorskip("stable_baselines3")
-    from kinreach.baselines._search import read_search
-
-    read_search(path)
-
-
 def read_trials(path):
     results = {"methods": [{"name": "lm", "colour": "#123456"}], "settings": {"task": "ur5"}}
     (path.parent / "results.json").write_text(json.dumps(results))
@@ -109,10 +102,8 @@ READERS = {
     load_policy: "p.safetensors",
     read_policy: "q.safetensors",
     policy_version: "r.safetensors",
-    lambda path: load_policy(path): "model.zip",
     read_checkpoint: "checkpoint.pt",
     read_run: "run.json",
-    read_search: "search.yaml",
     read_curve: "curve.csv",
     read_results: "results.json",
     read_trials: "results.csv",
@@ -139,10 +130,10 @@ def test_special_files_are_refused_at_once(reader, name, kind, tmp_path):
 
 
 @pytest.mark.parametrize("argv", [
-    ["compare", "--goals", "1", "--methods", "{}.safetensors"], ["compare", "--goals", "1", "--methods", "{}.zip"],
-    ["compare", "--goals", "1", "--arm", "{}.urdf"], ["evaluate", "{}.safetensors"], ["evaluate", "{}.zip"],
+    ["compare", "--goals", "1", "--methods", "{}.safetensors"],
+    ["compare", "--goals", "1", "--arm", "{}.urdf"], ["evaluate", "{}.safetensors"],
     ["demo", "--policy", "{}.safetensors"], ["check", "{}.urdf"], ["check", "ur5", "--calibration", "{}.yaml"],
-    ["view", "--results", "{}.json"], ["view", "--calibration", "{}.yaml"], ["train", "--search", "{}.yaml"],
+    ["view", "--results", "{}.json"], ["view", "--calibration", "{}.yaml"],
 ])  # fmt: skip
 def test_commands_refuse_special_files_in_one_line(argv, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
@@ -170,10 +161,10 @@ def test_the_bound_is_in_the_message(tmp_path):
 
 
 #: Modules that open files otherwise, and how often: what the package or Python itself put there, what was just written,
-#: and what `open_input` has checked before (`_policy_file.py`, `_sb3_zip.py`). In `view` it is a method of that name.
+#: and what `open_input` has checked before (`_policy_file.py`). In `view` it is a method of that name.
 OPENING = {
     "_files.py": 5, "cli.py": 1, "_provenance.py": 2, "baselines/_policy_file.py": 1, "baselines/_seeds.py": 1,
-    "baselines/_sb3_zip.py": 4, "compare/_report.py": 4, "compare/_task.py": 1, "compare/_runner.py": 1,
+    "compare/_report.py": 4, "compare/_task.py": 1, "compare/_runner.py": 1,
     "compare/_methods/resolve.py": 1, "view/_cli.py": 1, "view/_real_arm_panel.py": 3,
     "view/_results_panel.py": 3, "view/_server.py": 1, "kinematics/_core/__init__.py": 1,
 }  # fmt: skip

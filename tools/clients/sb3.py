@@ -1,4 +1,4 @@
-"""stable-baselines3: its environment checker, PPO in worker processes, its model in kinreach's own evaluation."""
+"""stable-baselines3: its environment checker, PPO in worker processes, its policy in kinreach's own evaluation."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,7 +10,7 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import SubprocVecEnv
 
-from kinreach.baselines import evaluate, load_policy
+from kinreach.baselines import evaluate, export_policy, load_policy
 
 ID = "kinreach:kinreach/UR5SingleStepKinematic-v0"
 
@@ -24,9 +24,10 @@ if __name__ == "__main__":
     model.learn(2048)
     after, _ = evaluate_policy(model, test, n_eval_episodes=100)
     with TemporaryDirectory() as folder:
-        model.save(file := Path(folder) / "model.zip")
-        summary = evaluate(load_policy(file), goals=20, environment=ID.removeprefix("kinreach:"))
+        file = Path(folder) / "policy.safetensors"
+        export_policy(model, file, environment=ID.removeprefix("kinreach:"))
+        summary = evaluate(load_policy(file), goals=20)
     env.close()
     assert after > before, (before, after)
     print(f"2048 steps in two processes: mean reward {before:.0f} -> {after:.0f}")
-    print(f"model.zip in kinreach's evaluation: {len(summary.trials)} episodes")
+    print(f"its policy file in kinreach's evaluation: {len(summary.trials)} episodes")

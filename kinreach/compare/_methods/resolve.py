@@ -10,7 +10,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from kinreach._checks import check_known, shown
+from kinreach._checks import shown
 from kinreach._objects import load_object
 from kinreach._provenance import digest
 from kinreach._registration import LIFT
@@ -31,8 +31,8 @@ from kinreach.kinematics.inside import Solver
 from kinreach.plots.inside import method_colours
 from kinreach.robots import THESIS_ARM, ArmDescription
 
-#: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
-SAFETENSORS, ZIP = ".safetensors", ".zip"
+#: How names of policies' files end; those of stable-baselines3's models are refused with a remedy.
+POLICY_FILES = (".safetensors", ".zip")
 
 
 def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dict[str, Method]:
@@ -40,8 +40,7 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
 
     Args:
         task: What they will do.
-        given: Each is a name of the task's, the path of a policy's file (`policy.safetensors`, or `model.zip` of
-            stable-baselines3; `model.zip@multi` for another of the task's environments), `"module:attribute"`, a
+        given: Each is a name of the task's, the path of a policy's file (`policy.safetensors`), `"module:attribute"`, a
             `Method`, a solver or policy, a class of one, a stable-baselines3 model, or a function from observation to
             action. A mapping gives names; else an object has that of its `name`, its function or its class. Files of
             one name get those of their folders as well.
@@ -112,13 +111,13 @@ def _names(task: Task, given: Sequence[Any]) -> list[str]:
 
 
 def _is_file(given: Any) -> bool:
-    return isinstance(given, str) and given.partition("@")[0].endswith((SAFETENSORS, ZIP))
+    return isinstance(given, str) and given.endswith(POLICY_FILES)
 
 
 def _name(task: Task, given: Any) -> str:
     if isinstance(given, str):
         if _is_file(_label(given)):
-            return Path(given.partition("@")[0]).stem
+            return Path(given).stem
         if ":" in given and given not in task.methods:
             own = getattr(load_object("method", given), "name", None)
             return _label(own) if isinstance(own, str) else given.rpartition(":")[2]
@@ -133,9 +132,8 @@ def _method(task: Task, given: Any) -> Method:
     if isinstance(given, str):
         if given in task.methods:
             return task.methods[given]
-        path, _, variant = given.partition("@")
         if _is_file(given) and task.variants:
-            return _from_file(task, path, variant)
+            return _from_file(task, given)
         if ":" not in given:
             raise_unknown(f"{task.name} method", given, task.methods)
         return _method(task, load_object("method", given))
@@ -149,18 +147,15 @@ def _method(task: Task, given: Any) -> Method:
     return Method(make, SOLVER if hasattr(given, "solve") else POLICY, task.environment, _source(given))
 
 
-def _from_file(task: Task, path: str, variant: str) -> Method:
-    """Make a method of a policy's file, for the environment of its card, else for the user's variant."""
+def _from_file(task: Task, path: str) -> Method:
+    """Make a method of a policy's file, for the environment of its card."""
     policy = load_policy(path)
-    if variant:
-        check_known(f"{task.name} environment", variant, task.variants)
-    asked = task.variants[variant] if variant else ""
-    environment = policy.card.environment or asked or next(iter(task.variants.values()))
-    if environment not in task.variants.values() or (asked and asked != environment):
+    environment = policy.card.environment
+    if environment not in task.variants.values():
         raise InputError(f"the policy {path} is for {environment}, not for one of: {', '.join(task.variants.values())}")
     trained, arm = trained_arm(policy).get("arm", THESIS_ARM), task.options.get("arm", task.arm)
     name = arm.name if isinstance(arm, ArmDescription) else arm
-    if task.arm and policy.card.environment and name != trained:
+    if task.arm and name != trained:
         raise InputError(f"the policy {path} was trained on the arm {trained!r}, not on {name!r}")
     if needed_options(policy).get("goal_in", CAMERA) != CAMERA:
         raise InputError(f"the policy {path} takes goals in pictures, the methods of a comparison take them in metres")

@@ -1,0 +1,118 @@
+"""A policy file of a stable-baselines3 model answers as the model does; its own files are refused unread."""
+
+import os
+import pickle
+
+import numpy as np
+import pytest
+
+from kinreach.baselines import load_policy
+from kinreach.cli import main
+from kinreach.errors import InputError
+
+torch = pytest.importorskip("torch")
+stable_baselines3 = pytest.importorskip("stable_baselines3")
+sb3_contrib = pytest.importorskip("sb3_contrib")
+
+from kinreach.baselines import export_policy  # noqa: E402
+
+PENDULUM, CARTPOLE, REACH = "Pendulum-v1", "CartPole-v1", "kinreach/UR5SingleStep-v0"
+MODELS = [
+    ("PPO", PENDULUM, {}),
+    ("PPO", CARTPOLE, {}),
+    ("PPO", PENDULUM, {"use_sde": True}),
+    ("PPO", REACH, {"policy_kwargs": {"net_arch": {"pi": [], "vf": [8]}}}),
+    ("A2C", PENDULUM, {"policy_kwargs": {"activation_fn": torch.nn.ELU, "net_arch": [32, 8]}}),
+    ("SAC", PENDULUM, {"policy_kwargs": {"activation_fn": torch.nn.LeakyReLU}}),
+    ("TD3", REACH, {}),
+    ("DDPG", PENDULUM, {}),
+    ("DQN", CARTPOLE, {"policy_kwargs": {"activation_fn": torch.nn.Tanh}}),
+    ("TQC", PENDULUM, {"policy_kwargs": {"n_critics": 1}}),
+]
+
+
+def model(name, environment, policy="MlpPolicy", **settings):
+    made = getattr(stable_baselines3, name, None) or getattr(sb3_contrib, name)
+    return made(policy, environment, device="cpu", seed=3, **settings)
+
+
+@pytest.mark.parametrize(("name", "environment", "settings"), MODELS, ids=lambda value: str(value)[:12])
+def test_it_answers_as_the_model_does(name, environment, settings, tmp_path):
+    made = model(name, environment, **settings)
+    with torch.no_grad():
+        for value in made.policy.parameters():
+            value += 0.05 * torch.randn_like(value)  # so that some actions are beyond their bounds
+    path = tmp_path / "mine.safetensors"
+    export_policy(made, path, environment=environment, options={"backend": "kinematic"})
+    policy = load_policy(path, environment=environment)
+    observations = np.random.default_rng(0).normal(size=(1000, *made.observation_space.shape)).astype(np.float32)
+    expected = made.predict(observations, deterministic=True)[0]
+    found = policy.act(observations)
+    assert found.shape == expected.shape == (1000, *made.action_space.shape)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    np.testing.assert_allclose(policy.act(observations[0]), expected[0], atol=1e-6)
+    policy.check_spaces(made.observation_space, made.action_space)
+    assert (policy.card.environment, policy.card.algorithm, policy.card.seed) == (environment, name, 3)
+    assert policy.card.recipe == {"name": "mine", "options": {"backend": "kinematic"}}
+    assert np.unique(expected).size > 1
+
+
+@pytest.mark.parametrize(
+    ("name", "environment", "settings", "message"),
+    [
+        ("SAC", PENDULUM, {"policy_kwargs": {"activation_fn": torch.nn.Softplus}}, "Softplus"),
+        ("QRDQN", CARTPOLE, {}, "not a multilayer perceptron of PPO"),
+    ],
+)
+def test_what_cannot_be_exported_is_said(name, environment, settings, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        export_policy(model(name, environment, **settings), tmp_path / "p.safetensors", environment=environment)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_normalised_observations_are_refused(tmp_path):
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    made = model("PPO", VecNormalize(make_vec_env(PENDULUM)), n_steps=16, batch_size=16, n_epochs=1)
+    made.learn(16)
+    made.save(tmp_path / "model.zip")
+    for each in (made, stable_baselines3.PPO.load(tmp_path / "model.zip")):
+        with pytest.raises(InputError, match="VecNormalize"):
+            export_policy(each, tmp_path / "p.safetensors", environment=PENDULUM)
+
+
+def test_images_dictionaries_and_other_things_are_refused(tmp_path):
+    from stable_baselines3.common.envs import FakeImageEnv, SimpleMultiObsEnv
+
+    for policy, environment in (("CnnPolicy", FakeImageEnv()), ("MultiInputPolicy", SimpleMultiObsEnv())):
+        made = model("PPO", environment, policy, n_steps=8, batch_size=8)
+        with pytest.raises(InputError, match="vectors of numbers"):
+            export_policy(made, tmp_path / "p.safetensors", environment="Any-v0")
+    with pytest.raises(InputError, match="a model must be stable-baselines3's"):
+        export_policy("model.zip", tmp_path / "p.safetensors", environment=PENDULUM)
+    with pytest.raises(InputError, match="environment must be the id of one"):
+        export_policy(model("PPO", PENDULUM), tmp_path / "p.safetensors", environment="")
+
+
+class Bomb:
+    def __init__(self, path):
+        self.path = str(path)
+
+    def __reduce__(self):
+        return (os.mkdir, (self.path,))
+
+
+def test_its_own_files_are_refused_unread_with_the_remedy(tmp_path, capsys):
+    mark, path = tmp_path / "executed", tmp_path / "model.zip"
+    path.write_bytes(pickle.dumps(Bomb(mark)))
+    remedy = "kinreach.baselines.export_policy(PPO.load(...)"
+    with pytest.raises(InputError) as refused:
+        load_policy(path)
+    assert remedy in str(refused.value)
+    for argv in (["evaluate", str(path)], ["compare", "--goals", "1", "--methods", str(path)]):
+        assert main(argv) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert str(path) in line
+        assert remedy in line
+    assert not mark.exists()
