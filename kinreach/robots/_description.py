@@ -413,6 +413,11 @@ class ArmDescription:
         self._check_fit()
         return self._checked.robot
 
+    def __getstate__(self) -> dict[str, Any]:
+        """The attributes, with the URDF itself for a function that returns it and cannot be imported, as a lambda."""
+        anonymous = "<" in getattr(self.build_urdf, "__qualname__", "")
+        return self.__dict__ | ({"build_urdf": self._checked} if anonymous else {})
+
     @cached_property
     def _checked(self) -> CheckedUrdf:
         if isinstance(self.build_urdf, CheckedUrdf):

@@ -70,8 +70,8 @@ def test_what_is_made_of_an_arm_of_ours_parses_nothing(counted):
 
 
 def test_copies_are_the_same_arm(tmp_path):
-    arms = [from_file(tmp_path), get_arm("ur3e").with_tool([0, 0, 0.1, 0, 0, 0]).with_limits(3.0)]
-    for arm in arms:
+    made = get_arm("ur3e").with_tool([0, 0, 0.1, 0, 0, 0]).with_limits(3.0)
+    for arm in (from_file(tmp_path), made, bare(), get_arm("ur5-thesis"), get_arm("panda")):
         for again in (copy.deepcopy(arm), pickle.loads(pickle.dumps(arm))):
             assert again.urdf == arm.urdf
             assert ET.tostring(again.robot) == ET.tostring(arm.robot)
