@@ -5,7 +5,8 @@ six-axis arm, from the joint behind it around the ring to the joint before it; i
 joint's angle. That arm has finitely many postures, by closed form or elimination (`method_of`). Every joint is held in
 turn, at values all around its circle: a curve along which one joint goes from one value to the next is met. Of a curve
 that lies between two values of every joint the postures only just do not exist: they are pairs of complex solutions,
-whose real part is near the curve. Newton's method with all seven joints goes from these, too.
+whose real part is near the curve. Newton's method with all seven joints goes from these, too. Where it goes nowhere, a
+curve may only just not exist, or hide: the joint is also held halfway to the values on both sides, twice.
 
 Elimination is singular for some arms, such as those with a spherical shoulder and a spherical wrist. Then it solves one
 that is `ERROR` off; Newton's method takes that away. For special poses, too, the ring may be such an arm.
@@ -18,6 +19,7 @@ computed, where the gradient of u's component vanishes along both directions, an
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -31,8 +33,10 @@ from kinreach.kinematics._six_axis.methods import Method, method_of
 from kinreach.robots.inside import moved_frames, turns_about_z
 
 JOINTS = 7
-#: Values at which each joint is held.
-VALUES = 24
+#: Values at which each joint is held, and how often their distance is halved around those that leave a doubt.
+VALUES, HALVINGS = 8, 2
+#: Where the first value is, in shares of their distance: no value is a quarter of a turn, where arms are singular.
+FIRST = 0.2
 #: How far the arm is off of which a pose is solved by elimination, at each joint [m, rad].
 ERROR = 1e-5
 #: Random postures by which the end is chosen from which it is solved.
@@ -66,16 +70,24 @@ NUDGE = 1e-14
 RANK = 1e-8
 
 
+#: Postures (m, 7) for values at which a joint is held (k,), and the value of each (m,).
+HeldStarts = Callable[[Floats], tuple[Floats, Floats]]
+
+
 class HeldEnd:
     """The first joint or the last held, and how the six others are solved."""
 
     def __init__(self, held: int, placements: Floats, method: Method) -> None:
         self.held, self.method, self._placements = held, method, placements
 
-    def starts(self, T: Floats, values: Floats) -> Floats:
-        """Compute postures (m, 7) near those of a pose (4, 4) with the joint at some values [rad]."""
-        q, value = self.method.starts(self.poses(values, T))
-        return np.insert(q, self.held, values[value], axis=1)
+    def at(self, T: Floats) -> HeldStarts:
+        """Return what computes postures near those of a pose (4, 4) with the joint at some values [rad]."""
+
+        def starts(values: Floats) -> tuple[Floats, Floats]:
+            q, which = self.method.starts(self.poses(values, T))
+            return np.insert(q, self.held, values[which], axis=1), values[which]
+
+        return starts
 
     def poses(self, values: Floats, T: Floats) -> Floats:
         """Compute poses of the six-axis arm for values of the held joint, shape (m, 4, 4)."""
@@ -89,10 +101,15 @@ class HeldBetween:
     """Another joint held, and the six others around the ring solved by elimination."""
 
     def __init__(self, held: int, placements: Floats) -> None:
-        self.held, self._placements = held, placements
+        self.held, A = held, placements
         self._order = (held + 1 + np.arange(JOINTS - 1)) % JOINTS
         rng = np.random.default_rng(held)
-        self._errors = rng.uniform(-ERROR, ERROR, (JOINTS, 6))
+        errors = moved_frames(np.tile(np.eye(4), (JOINTS, 1, 1)), rng.uniform(-ERROR, ERROR, (JOINTS, 6)))
+        ring = np.array([np.eye(4), *A[1:JOINTS]])[(held + 1 + np.arange(JOINTS)) % JOINTS] @ errors
+        # around the ring both ways, without the link that depends on the pose
+        self._links = ring, np.linalg.inv(ring[::-1])
+        self._open = JOINTS - 1 - held
+        self._before, self._behind = A[JOINTS], A[0] @ errors[self._open]
         q, T = rng.uniform(-np.pi, np.pi, (TRIALS, JOINTS - 1)), np.eye(4)
         T[:3] = Chain(placements).fk(rng.uniform(-np.pi, np.pi, (1, JOINTS)))[0]
         ways = [self._six(T, backwards=backwards) for backwards in (False, True)]
@@ -101,22 +118,23 @@ class HeldBetween:
         worth = [share - 1e-3 * six.spurious for share, six in zip(shares, ways, strict=True)]
         self._backwards = worth[1] > worth[0]
 
-    def starts(self, T: Floats, values: Floats) -> Floats:
-        """As `HeldEnd.starts`."""
-        turns = turns_about_z(values if self._backwards else -values)
-        found, value = self._six(T, backwards=self._backwards).starts(turns)
-        q = np.empty((len(found), JOINTS))
-        q[:, self.held] = values[value]
-        q[:, self._order] = -found[:, ::-1] if self._backwards else found
-        return q
+    def at(self, T: Floats) -> HeldStarts:
+        """As `HeldEnd.at`."""
+        six = self._six(T, backwards=self._backwards)
+
+        def starts(values: Floats) -> tuple[Floats, Floats]:
+            found, which = six.starts(turns_about_z(values if self._backwards else -values))
+            q = np.empty((len(found), JOINTS))
+            q[:, self.held] = values[which]
+            q[:, self._order] = -found[:, ::-1] if self._backwards else found
+            return q, values[which]
+
+        return starts
 
     def _six(self, T: Floats, *, backwards: bool) -> General6R:
         """The six other joints, from one end of the ring or the other."""
-        A = self._placements
-        ring = np.array([A[JOINTS] @ np.linalg.inv(T) @ A[0], *A[1:JOINTS]])
-        links = moved_frames(ring[(self.held + 1 + np.arange(JOINTS)) % JOINTS], self._errors)
-        if backwards:
-            links = np.asarray(np.linalg.inv(links[::-1]), dtype=np.float64)
+        links, link = self._links[backwards].copy(), self._before @ np.linalg.inv(T) @ self._behind
+        links[self.held if backwards else self._open] = np.linalg.inv(link) if backwards else link
         return General6R(Chain(links))
 
 
@@ -134,7 +152,7 @@ class Starts:
             *known.values(),
             *(HeldBetween(held, A) for held in range(JOINTS) if ends and held not in known),
         ]
-        self.values = VALUES
+        self.values, self.halvings = VALUES, HALVINGS
 
     @property
     def _A(self) -> Any:
@@ -142,39 +160,55 @@ class Starts:
 
     def of(self, T: Floats) -> Floats:
         """Compute postures (m, 7) of a pose (4, 4), in [-pi, pi]."""
-        found = []
-        for way in self._held:
-            shift = (0.382 + GOLDEN * way.held) % 1.0  # no value is a quarter of a turn, where arms are singular
-            found.append(way.starts(T, TURN * (np.arange(self.values) + shift) / self.values - np.pi))
-        q = np.vstack(found)
-        q = self.reached(q[np.isfinite(q).all(axis=1)], T)
+        ways, apart = [way.at(T) for way in self._held], TURN / self.values
+        around = np.linspace(-np.pi, np.pi, self.values, endpoint=False)
+        wanted = [around + apart * ((FIRST + GOLDEN * way.held) % 1.0) for way in self._held]
+        found, near = [np.empty((0, JOINTS))], [np.empty((0, JOINTS))]
+        for _ in range(self.halvings + 1):
+            starts = [way(values) for way, values in zip(ways, wanted, strict=True)]
+            owner = np.repeat(np.arange(len(ways)), [len(q) for q, _ in starts])
+            every, held = np.vstack([q for q, _ in starts]), np.concatenate([values for _, values in starts])
+            finite = np.isfinite(every).all(axis=1)
+            held, owner = held[finite], owner[finite]
+            q, arrived, slow = self._newton(every[finite], T, STEPS)
+            found.append(q[arrived])
+            near.append(q[slow])
+            apart *= 0.5
+            held, owner = held[~arrived], owner[~arrived]
+            beside = wrapped(np.concatenate([held - apart, held + apart]))
+            wanted = [np.unique(np.round(beside[np.tile(owner == way, 2)], 9)) for way in range(len(ways))]
+            if not len(held):
+                break
+        q = self._with_vertices(np.vstack(found), np.vstack(near), T)
         if not len(q):  # every arm that is left may be singular, as where a folded arm's wrist is in its shoulder
             anywhere = np.random.default_rng(0).uniform(-np.pi, np.pi, (RANDOM, JOINTS))
             q = self.reached(anywhere, T, steps=RANDOM_STEPS)
         return q
 
-    def reached(self, q: Floats, T: Floats, *, steps: int = STEPS) -> Floats:
+    def reached(self, q: NDArray[Any], T: Floats, *, steps: int = STEPS) -> Floats:
         """Bring postures (m, 7) to a pose by the shortest steps; those that arrive, and those beside singular ones."""
-        q, near = self._newton(q, T, steps)
+        q, arrived, slow = self._newton(q, T, steps)
+        return self._with_vertices(q[arrived], q[slow], T)
+
+    def _with_vertices(self, q: Floats, near: Floats, T: Floats) -> Floats:
+        """Postures of a pose, and those beside singular ones that are near others."""
         if len(near):
-            more, _ = self._newton(self._vertices(near, T), T, STEPS)
-            q = np.vstack([q, more])
+            more, arrived, _ = self._newton(self._vertices(near, T), T, STEPS)
+            q = np.vstack([q, more[arrived]])
         return wrapped(q)
 
     def across(self, q: Floats, T: Floats) -> Floats:
         """The postures (k, 7) of a pose on both sides of singular ones beside its postures (m, 7)."""
-        return wrapped(self._newton(self._vertices(q, T), T, STEPS)[0])
+        return self._with_vertices(q[:0], q, T)
 
-    def _newton(self, q: Floats, T: Floats, steps: int) -> tuple[Floats, Floats]:
-        """Postures that arrived, in the order of their starts, and those that are near but slow."""
+    def _newton(self, q: Floats, T: Floats, steps: int) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Postures (m, 7) where Newton's method ends, which of them have arrived, and which are near but slow."""
         q, off = np.array(q, order="C"), np.empty(len(q))
         lib.kr_shortest_steps(self._A, doubles(T), steps, len(q), doubles(q), doubles(off))
-        (slow,) = np.nonzero((off >= REACHED) & (off < NEAR))
-        if len(slow):
+        slow = (off >= REACHED) & (off < NEAR)
+        if slow.any():
             q[slow], off[slow] = self._polished(q[slow], T)
-            off[slow[off[slow] < NOT_BETTER]] = 0.0
-        slow = slow[off[slow] >= NOT_BETTER]
-        return q[off < REACHED], q[slow]
+        return q, (off < REACHED) | (slow & (off < NOT_BETTER)), slow & (off >= NOT_BETTER)
 
     def _polished(self, q: Floats, T: Floats) -> tuple[Floats, Floats]:
         """Postures (m, 7) brought nearer to a pose where `NUDGE` slows Newton's method, and how far they miss it (m,).
