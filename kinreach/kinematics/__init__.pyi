@@ -3,6 +3,7 @@ from ._arm import ArmKinematics as ArmKinematics
 from ._arm3 import Arm3Kinematics as Arm3Kinematics
 from ._collision import CollisionChecker as CollisionChecker
 from ._goals import AxisGoal as AxisGoal
+from ._goals import Goal as Goal
 from ._goals import PoseGoal as PoseGoal
 from ._goals import PositionGoal as PositionGoal
 from ._goals import pose as pose

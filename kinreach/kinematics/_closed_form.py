@@ -297,8 +297,7 @@ def core_goal(goal: Goal | Floats) -> CoreGoal:
         return 0, np.ascontiguousarray(goal)
     if isinstance(goal, PoseGoal):
         return 0, np.ascontiguousarray(goal.T)
-    T = np.eye(4)
-    T[:3, 3] = goal.position
+    T = goal.frame()
     if isinstance(goal, AxisGoal):
         T[:3, 2] = goal.axis
         return 1, T

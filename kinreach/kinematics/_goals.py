@@ -2,26 +2,87 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from math import atan2, dist, hypot
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_DISTANCE, Floats, as_pose, as_vector, check_poses
+from kinreach._engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics._chain import blocks
 from kinreach.kinematics._tensors import like
 from kinreach.robots.inside import pose as pose  # public in both rooms
 from kinreach.robots.inside import pose_vector as pose_vector
 
+pin: Any = load("pinocchio")
+
+#: Sine of the angle between two axes below which the plane they span is not defined.
+PARALLEL = 1e-12
 #: How far products of a rotation's columns may be off by rounding alone.
 ROUNDING = 1e-12
 
 
+class Goal(ABC):
+    """What the tip is to meet, in the base frame of the kinematics. Of a class of your own, lm and qp solve it.
+
+    Attributes:
+        lengths: How many entries of `way`, the first ones, are lengths; the others are angles.
+
+    Examples:
+        >>> import numpy as np
+        >>> from kinreach.kinematics import Goal, LevenbergMarquardtSolver, URKinematics
+        >>> class AtHeight(Goal):
+        ...     lengths = 1
+        ...
+        ...     def __init__(self, z):
+        ...         self.z = z
+        ...
+        ...     def error(self, T):
+        ...         return abs(self.z - T[2, 3]), 0.0
+        ...
+        ...     def way(self, tip):
+        ...         up = tip.rotation[2]  # the z axis of the base, in the tip's own
+        ...         return np.array([self.z - tip.translation[2]]), np.append(up, np.zeros(3))[None]
+        >>> kin = URKinematics("ur5e")
+        >>> found = LevenbergMarquardtSolver(kin).solve(AtHeight(0.6), kin.arm.home)
+        >>> round(float(kin.fk(found.q)[2, 3]), 3)
+        0.6
+    """
+
+    lengths: ClassVar[int] = 3
+
+    @abstractmethod
+    def error(self, T: Floats) -> tuple[float, float]:
+        """Return how far a pose (4, 4) of the tip is from the goal: position [m] and orientation [rad], 0 if free."""
+
+    @abstractmethod
+    def way(self, tip: Any) -> tuple[Floats, Floats | None]:
+        """Return what is left to the goal, and how a motion of the tip shortens it.
+
+        Args:
+            tip: Pose of the tip, a `pinocchio.SE3`: `tip.rotation` (3, 3) and `tip.translation` [m], shape (3,).
+
+        Returns:
+            e [m, rad], shape (m,); and L, shape (m, 6): after a small twist (v, w) of the tip, in its own axes
+            [m, rad], e - L (v, w) is left. None: L is the first m rows of the identity.
+        """
+
+    def frame(self) -> Floats:
+        """Return a pose (4, 4) that meets the goal; what the goal leaves free is chosen.
+
+        Raises:
+            InputError: This kind of goal names none.
+        """
+        raise InputError(f"{type(self).__name__} names no pose that meets it; the solvers lm and qp need none")
+
+
 @dataclass(frozen=True)
-class PoseGoal:
+class PoseGoal(Goal):
     """A full pose of the tip: position [m] and orientation. `T` has shape (4, 4).
 
     Examples:
@@ -42,9 +103,26 @@ class PoseGoal:
         """Position of the tip [m], shape (3,)."""
         return self.T[:3, 3]
 
+    def error(self, T: Floats) -> tuple[float, float]:
+        return pose_error(self.T, T)
+
+    @cached_property
+    def _placement(self) -> Any:
+        return pin.SE3(self.T)
+
+    def way(self, tip: Any) -> tuple[Floats, None]:
+        ahead = tip.actInv(self._placement)
+        e = np.empty(6)
+        e[:3] = ahead.translation
+        e[3:] = pin.log3(ahead.rotation)
+        return e, None
+
+    def frame(self) -> Floats:
+        return self.T
+
 
 @dataclass(frozen=True)
-class AxisGoal:
+class AxisGoal(Goal):
     """The tip's origin is at `position` [m] and its z axis points along `axis`; rotation about it is free.
 
     Examples:
@@ -66,9 +144,25 @@ class AxisGoal:
             raise InputError("axis must not be the zero vector")
         object.__setattr__(self, "axis", axis / length)
 
+    def error(self, T: Floats) -> tuple[float, float]:
+        position = dist(self.position.tolist(), T[:3, 3].tolist())
+        return position, _angle_between(T[:3, 2].tolist(), self.axis.tolist())
+
+    def way(self, tip: Any) -> tuple[Floats, None]:
+        R, e = tip.rotation, np.empty(5)
+        e[:3] = (self.position - tip.translation).dot(R)
+        e[3:] = _turn_to(*self.axis.dot(R).tolist())
+        return e, None
+
+    def frame(self) -> Floats:
+        T = np.eye(4)
+        T[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), self.axis).toRotationMatrix()
+        T[:3, 3] = self.position
+        return T
+
 
 @dataclass(frozen=True)
-class PositionGoal:
+class PositionGoal(Goal):
     """The tip's origin is at `position` [m], shape (3,); its orientation is free."""
 
     position: Floats
@@ -76,23 +170,32 @@ class PositionGoal:
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", _as_point(self.position))
 
+    def error(self, T: Floats) -> tuple[float, float]:
+        return dist(self.position.tolist(), T[:3, 3].tolist()), 0.0
+
+    def way(self, tip: Any) -> tuple[Floats, None]:
+        return tip.actInv(self.position), None
+
+    def frame(self) -> Floats:
+        T = np.eye(4)
+        T[:3, 3] = self.position
+        return T
+
 
 def _as_point(position: ArrayLike) -> Floats:
     """Return a copy, which the caller cannot change later."""
     return as_vector("position", position, 3, most=MAX_DISTANCE).copy()
 
 
-Goal = PoseGoal | AxisGoal | PositionGoal
+def check_goal(goal: object) -> Goal:
+    """Return a goal.
 
-
-def goal_error(goal: Goal, T: Floats) -> tuple[float, float]:
-    """Return how far a tip pose is from a goal: position [m] and orientation [rad] (0 where it is free)."""
-    if isinstance(goal, PoseGoal):
-        return pose_error(goal.T, T)
-    position = dist(goal.position.tolist(), T[:3, 3].tolist())
-    if isinstance(goal, AxisGoal):
-        return position, _angle_between(T[:3, 2].tolist(), goal.axis.tolist())
-    return position, 0.0
+    Raises:
+        InputError: It is none.
+    """
+    if not isinstance(goal, Goal):
+        raise InputError(f"goal must be a PoseGoal, an AxisGoal or a PositionGoal, got {type(goal).__name__}")
+    return goal
 
 
 def pose_error(T_wanted: Floats, T: Floats) -> tuple[float, float]:
@@ -142,6 +245,15 @@ def rotation_angle(R_a: Floats, R_b: Floats) -> float:
     (_, b, c), (d, _, f), (g, h, _) = rows = (R_a.T @ R_b).tolist()
     sine = hypot(h - f, c - g, d - b)
     return atan2(sine, rows[0][0] + rows[1][1] + rows[2][2] - 1.0)
+
+
+def _turn_to(x: float, y: float, z: float) -> tuple[float, float]:
+    """First two components of the rotation vector [rad] that takes the z axis to the unit vector (x, y, z)."""
+    sine = hypot(x, y)
+    angle = atan2(sine, z)
+    if sine < PARALLEL:  # aligned, or opposite: then any axis in the plane will do
+        return angle, 0.0
+    return -y * angle / sine, x * angle / sine
 
 
 def _angle_between(a: list[float], b: list[float]) -> float:

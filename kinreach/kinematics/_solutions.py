@@ -14,7 +14,7 @@ from kinreach._checks import Floats, shown
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._core import as_rows
-from kinreach.kinematics._goals import Goal, goal_error
+from kinreach.kinematics._goals import Goal, check_goal
 from kinreach.kinematics._tensors import namespace
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ class IKResult:
         tolerance = tolerance or Tolerance()
         check_accept(accept)
         q = kinematics.as_posture("q", q).copy()
-        position, orientation = goal_error(goal, kinematics.fk(q))
+        position, orientation = check_goal(goal).error(kinematics.fk(q))
         if position > tolerance.position or orientation > tolerance.orientation:
             status, text = Status.NOT_CONVERGED, f"{position:.3g} m and {orientation:.3g} rad from the goal"
         elif outside := kinematics.joints_outside_limits(q):

@@ -12,8 +12,6 @@ from ._collision import NoShapesError as NoShapesError
 from ._collision import Pair as Pair
 from ._collision import check_shapes as check_shapes
 from ._collision import disabled_pairs as disabled_pairs
-from ._goals import Goal as Goal
-from ._goals import goal_error as goal_error
 from ._goals import pose_error as pose_error
 from ._goals import rotation_angle as rotation_angle
 from ._motion_check import MIN_MARGIN as MIN_MARGIN
@@ -30,7 +28,6 @@ from ._solvers import SOLVERS as SOLVERS
 from ._solvers import Solver as Solver
 from ._solvers import Tolerance as Tolerance
 from ._solvers import new_solver as new_solver
-from ._solvers.iterative import goal_frame as goal_frame
 from ._surroundings import add_surroundings as add_surroundings
 from ._surroundings import surrounded as surrounded
 from ._tensors import as_device as as_device

@@ -12,8 +12,8 @@ from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines import load_policy, rollout
 from kinreach.baselines.inside import needed_options
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, IKResult
-from kinreach.kinematics.inside import Accept, Goal
+from kinreach.kinematics import ArmKinematics, Goal, IKResult
+from kinreach.kinematics.inside import Accept
 
 
 class PolicySolver:
@@ -43,7 +43,7 @@ class PolicySolver:
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Play the policy and return its end; the seed is not used."""
-        (trial,) = rollout(self._env, self._policy, [{"seed": 0, "options": {"goal": goal.position}}])
+        (trial,) = rollout(self._env, self._policy, [{"seed": 0, "options": {"goal": goal.frame()[:3, 3]}}])
         self.seconds = trial["solve_s"]
         q = np.array(trial["target"] if trial["steps"] == 1 else trial["q"])
         return IKResult.of(self._kinematics, goal, q, accept=accept, iterations=trial["steps"])

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from kinreach._checks import Floats, as_floats
-from kinreach.kinematics import AxisGoal, PoseGoal
-from kinreach.kinematics.inside import Goal
+from kinreach.kinematics import AxisGoal, Goal, PoseGoal
 from kinreach.robots import Tool
 from kinreach.view._real_arm import RealArm
 from kinreach.view._results import Results
@@ -117,7 +116,7 @@ def _frame(T: Floats) -> list[str]:
 def _question(goal: Goal, *, complete: bool) -> list[str]:
     if isinstance(goal, PoseGoal):
         return [*_frame(goal.T), "solution = kin.all_solutions(T, seed=seed)" if complete else _search("PoseGoal(T)")]
-    position = f"position = {_numbers(goal.position)}"
+    position = f"position = {_numbers(goal.frame()[:3, 3])}"
     if isinstance(goal, AxisGoal):
         asked = [position, f"axis = {_numbers(goal.axis)}"]
         solve = "solution = kin.axis_solutions(position, axis, seed=seed)"

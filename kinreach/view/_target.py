@@ -16,6 +16,7 @@ from kinreach.kinematics import (
     ArmKinematics,
     AxisGoal,
     CollisionChecker,
+    Goal,
     IKResult,
     LevenbergMarquardtSolver,
     PoseGoal,
@@ -26,15 +27,12 @@ from kinreach.kinematics.inside import (
     SLACK,
     SOLVERS,
     ClosedFormKinematics,
-    Goal,
     Miss,
     NoShapesError,
     Pair,
     Shortfall,
     SixAxisKinematics,
     Solver,
-    goal_error,
-    goal_frame,
     nearest_windings,
     new_solver,
 )
@@ -291,7 +289,7 @@ class TargetModel:
             found.add(branch)
             yield self._judged(branch, q, seed)
         if isinstance(self.kinematics, URKinematics):
-            for branch, shortfall in self.kinematics.shortfalls(goal_frame(goal)).items():
+            for branch, shortfall in self.kinematics.shortfalls(goal.frame()).items():
                 if branch not in found:
                     name = branch_name(self.kinematics, branch)
                     yield Posture(branch, name, State.UNREACHED, _why_short(shortfall), shortfall=shortfall)
@@ -316,7 +314,7 @@ class TargetModel:
             if isinstance(goal, AxisGoal):
                 solutions = kinematics.axis_solutions(goal.position, goal.axis, seed=seed, limits=False)
             else:
-                solutions = kinematics.all_solutions(goal.T, seed=seed, limits=False)  # type: ignore[union-attr]
+                solutions = kinematics.all_solutions(goal.frame(), seed=seed, limits=False)
         else:
             solutions = kinematics.all_solutions(goal.position, seed=seed, limits=False)  # type: ignore[attr-defined]
         yield from zip(solutions.branch.tolist(), solutions.q, strict=True)
@@ -330,7 +328,7 @@ class TargetModel:
     def _approach(self, goal: Goal, seed: Floats) -> Approach:
         """The nearest posture of a UR; for other arms the best end of several searches."""
         if isinstance(self.kinematics, URKinematics):
-            T = goal_frame(goal)
+            T = goal.frame()
             nearest = self.kinematics.nearest_in_reach(T)
             way = nearest[:3, 3] - T[:3, 3]
             for depth in DEPTHS:
@@ -344,7 +342,7 @@ class TargetModel:
         return self._approached(goal, min(ends, key=lambda end: end.position_error).q, proven=False)
 
     def _approached(self, goal: Goal, q: Floats, *, proven: bool) -> Approach:
-        return Approach(q, *goal_error(goal, self.kinematics.fk(q)), proven)
+        return Approach(q, *goal.error(self.kinematics.fk(q)), proven)
 
     def _judged(self, branch: int, q: Floats, seed: Floats) -> Posture:
         name = branch_name(self.kinematics, branch)

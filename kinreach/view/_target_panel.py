@@ -12,7 +12,8 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.errors import KinreachError
-from kinreach.kinematics.inside import SOLVERS, Goal, SevenAxisKinematics
+from kinreach.kinematics import Goal
+from kinreach.kinematics.inside import SOLVERS, SevenAxisKinematics
 from kinreach.robots.inside import rotation, rpy
 from kinreach.view import _html as html
 from kinreach.view._draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm

@@ -10,7 +10,7 @@ from kinreach._checks import MAX_DISTANCE
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, PoseGoal, PositionGoal
 from kinreach.kinematics._core import doubles, lib
-from kinreach.kinematics._goals import goal_error, nearest_rotations, rigid_poses, skewed
+from kinreach.kinematics._goals import nearest_rotations, rigid_poses, skewed
 
 
 def random_poses(count, seed=0):
@@ -79,10 +79,8 @@ def test_errors_are_those_of_scipys_rotations():
         turned = Rotation.from_matrix(T[:3, :3].T @ goal[:3, :3]).magnitude()
         away = np.linalg.norm(T[:3, 3] - goal[:3, 3])
         bent = 2 * np.arcsin(np.linalg.norm(T[:3, 2] - goal[:3, 2]) / 2)
-        assert goal_error(PoseGoal(goal), T) == pytest.approx((away, turned), rel=1e-6, abs=1e-13)
-        assert goal_error(AxisGoal(goal[:3, 3], 5.0 * goal[:3, 2]), T) == pytest.approx(
-            (away, bent), rel=1e-6, abs=1e-13
-        )
-        assert goal_error(PositionGoal(goal[:3, 3]), T) == (pytest.approx(away), 0.0)
+        assert PoseGoal(goal).error(T) == pytest.approx((away, turned), rel=1e-6, abs=1e-13)
+        assert AxisGoal(goal[:3, 3], 5.0 * goal[:3, 2]).error(T) == pytest.approx((away, bent), rel=1e-6, abs=1e-13)
+        assert PositionGoal(goal[:3, 3]).error(T) == (pytest.approx(away), 0.0)
     np.testing.assert_array_equal(AxisGoal([0, 0, 1]).axis, [0, 0, -1])
     assert AxisGoal([0, 0, 1], [0, 1e-8, 0]).axis.tolist() == [0, 1, 0]

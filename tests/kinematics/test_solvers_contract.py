@@ -9,7 +9,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._arm3 import Arm3Kinematics
 from kinreach.kinematics._collision import CollisionChecker
-from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal, goal_error
+from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
 from kinreach.kinematics._solutions import Status
 from kinreach.kinematics._solvers.base import Tolerance
 from kinreach.kinematics._solvers.iterative import Descent, GoalTask, IterativeSolver, JointSpace
@@ -64,7 +64,7 @@ def test_the_error_falls_with_every_step(solver_class, kind, kin):
         goal_q = rng.uniform(-1.5, 1.5, 6)
         goal = make_goal(kind, kin.fk(goal_q))
         seed = goal_q + rng.uniform(-0.3, 0.3, 6)
-        previous = max(goal_error(goal, kin.fk(seed)))
+        previous = max(goal.error(kin.fk(seed)))
         for steps in range(1, 10):
             result = solver_class(kin, max_iterations=steps, max_restarts=0).solve(goal, seed)
             error = np.hypot(result.position_error, result.orientation_error)
@@ -91,7 +91,7 @@ def test_out_of_reach_is_a_status(solver_class, kind, kin):
     assert "4 attempts" in result.reason
     assert f"{result.iterations} steps" in result.reason
     assert kin.within_limits(result.q)
-    errors = goal_error(make_goal(kind, T), kin.fk(result.q))
+    errors = make_goal(kind, T).error(kin.fk(result.q))
     assert (result.position_error, result.orientation_error) == errors
     assert 0.5 < result.position_error < 2.0
 
@@ -329,7 +329,7 @@ def test_task_error_is_the_goal_error(kind, kin, poses):
     for T in poses:
         goal = make_goal(kind, T)
         e, _ = GoalTask(kin, goal, Tolerance()).linearise(home)
-        position, orientation = goal_error(goal, kin.fk(home))
+        position, orientation = goal.error(kin.fk(home))
         assert np.linalg.norm(e[:3]) == pytest.approx(position, abs=1e-12)
         assert np.linalg.norm(e[3:]) == pytest.approx(orientation, abs=1e-9)
 

@@ -7,7 +7,6 @@ from hypothesis.extra.numpy import arrays
 
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, PoseGoal, PositionGoal, UR5Kinematics
-from kinreach.kinematics._goals import goal_error
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Tolerance
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
@@ -65,7 +64,7 @@ def test_solvers(solver, fuzzed):
     def run(case):
         make, seed, accept = case
         result = solver.solve(make(), seed, accept=accept)
-        position, orientation = goal_error(make(), kin.fk(result.q))
+        position, orientation = make().error(kin.fk(result.q))
         assert result.q.shape == (kin.n,)
         assert (result.position_error, result.orientation_error) == pytest.approx((position, orientation))
         assert not result.success or (position <= 1e-4 and orientation <= 1e-3 and kin.within_limits(result.q))

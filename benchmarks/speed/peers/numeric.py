@@ -15,7 +15,7 @@ from kinreach._engines import load
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._goals import Goal
 from kinreach.kinematics._solvers import Tolerance
-from kinreach.kinematics._solvers.iterative import STALLED, Descend, Descent, IterativeSolver, goal_frame
+from kinreach.kinematics._solvers.iterative import STALLED, Descend, Descent, IterativeSolver
 from kinreach.kinematics._solvers.placo_solver import NO_LIMIT
 
 #: Searches that it may start, as the other solvers with restarts: one from the seed and 20 from random postures.
@@ -122,7 +122,7 @@ class FrameTaskSolver(IterativeSolver):
         """Velocity of the joints [rad/s], shape (n,), that the peer's program finds for the next step."""
 
     def _descender(self, goal: Goal) -> Descend:
-        self._task.set_target(self._pose(self.kin.T_world_base @ goal_frame(goal)))
+        self._task.set_target(self._pose(self.kin.T_world_base @ goal.frame()))
         return self._descend
 
     def _descend(self, q: Floats) -> Descent:
@@ -232,7 +232,7 @@ class IkpySolver(IterativeSolver):
         self._chain = Chain(links, active_links_mask=[False, *[True] * kin.n, False])
 
     def _descender(self, goal: Goal) -> Descend:
-        target = self.kin.T_world_base @ goal_frame(goal)
+        target = self.kin.T_world_base @ goal.frame()
 
         def descend(q: Floats) -> Descent:
             start = np.concatenate([[0.0], q, [0.0]])

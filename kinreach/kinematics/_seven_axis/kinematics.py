@@ -12,7 +12,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._chain import poses_about
 from kinreach.kinematics._collision import CollisionChecker
-from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, goal_error, nearest_rotations, pose_error
+from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
 from kinreach.kinematics._seven_axis.curves import SelfMotions, surfaces_within_limits, within_limits
 from kinreach.kinematics._seven_axis.starts import JOINTS
 from kinreach.kinematics._seven_axis.tracing import SelfMotionTracer
@@ -153,13 +153,13 @@ class SevenAxisKinematics(ArmKinematics):
         found = wound.T[within]
         for posture in found[np.argsort(np.linalg.norm(found - start, axis=1))]:
             if accept is None or accept(posture.copy()):
-                return IKResult(posture, Status.OK, *goal_error(goal, self.fk(posture)))
+                return IKResult(posture, Status.OK, *goal.error(self.fk(posture)))
         status, reason = Status.OUT_OF_REACH, UNREACHED
         if len(q):
             status, reason = Status.OUT_OF_LIMITS, "every posture found is outside the joint limits"
         if len(found):
             status, reason = Status.REJECTED, f"accept refused all {len(found)} postures"
-        return IKResult(start.copy(), status, *goal_error(goal, self.fk(start)), reason)
+        return IKResult(start.copy(), status, *goal.error(self.fk(start)), reason)
 
     def _error_of(self, T: Floats, q: Floats) -> tuple[float, float]:
         return pose_error(T, self.fk(q))

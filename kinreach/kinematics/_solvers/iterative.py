@@ -33,14 +33,12 @@ from kinreach._engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, goal_error
+from kinreach.kinematics._goals import Goal, check_goal
 from kinreach.kinematics._solutions import Accept, IKResult, Status, check_accept
 from kinreach.kinematics._solvers.base import Tolerance
 
 pin: Any = load("pinocchio")
 
-#: Sine of the angle between two axes below which the plane they span is not defined.
-PARALLEL = 1e-12
 #: A joint whose range has more turns is taken as endless.
 MANY_TURNS = 4
 
@@ -52,49 +50,21 @@ class GoalTask:
         self._model, self._data, self._frame = kin.model, kin.data, kin.tip_frame
         self._position_bound = tolerance.position**2
         self._orientation_bound = tolerance.orientation**2
-        self._axis_only = isinstance(goal, AxisGoal)
-        self._target = pin.SE3(kin.T_world_base @ goal_frame(goal))
-        self._rows = 6 if isinstance(goal, PoseGoal) else 5 if self._axis_only else 3
+        self._way, self._lengths = check_goal(goal).way, goal.lengths
+        self._T_base_world = pin.SE3(kin.T_world_base).inverse()
 
     def linearise(self, q: Floats) -> tuple[Floats, Floats]:
-        """Compute error (m,) and Jacobian (m, n) at `q`: 6, 5 or 3 rows for a pose, an axis or a position goal."""
+        """Compute error (m,) and Jacobian (m, n) at `q`, with as many rows as the goal has conditions."""
         pin.computeJointJacobians(self._model, self._data, q)
         J = pin.getFrameJacobian(self._model, self._data, self._frame, pin.LOCAL)
-        ahead = pin.updateFramePlacement(self._model, self._data, self._frame).actInv(self._target)
-        e = np.empty(self._rows)
-        e[:3] = ahead.translation
-        if self._axis_only:
-            e[3:] = _turn_to(*ahead.rotation[:, 2])
-        elif self._rows == 6:
-            e[3:] = pin.log3(ahead.rotation)
-        return e, J[: self._rows]
+        tip = self._T_base_world.act(pin.updateFramePlacement(self._model, self._data, self._frame))
+        e, L = self._way(tip)
+        return e, J[: len(e)] if L is None else L.dot(J)
 
     def reached(self, e: Floats) -> bool:
-        position, orientation = e[:3], e[3:]
+        position, orientation = e[: self._lengths], e[self._lengths :]
         near = position.dot(position) <= self._position_bound
         return bool(near and orientation.dot(orientation) <= self._orientation_bound)
-
-
-def goal_frame(goal: Goal) -> Floats:
-    """Return a transform (4, 4) that meets the goal; what the goal leaves free is chosen."""
-    if isinstance(goal, PoseGoal):
-        return goal.T
-    if not isinstance(goal, AxisGoal | PositionGoal):
-        raise InputError(f"goal must be a PoseGoal, an AxisGoal or a PositionGoal, got {type(goal).__name__}")
-    T = np.eye(4)
-    T[:3, 3] = goal.position
-    if isinstance(goal, AxisGoal):
-        T[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), goal.axis).toRotationMatrix()
-    return T
-
-
-def _turn_to(x: float, y: float, z: float) -> tuple[float, float]:
-    """First two components of the rotation vector [rad] that takes the z axis to the unit vector (x, y, z)."""
-    sine = math.hypot(x, y)
-    angle = math.atan2(sine, z)
-    if sine < PARALLEL:  # aligned, or opposite: then any axis in the plane will do
-        return angle, 0.0
-    return -y * angle / sine, x * angle / sine
 
 
 class JointSpace:
@@ -267,7 +237,7 @@ class IterativeSolver(ABC):
 
     def _judge(self, goal: Goal, found: Floats) -> _Candidate:
         q = self.joint_space.fold(found)
-        position, orientation = goal_error(goal, self.kin.fk(q))
+        position, orientation = goal.error(self.kin.fk(q))
         miss = max(position / self.tolerance.position, orientation / self.tolerance.orientation)
         return _Candidate(q, position, orientation, miss)
 

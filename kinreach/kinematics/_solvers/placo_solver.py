@@ -12,15 +12,15 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach._engines import load
+from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal
+from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, check_goal
 from kinreach.kinematics._solvers.base import Tolerance
 from kinreach.kinematics._solvers.iterative import (
     STALLED,
     Descend,
     Descent,
     SteppingSolver,
-    goal_frame,
 )
 from kinreach.robots.inside import add_joint, add_link, named, without_shapes
 
@@ -57,9 +57,11 @@ class PlacoSolver(SteppingSolver):
         return partial(PlacoSolver, **options), (self.kin,)  # placo's own objects cannot be pickled
 
     def _descender(self, goal: Goal) -> Descend:
-        T_world_goal = self.kin.T_world_base @ goal_frame(goal)
+        T_world_goal = self.kin.T_world_base @ check_goal(goal).frame()
         work = self._work
-        problem = next(problem for kind, problem in work.problems.items() if isinstance(goal, kind))
+        problem = next((problem for kind, problem in work.problems.items() if isinstance(goal, kind)), None)
+        if problem is None:
+            raise InputError(f"placo has no task for a {type(goal).__name__}; the solvers lm and qp take any goal")
         problem.aim(T_world_goal)
         robot, configuration, entries = work.robot, work.configuration.copy(), work.entries
 
