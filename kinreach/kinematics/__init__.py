@@ -3,7 +3,7 @@
 - `ArmKinematics.of`, `ArmKinematics.from_urdf`: the kinematics of an arm, of the class that lists all postures of
   a pose where there is one: `URKinematics`, `Arm3Kinematics`, a closed form or elimination for other six-axis arms,
   and curves for seven axes.
-- `PoseGoal`, `AxisGoal`, `PositionGoal`: goals of a solver; `IKResult`: its result.
+- `PoseGoal`, `AxisGoal`, `PositionGoal`: goals of a solver, or your own `Goal`; `IKResult`: its result.
 - `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers with the same interface.
 - `pose`, `pose_vector`: poses as six numbers, as a UR's pendant writes them.
 - `CollisionChecker`: which links touch each other, or an obstacle.
