@@ -156,6 +156,8 @@ def _finite(values: ArrayLike) -> Floats:
 
 #: One policy in one episode: name -> number, truth value, text, list of numbers, or None where it was not measured.
 Trial = dict[str, Any]
+#: Status of a trial whose episode ended with the goal, and of one without it and without anything impossible.
+COMPLETED, MISSED = "completed", "missed"
 
 #: Tolerances at which the share of goals within them is reported [mm].
 TOLERANCES_MM = (50, 20, 10, 5, 2, 1, 0.5)

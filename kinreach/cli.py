@@ -47,7 +47,7 @@ COMMANDS = {
     "evaluate": Command("kinreach.baselines._evaluate_cli", "try policies on goals they were not trained on"),
     "ik": Command("kinreach.kinematics._ik_cli", "joint angles for poses of an arm's tool"),
     "calibrate": Command("kinreach.deploy._calibrate_cli", "find a UR's calibration in the files of its owner"),
-    "check": Command("kinreach.plots._check_cli", "what an arm is and how its inverse kinematics does"),
+    "check": Command("kinreach.deploy._check_cli", "what an arm is and how its inverse kinematics does"),
     "demo": Command("kinreach.demo._cli", "watch an environment with a policy, or film it"),
     "move": Command("kinreach.deploy._move_cli", "plan a motion of a UR, try it, and write or send it"),
     "simulate-ur": Command("kinreach.deploy._simulate_cli", "simulate a UR that other programs connect to"),

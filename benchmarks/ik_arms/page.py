@@ -21,7 +21,7 @@ from benchmarks.ik_arms.solvers import Kinreach
 from benchmarks.speed.report import PACKAGES, show, table
 from kinreach._files import make_writable, replacing, write_text
 from kinreach._provenance import machine, versions
-from kinreach.plots._methods import colours_of
+from kinreach.plots._colours import colours_of
 from kinreach.plots._style import FAINT, INK, new_figure
 
 Line = dict[str, Any]

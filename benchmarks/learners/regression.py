@@ -13,7 +13,7 @@ from kinreach._registration import SINGLE, SINGLE_KINEMATIC
 from kinreach.baselines import Algorithm, Recipe, SB3VecEnv, get_recipe, register_algorithm, register_recipe
 from kinreach.baselines._algorithms import actor_arguments, in_tries
 from kinreach.baselines._descent import Descent, Objective
-from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.random_arms import ur5
 from kinreach.envs._reach.task import GOAL, SINGLE_STEP
 from kinreach.errors import InputError

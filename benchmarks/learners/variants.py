@@ -7,7 +7,7 @@ from typing import Any
 
 from kinreach._registration import LIFT
 from kinreach.baselines import Recipe, get_recipe, register_recipe
-from kinreach.baselines._expert import GRIPPER
+from kinreach.baselines.expert import GRIPPER
 
 ppo_multi_ending = register_recipe(
     replace(

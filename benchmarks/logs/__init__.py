@@ -19,7 +19,7 @@ from kinreach._checks import Floats, as_floats, check_known
 from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines._learning_curve import COLUMNS, read_curve
 from kinreach.baselines._loop import rollout_batch
-from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options
+from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.envs._reach.task import ReachTask
 from kinreach.errors import InputError
 
@@ -226,7 +226,7 @@ def trace(policy: LearnedPolicy, goals: ArrayLike, *, options: Mapping[str, Any]
         raise InputError(f"a trace needs a policy that observes numbers; {policy.name} takes pictures")
     if goals.ndim != 2 or goals.shape[1] != 3 or not len(goals):
         raise InputError(f"goals must have shape (n, 3), got {goals.shape}")
-    given = {**needed_options(policy), **(options or {})}
+    given = {**policy.needed_options, **(options or {})}
     env: Any = gym.make_vec(environment, num_envs=len(goals), vectorization_mode="vector_entry_point", **given)
     try:
         return _play(env, policy, goals)

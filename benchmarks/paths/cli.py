@@ -21,7 +21,7 @@ from kinreach._files import make_writable, replacing, write_text
 from kinreach._provenance import machine, versions
 from kinreach.cli import Parser
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.plots._methods import colours_of
+from kinreach.plots._colours import colours_of
 from kinreach.plots._style import new_figure, plain
 
 OUT = "results/paths"

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from benchmarks.speed.sections import Chart, Section
-from kinreach.plots._methods import METHOD_COLOURS, PALETTE, colours_of, method_colours
+from kinreach.plots._colours import PALETTE, colours_of, method_colours, own_colour
 from kinreach.plots._style import FAINT, INK, key, label_ends, new_figure, plain, text_colour, verbatim
 
 #: Width of a figure, height of a panel without its dots, of a dot, and of a panel with lines [inches].
@@ -34,7 +34,7 @@ def draw(section: Section) -> Figure | None:
 def _dots(axes: Axes, chart: Chart, samples: dict[str, list[float]]) -> None:
     names = list(chart.bars)
     rate = "/s" in chart.x
-    methods = all(name in METHOD_COLOURS for name in names)
+    methods = all(map(own_colour, names))
     colours = method_colours(names) if methods else {n: PEERS if n in chart.peers else OURS for n in names}
     drawn = [value for value in chart.bars.values() if value > 0]  # nothing has no place on a logarithmic axis
     lowest, highest = (min(drawn), max(drawn)) if drawn else (0.0, 1.0)

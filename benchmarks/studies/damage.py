@@ -31,8 +31,8 @@ from kinreach._checks import Floats, check_count
 from kinreach._files import make_writable
 from kinreach._jobs import add_options
 from kinreach._statistics import bootstrap_intervals, mean
-from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._policies import LearnedPolicy, load_policy
+from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.random_arms import on_table, ur5
 from kinreach.cli import Parser, finish
 from kinreach.compare._methods.tuned_policies import Trained, Tuned

@@ -17,10 +17,10 @@ from kinreach._files import replacing
 from kinreach._registration import SINGLE
 from kinreach.baselines._evaluation import HELD_OUT
 from kinreach.baselines._eyes import picture_names
-from kinreach.baselines._policies import load_policy, needed_options
+from kinreach.baselines._policies import load_policy
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
-from kinreach.plots._methods import PALETTE
+from kinreach.plots._colours import PALETTE
 from notebooks.figures import draw_pictures
 
 PROG = "python -m benchmarks.studies.eyes"
@@ -48,7 +48,7 @@ def follow(places: np.ndarray, goals: np.ndarray) -> np.ndarray:
 
 def draw(policy: Any, path: Path) -> None:
     """The figure: what both cameras saw of some goals, and the places that follow the ball."""
-    env = gym.make(SINGLE, backend="kinematic", **needed_options(policy))
+    env = gym.make(SINGLE, backend="kinematic", **policy.needed_options)
     looks = [env.reset(seed=HELD_OUT + index) for index in range(WATCHED)]
     env.close()
     goals = np.array([info["goal"] for _, info in looks])

@@ -24,10 +24,10 @@ from benchmarks.studies.tables import head, line, share
 from kinreach._checks import check_count
 from kinreach._files import replacing
 from kinreach._registration import LIFT
-from kinreach.baselines._grasp_policy import GraspPolicy
 from kinreach.baselines._loop import rollout_batch
-from kinreach.baselines._policies import load_policy, needed_options
+from kinreach.baselines._policies import load_policy
 from kinreach.cli import Parser, finish
+from kinreach.compare._methods.grasp import GraspPolicy
 from kinreach.kinematics._solvers import SOLVERS, new_solver
 from kinreach.plots._style import INK, new_figure
 
@@ -69,7 +69,7 @@ def played(name: str, options: dict[str, Any], objects: int, seed: int, threads:
     """Play one episode with each object; return arrays by name, and how many were played in a second of wall time."""
     policy: Any = _Scripted(name, gym.make(LIFT, **options)) if name in SOLVERS else load_policy(name)
     if name not in SOLVERS:
-        options = {**options, "steps": needed_options(policy).get("steps", "single")}
+        options = {**options, "steps": policy.needed_options.get("steps", "single")}
     trials: list[Any] = []
     start = time.perf_counter()
     batch = gym.make_vec(LIFT, BATCH, vectorization_mode="vector_entry_point", threads=threads, **options)

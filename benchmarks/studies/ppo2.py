@@ -35,7 +35,7 @@ from kinreach.baselines._loop import rollout_batch
 from kinreach.baselines._policy_file import save_policy
 from kinreach.baselines._rewards import own
 from kinreach.cli import Parser, finish
-from kinreach.plots._methods import PALETTE
+from kinreach.plots._colours import PALETTE
 from kinreach.plots._style import FAINT, key, label_ends, new_figure, plain
 from kinreach.robots import get_arm
 from kinreach.thesis import REACHED_DISTANCE

@@ -50,7 +50,7 @@ from kinreach.baselines._ranked_ppo import AdaptiveRate, Exploration, normal_sco
 from kinreach.baselines.random_arms import ur5
 from kinreach.cli import Parser, finish
 from kinreach.envs._reach.task import goal_block
-from kinreach.plots._methods import METHOD_COLOURS
+from kinreach.plots._colours import own_colour
 from kinreach.plots._style import FAINT, FONT_SIZE, key, label_ends, new_figure, text_colour
 
 PROG = "python -m benchmarks.studies.relearning"
@@ -191,7 +191,7 @@ def draw(drawn: Mapping[tuple[str, str, int], Sequence[float]], file: Path) -> N
     """Balls reached against episodes, a panel a kind of fault, a line a start, with 95 % intervals."""
     note = f"{PROG}; 95 % intervals over faults; dashed: IK, fault known"
     figure, panels = new_figure("A damaged arm learns again", size=(10.6, 4.0), columns=len(KINDS), note=note)
-    colours = {f"from {SHIPPED}": METHOD_COLOURS["ranked-single"], f"from {NOTHING}": METHOD_COLOURS["random"]}
+    colours = {f"from {SHIPPED}": own_colour("ranked-single"), f"from {NOTHING}": own_colour("random")}
     for kind, axes in zip(KINDS, panels, strict=True):
         ends = {}
         axes.axhline(100 * drawn[kind, KNOWN, 0][0], color=FAINT, lw=1.2, ls="--")

@@ -20,7 +20,7 @@ from kinreach._jobs import add_options
 from kinreach._registration import MULTI, SINGLE, SPACE
 from kinreach._statistics import median, p95
 from kinreach.baselines._evaluation import evaluate
-from kinreach.baselines._policies import LearnedPolicy, load_policy, pretrained_names, trained_arm
+from kinreach.baselines._policies import LearnedPolicy, load_policy, pretrained_names
 from kinreach.cli import Parser, finish
 from kinreach.robots import get_arm
 from kinreach.vision._ball_finder import PIPELINES
@@ -40,7 +40,7 @@ HEADINGS = ("policy", "the goal is", "found by both cameras, %", "reached, % [95
 def sights(policy: LearnedPolicy) -> Sequence[str]:
     """In which of the `SIGHTS` a policy can act; none where no camera looks for a ball at rest."""
     reaches = policy.card.environment in (SINGLE, MULTI, SPACE)
-    if not reaches or not get_arm(trained_arm(policy).get("arm", "ur5-thesis")).goal_cameras:
+    if not reaches or not get_arm(policy.arm or "ur5-thesis").goal_cameras:
         return []
     return [sight for sight in SIGHTS if (sight == PICTURES) == bool(policy.network.eyes)]
 

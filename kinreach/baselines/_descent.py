@@ -11,7 +11,7 @@ import torch
 
 from kinreach._checks import Floats
 from kinreach.baselines._adaptive_ppo import AdaptivePPO
-from kinreach.baselines._expert import table_top
+from kinreach.baselines.expert import table_top
 from kinreach.baselines.random_arms import RandomArmEpisodes
 from kinreach.envs.inside import TOOL_DOWN, SpaceTask, action_range, measured, moving
 

@@ -24,7 +24,7 @@ from kinreach.baselines._batch import make_batch
 from kinreach.baselines._evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
 from kinreach.baselines._minari_export import check_dataset, record_episodes
 from kinreach.baselines._onnx_export import export_onnx
-from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names, trained_options
+from kinreach.baselines._policies import LearnedPolicy, load_policy, pretrained_names
 from kinreach.baselines._policy_file import read_policy, run_name, save_policy
 from kinreach.cli import Parser, quoted
 from kinreach.errors import InputError
@@ -133,7 +133,7 @@ def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
     if environment == BUTTON:
         if any(value is not None for name, value in given.items() if name != STEP_LIMIT):
             raise InputError("--backend, --observation and --exposure are for reach policies")
-        card = trained_options(policy)
+        card = policy.options
         trained = {name: card[name] for name in TASK_OPTIONS if name in card}
     options = trained | {name: value for name, value in given.items() if value is not None}
     check_step_limit(options)
@@ -170,7 +170,7 @@ def _record(name: str, command: str, summary: dict[str, Any]) -> None:
 def _export(policy: LearnedPolicy, arguments: Any, options: dict[str, Any], results: dict[str, Any]) -> None:
     """Write the policy as an ONNX model for the environment that it was evaluated in, with what was measured."""
     card = replace(policy.card, results={**policy.card.results, **results})
-    needed = {**needed_options(policy), **options}
+    needed = {**policy.needed_options, **options}
     env = make_batch(_environment(policy, arguments.policies[0], arguments), 1, needed)
     (count,) = env.single_observation_space.shape or (None,)
     env.close()

@@ -14,7 +14,7 @@ from kinreach._checks import check_count
 from kinreach._statistics import RATE, SPREAD, Column, Trial, success_columns, summarise, tables, thousandfold
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._loop import rollout_batch
-from kinreach.baselines._policies import LearnedPolicy, needed_options
+from kinreach.baselines._policies import LearnedPolicy
 
 Array = np.ndarray[Any, Any]
 
@@ -103,7 +103,7 @@ def evaluate(
     goals = check_count("the number of goals", goals, most=10**7)
     seed = check_count("seed", seed, least=0)
     environment = policy.card.environment if environment is None else environment
-    options = {**needed_options(policy), **(options or {})}
+    options = {**policy.needed_options, **(options or {})}
     trials: list[Trial] = []
     for first in range(0, goals, BATCH):
         env = make_batch(environment, min(BATCH, goals - first), options)

@@ -18,12 +18,9 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
 from kinreach._checks import shown
-from kinreach._statistics import Trial
+from kinreach._statistics import COMPLETED, MISSED, Trial
 from kinreach.baselines._batch import last_step
 from kinreach.errors import InputError
-
-#: Status of a trial whose episode ended without the goal and without anything impossible.
-COMPLETED, MISSED = "completed", "missed"
 
 Watch = Callable[[gym.Env[Any, Any], Mapping[str, Any]], object]
 #: Called with observations, rewards and `info` of a batch's step, and which environments are in their first episode.

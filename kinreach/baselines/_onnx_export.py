@@ -20,7 +20,7 @@ from kinreach._checks import check_count
 from kinreach._engines import load_extra
 from kinreach._files import replacing
 from kinreach.baselines._eyes import MIDDLE, Eye
-from kinreach.baselines._policies import SLACK, LearnedPolicy, trained_arm
+from kinreach.baselines._policies import SLACK, LearnedPolicy
 from kinreach.envs.inside import STEP_SIZE
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, get_arm
@@ -72,7 +72,7 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
     graph = _Graph()
     helper, kinds = graph.onnx.helper, graph.onnx.TensorProto
     eyes, outputs = policy.network.eyes, len(policy.network.gain)
-    cameras = get_arm(trained_arm(policy).get("arm", THESIS_ARM)).goal_cameras
+    cameras = get_arm(policy.arm or THESIS_ARM).goal_cameras
     pictures = sorted(f"{camera.name}_rgb" for camera in cameras)[: len(eyes)]
     seen = (_eye(graph, eye, name) for eye, name in zip(eyes, pictures, strict=True))
     output = _network(graph, policy, graph("Concat", *seen, axis=1) if eyes else INPUT)

@@ -13,9 +13,11 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import as_floats, check_entries, check_path, shown
+from kinreach._files import read_bytes
+from kinreach._provenance import digest
 from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 from kinreach.baselines._eyes import picture_names
-from kinreach.baselines._policy_file import Network, PolicyCard, read_policy
+from kinreach.baselines._policy_file import MAX_BYTES, Network, PolicyCard, read_policy
 from kinreach.envs.inside import SINGLE_STEP, STEP_SIZE, action_range
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
@@ -93,8 +95,8 @@ class LearnedPolicy:
     @cached_property
     def action_range(self) -> tuple[Any, Any]:
         """Half of each joint's range and its middle [rad]; half a turn and 0 if the card names no arm."""
-        name = trained_arm(self).get("arm")
-        if name is None:
+        name = self.arm
+        if not name:
             return SINGLE_STEP.scale, 0.0
         half, middle = action_range(get_arm(name))
         if half.shape != self.network.gain.shape:
@@ -106,6 +108,28 @@ class LearnedPolicy:
     def name(self) -> str:
         """Name of the recipe that trained it."""
         return str(self.card.recipe.get("name") or "the policy")
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Options of the environment that it was trained in, if its card has them."""
+        return _options(self.card)
+
+    @property
+    def arm(self) -> str:
+        """Name of the arm that it was trained on; empty if its card has none."""
+        name = self.options.get("arm")
+        return name if isinstance(name, str) else ""
+
+    @property
+    def needed_options(self) -> dict[str, Any]:
+        """Options of an environment that it needs: the arm, those of `NEEDED`, and the size of pictures."""
+        own = NEEDED.get(self.card.environment, ())
+        needed = {"arm": self.arm} if self.arm else {}
+        needed |= {name: self.options[name] for name in own if name in self.options}
+        if self.network.eyes:
+            size = {name: self.options[name] for name in ("width", "height") if isinstance(self.options.get(name), int)}
+            needed |= {"observation": "pixels", **size}
+        return needed
 
     def check_spaces(self, observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
         """Refuse the spaces of one environment, not of a batch, if the policy cannot act in them."""
@@ -178,11 +202,6 @@ def pretrained_names() -> list[str]:
     return sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX))
 
 
-def trained_options(policy: LearnedPolicy) -> Mapping[str, Any]:
-    """Return the options of the environment that a policy was trained in, if its card has them."""
-    return _options(policy.card)
-
-
 def _options(card: PolicyCard) -> Mapping[str, Any]:
     options = card.recipe.get("options")
     return options if isinstance(options, Mapping) else {}
@@ -198,12 +217,6 @@ def _walks(card: PolicyCard) -> bool:
     )
 
 
-def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
-    """Return the option `arm` of the environment that a policy was trained in, if its card has one."""
-    arm = _options(policy.card).get("arm")
-    return {"arm": arm} if isinstance(arm, str) else {}
-
-
 #: Options that change the goals or the observation, by the environment.
 NEEDED: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys((SINGLE, MULTI), ("goal_in",)),
@@ -212,17 +225,6 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     LIFT: ("steps", "shapes", "sizes"),
     BUTTON: ("controls", "frames"),
 }
-
-
-def needed_options(policy: LearnedPolicy) -> dict[str, Any]:
-    """Return options of an environment that a policy needs: the arm, those of `NEEDED`, and the size of pictures."""
-    options = _options(policy.card)
-    own = NEEDED.get(policy.card.environment, ())
-    needed = {**trained_arm(policy), **{name: options[name] for name in own if name in options}}
-    if policy.network.eyes:
-        size = {name: options[name] for name in ("width", "height") if isinstance(options.get(name), int)}
-        needed |= {"observation": "pixels", **size}
-    return needed
 
 
 def load_policy(policy: str | Path, *, environment: str | None = None) -> LearnedPolicy:
@@ -262,3 +264,10 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
     if environment is not None and environment != card.environment:
         raise InputError(f"the policy {policy} is for {card.environment}, not for {environment}")
     return LearnedPolicy(card, network)
+
+
+def policy_version(policy: str) -> dict[str, str]:
+    """Return the digest of the file of a policy, a name of the package's or a path, by the policy's name."""
+    shipped = resources.files("kinreach.baselines") / "pretrained" / f"{policy}{_SUFFIX}"
+    content = shipped.read_bytes() if shipped.is_file() else read_bytes(Path(policy), "the policy", most=MAX_BYTES)
+    return {f"policy {policy}": digest(content)}

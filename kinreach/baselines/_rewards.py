@@ -10,7 +10,7 @@ import numpy as np
 
 from kinreach._checks import check_known
 from kinreach._objects import load_object
-from kinreach.baselines._expert import GRIPPER, table_top, tool_down_postures
+from kinreach.baselines.expert import GRIPPER, table_top, tool_down_postures
 from kinreach.envs.inside import HEIGHT, NEAR, moving
 from kinreach.kinematics import Arm3Kinematics, URKinematics
 from kinreach.robots import THESIS_ARM

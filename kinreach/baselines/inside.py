@@ -1,4 +1,9 @@
-"""What other rooms use of this one, as `inside.pyi` lists it; what users type is in `kinreach.baselines`."""
+"""Names that other rooms use; `inside.pyi` lists them, and what users type is in `kinreach.baselines`.
+
+- Policies: `Policy`, `as_policy` and `SolverPolicy` make one of a solver or a function; `LearnedPolicy` is a file's.
+- Files of policies: `pretrained_names`, `run_name`, `policy_version`.
+- `expert`, the closed form as a map in batches; `random_arms`, arms with random errors.
+"""
 
 import lazy_loader
 

@@ -1,15 +1,9 @@
+from . import expert as expert
 from . import random_arms as random_arms
-from ._expert import GRIPPER as GRIPPER
-from ._expert import tool_down_postures as tool_down_postures
-from ._grasp_policy import GraspPolicy as GraspPolicy
-from ._loop import COMPLETED as COMPLETED
 from ._loop import Policy as Policy
 from ._loop import as_policy as as_policy
 from ._policies import LearnedPolicy as LearnedPolicy
-from ._policies import needed_options as needed_options
+from ._policies import policy_version as policy_version
 from ._policies import pretrained_names as pretrained_names
-from ._policies import trained_arm as trained_arm
-from ._policy_file import MAX_BYTES as MAX_BYTES
-from ._policy_file import Network as Network
 from ._policy_file import run_name as run_name
 from ._solver_policy import SolverPolicy as SolverPolicy

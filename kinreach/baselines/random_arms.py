@@ -20,7 +20,7 @@ from scipy.stats import qmc
 
 from kinreach._checks import Floats
 from kinreach._registration import MAX_EPISODE_STEPS, RANDOM_ARM
-from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines.expert import tool_down_postures
 from kinreach.envs.inside import (
     BUDGETS,
     MEDIAN_LENGTH,

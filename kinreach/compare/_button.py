@@ -12,6 +12,7 @@ import numpy as np
 from kinreach._registration import BUTTON
 from kinreach._statistics import QUANTILES, RATE, SPREAD, Column, Trial, thousandfold
 from kinreach.baselines import HELD_OUT, AnalyticButtonPolicy, RandomPolicy, load_policy
+from kinreach.baselines.inside import policy_version
 from kinreach.compare import _curves as curves
 from kinreach.compare import _figures as figures
 from kinreach.compare._task import (
@@ -20,7 +21,6 @@ from kinreach.compare._task import (
     Method,
     Task,
     common_columns,
-    policy_version,
 )
 from kinreach.envs.inside import PRESS_RADIUS, ButtonDrawing, ButtonOptions, ButtonState, torque_model
 from kinreach.sim.inside import PosedScene

@@ -20,7 +20,7 @@ from kinreach._statistics import tables
 from kinreach._terminal import Console
 from kinreach.cli import HELP, Parser, quoted
 from kinreach.compare._motion import with_motion
-from kinreach.compare._options import Flag, add_flags, flags_of, given_options
+from kinreach.compare._options import Flag, OptionFlags
 from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare._task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError, OtherResultsError
@@ -36,11 +36,11 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     parser = _parser(prog)
     known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # the task, whose flags follow
     task = _task(known.task)
-    flags = flags_of(task.environment, task.options, taken=("help", *vars(known)))
-    add_flags(parser, f"options of the task {task.name}", flags)
+    flags = OptionFlags(task.environment, task.options, taken=("help", *vars(known)))
+    flags.add_to(parser, f"options of the task {task.name}")
     arguments = parser.parse_args(argv)
     methods = [name.strip() for name in arguments.methods.split(",")] if arguments.methods is not None else []
-    texts = {name: getattr(arguments, name) for name in flags if getattr(arguments, name) is not None}
+    texts = flags.texts(arguments)
     arm = _arm(arguments)
     own = None if arguments.out is None else check_path("--out", arguments.out)
     default = Path("results") / _default_folder(task.name, "" if arm is None else get_arm(arm).name, arguments, texts)
@@ -52,7 +52,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         seed=arguments.seed,
         arm=arm,
         observation=arguments.observation,
-        options=given_options(flags, texts, arguments.observation),
+        options=flags.options(texts, arguments.observation),
         motion=arguments.motion,
         fresh=arguments.fresh,
         engine=arguments.engine,

@@ -18,7 +18,7 @@ from kinreach._files import replacing
 from kinreach._statistics import Trial, median, number, p95
 from kinreach.compare._task import Draw
 from kinreach.plots import FAINT, INK, PALETTE, draw_error_maps, key, new_figure
-from kinreach.plots.inside import name_label, plain_ticks, text_colour, verbatim
+from kinreach.plots.inside import name_label, plain_ticks, text_colour
 
 #: Of the files.
 DPI = 160
@@ -256,7 +256,7 @@ def colours_in(results: Mapping[str, Any]) -> list[str]:
 def origin(results: Mapping[str, Any]) -> str:
     """Return where the numbers are from, for the small print."""
     settings = results["settings"]
-    return f"{settings['goals']} goals, seed {settings['seed']} · {verbatim(settings['command'])}"
+    return f"{settings['goals']} goals, seed {settings['seed']} · {settings['command']}"
 
 
 def _at_least(value: float | None, least: float) -> float | None:

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from kinreach._registration import LIFT
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, thousandfold
-from kinreach.baselines.inside import GraspPolicy
 from kinreach.compare._button import decision_ms
 from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
+from kinreach.compare._methods.grasp import GraspPolicy
 from kinreach.compare._task import SOLVER, Method, Task, episode_seed
 from kinreach.envs.inside import HEIGHT, HOLD, MULTI
 from kinreach.kinematics.inside import new_solver

@@ -9,11 +9,12 @@ import gymnasium as gym
 
 from kinreach._registration import OBSTACLES
 from kinreach._statistics import QUANTILES, RATE, Column, Trial, thousandfold
+from kinreach.baselines.inside import policy_version
 from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import draw_strip_grid
 from kinreach.compare._methods import waypoints as ways
 from kinreach.compare._reach import METHODS
-from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, policy_version, resets_in_turn
+from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, resets_in_turn
 from kinreach.envs.inside import MAX_CLUTTER, ObstaclesOptions
 from kinreach.kinematics.inside import PATH_MARGIN
 

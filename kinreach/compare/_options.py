@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
@@ -67,11 +67,51 @@ def options_class(environment: str) -> type[Any] | None:
     return found if isinstance(found, type) and is_dataclass(found) else None
 
 
-def flags_of(environment: str, defaults: Mapping[str, Any], *, taken: Sequence[str] = ()) -> dict[str, Flag]:
-    """Return the flags of an environment by name, without those that are taken by others of the command.
+class OptionFlags(Mapping[str, Flag]):
+    """Flags for the options of an environment, by name.
 
-    `defaults` are those that differ from the dataclass's.
+    Args:
+        environment: Its id.
+        defaults: Those that differ from the dataclass's.
+        taken: Names of other flags of the command, which are left out.
     """
+
+    def __init__(self, environment: str, defaults: Mapping[str, Any], *, taken: Sequence[str] = ()) -> None:
+        self._flags = _flags(environment, defaults, taken)
+
+    def __getitem__(self, name: str) -> Flag:
+        return self._flags[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._flags)
+
+    def __len__(self) -> int:
+        return len(self._flags)
+
+    def add_to(self, parser: argparse.ArgumentParser, title: str) -> None:
+        """Add them to a parser, as a group with a title; their values stay text."""
+        group = parser.add_argument_group(title)
+        for flag in self.values():
+            group.add_argument(flag.spelled, metavar=flag.metavar, help=flag.help.replace("%", "%%"))
+
+    def texts(self, arguments: argparse.Namespace) -> dict[str, str]:
+        """Return the texts of those that were given."""
+        return {name: getattr(arguments, name) for name in self if getattr(arguments, name) is not None}
+
+    def options(self, texts: Mapping[str, str], observation: str | None = None) -> dict[str, Any]:
+        """Return the options of the environment from texts; flags for another observation are refused."""
+        options: dict[str, Any] = {}
+        for name, text in texts.items():
+            flag = self[name]
+            if observation is not None and flag.observation not in ("", observation):
+                raise InputError(
+                    f"{flag.spelled} needs observation {flag.observation!r}, got observation {observation!r}"
+                )
+            options.update(flag.options(text))
+        return options
+
+
+def _flags(environment: str, defaults: Mapping[str, Any], taken: Sequence[str]) -> dict[str, Flag]:
     kind = options_class(environment)
     if kind is None:
         return {}
@@ -96,29 +136,6 @@ def flags_of(environment: str, defaults: Mapping[str, Any], *, taken: Sequence[s
         description = f"steps after which an episode is truncated (default: {limit})"
         found[STEP_LIMIT] = Flag(STEP_LIMIT, "N", description, "a whole number", lambda text: {STEP_LIMIT: int(text)})
     return found
-
-
-def add_flags(parser: argparse.ArgumentParser, title: str, flags: Mapping[str, Flag]) -> None:
-    """Add flags to a parser, as a group with a title; their values stay text."""
-    group = parser.add_argument_group(title)
-    for flag in flags.values():
-        group.add_argument(flag.spelled, metavar=flag.metavar, help=flag.help.replace("%", "%%"))
-
-
-def given_options(
-    flags: Mapping[str, Flag], texts: Mapping[str, str], observation: str | None = None
-) -> dict[str, Any]:
-    """Return the options of the environment from the texts of the flags that were given, by name.
-
-    Flags for another observation are refused.
-    """
-    options: dict[str, Any] = {}
-    for name, text in texts.items():
-        flag = flags[name]
-        if observation is not None and flag.observation not in ("", observation):
-            raise InputError(f"{flag.spelled} needs observation {flag.observation!r}, got observation {observation!r}")
-        options.update(flag.options(text))
-    return options
 
 
 def _flag(entry: Field[Any], hint: Any, default: Any) -> Flag | None:

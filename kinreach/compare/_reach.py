@@ -11,9 +11,9 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach._registration import MULTI, SINGLE, SPACE
-from kinreach._statistics import QUANTILES, Column, number, thousandfold
+from kinreach._statistics import COMPLETED, QUANTILES, Column, number, thousandfold
 from kinreach.baselines import load_policy
-from kinreach.baselines.inside import COMPLETED, SolverPolicy
+from kinreach.baselines.inside import SolverPolicy, policy_version
 from kinreach.compare import _curves as curves
 from kinreach.compare import _figures as figures
 from kinreach.compare._error_budget import (
@@ -26,7 +26,7 @@ from kinreach.compare._error_budget import (
     seen_error_mm,
 )
 from kinreach.compare._methods import policy_method, solver_method
-from kinreach.compare._task import SEEDED, Draw, Method, Task, common_columns, policy_version, resets_to
+from kinreach.compare._task import SEEDED, Draw, Method, Task, common_columns, resets_to
 from kinreach.envs.inside import PRESS_RADIUS
 from kinreach.errors import InputError
 from kinreach.kinematics.inside import SOLVERS, Tolerance, new_solver

@@ -5,8 +5,6 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -15,9 +13,7 @@ from matplotlib.figure import Figure
 
 from kinreach import _provenance as provenance
 from kinreach._checks import Floats, check_known, shown
-from kinreach._files import read_bytes
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
-from kinreach.baselines.inside import MAX_BYTES
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, BoxRegion, QuadrantRegion
 from kinreach.robots.inside import HULLS
@@ -75,6 +71,11 @@ class Method:
     versions: Mapping[str, str] = field(default_factory=dict)
     colour: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_policy(self) -> bool:
+        """Whether it decides by a policy alone, without a solver."""
+        return self.kind == POLICY
 
 
 @dataclass(frozen=True)
@@ -176,6 +177,11 @@ def task_names() -> list[str]:
     return list(dict.fromkeys((*_OWN, *_TASKS)))
 
 
+def all_tasks() -> list[Task]:
+    """Return the registered tasks, the package's own first."""
+    return list(map(get_task, task_names()))
+
+
 def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
     """Return the columns of every task: rates over all goals, distances [mm], reward, times.
 
@@ -209,13 +215,6 @@ def resets_in_turn(cases: Sequence[Mapping[str, Any]], count: int, seed: int) ->
 def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
     """Return resets of a reach environment to goals, each with its own seed of the cameras' noise."""
     return [{"seed": episode_seed(seed, index), "options": {"goal": goal}} for index, goal in enumerate(goals)]
-
-
-def policy_version(policy: str) -> dict[str, str]:
-    """Return the digest of the file of a policy, a name of the package's or a path, by the policy's name."""
-    shipped = resources.files("kinreach.baselines") / "pretrained" / f"{policy}.safetensors"
-    content = shipped.read_bytes() if shipped.is_file() else read_bytes(Path(policy), "the policy", most=MAX_BYTES)
-    return {f"policy {policy}": provenance.digest(content)}
 
 
 def arm_in(env: gym.Env[Any, Any]) -> ArmDescription | None:

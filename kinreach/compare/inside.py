@@ -1,4 +1,8 @@
-"""What other rooms use of this one, as `inside.pyi` lists it; what users type is in `kinreach.compare`."""
+"""Names that other rooms use; `inside.pyi` lists them, and what users type is in `kinreach.compare`.
+
+- Tasks and methods by name, for whoever plays one episode of them: `all_tasks`, `resolve_methods`, `arm_in`.
+- `OptionFlags`: the options of an environment as flags of a command.
+"""
 
 import lazy_loader
 

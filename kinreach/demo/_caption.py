@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 from kinreach._checks import Floats
 from kinreach._statistics import number
 from kinreach.plots import INK
-from kinreach.plots.inside import METHOD_COLOURS
+from kinreach.plots.inside import method_colours
 from kinreach.sim.inside import BALL, CAMERA, OBJECT, Scene, mujoco
 from kinreach.vision.inside import BallFix, GoalMeasurement
 
@@ -49,10 +49,13 @@ class Caption:
         goal: Of the episode, where the scene has no ball [m], shape (3,).
     """
 
+    #: Colours that it writes with, besides the policy's.
+    COLOURS = ("#ffffff", INK, REACHED, MISSED, FOUND, "#b8b8b8", "#dc0a08")
+
     def __init__(self, policy: str, *, done: str = "reached") -> None:
         self.done = done
         self.name = policy
-        self.colour = METHOD_COLOURS.get(self.name, INK)
+        self.colour = method_colours([self.name])[self.name]
         self.goal: Any = None
         self.verdict, self.reached = "", False
         self._looks: list[Image.Image] = []
@@ -131,10 +134,6 @@ def _circled(name: str, rgb: Any, fix: BallFix | None) -> Image.Image:
     text = f"{name} camera: ball {'found' if fix is not None else 'not found'}"
     ImageDraw.Draw(whole).text((8, 2), text, font=_font(15), fill=INK)
     return whole
-
-
-def colours() -> tuple[str, ...]:
-    return ("#ffffff", INK, REACHED, MISSED, FOUND, "#b8b8b8", "#dc0a08", *dict.fromkeys(METHOD_COLOURS.values()))
 
 
 @cache

@@ -16,11 +16,11 @@ from kinreach._checks import check_count, check_known, printable
 from kinreach.baselines import rollout
 from kinreach.baselines.inside import Policy
 from kinreach.cli import HELP, Parser
-from kinreach.compare.inside import add_flags, flags_of, given_options
-from kinreach.demo._caption import SIZE, Caption, colours
+from kinreach.compare.inside import OptionFlags
+from kinreach.demo._caption import SIZE, Caption
 from kinreach.demo._drawn import Drawn
 from kinreach.demo._film import Film
-from kinreach.demo._players import RANDOM, new_player, options_for, playable, trained_for
+from kinreach.demo._players import RANDOM, new_player, playable
 from kinreach.demo._tasks import TASKS, DemoTask
 from kinreach.errors import InputError
 from kinreach.kinematics.inside import SOLVERS
@@ -41,10 +41,14 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if mode is None:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
     caption = Caption(arguments.policy, done=task.done)
-    env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name), caption)
+    env = _make(task, mode, arguments.options | playable(task.name).needed(arguments.policy), caption)
     try:
         policy = new_player(arguments.policy, env, seed=arguments.seed)
-        film = Film(arguments.video, fps=task.fps, colours=colours()) if arguments.video else nullcontext()
+        film = (
+            Film(arguments.video, fps=task.fps, colours=(*caption.COLOURS, caption.colour))
+            if arguments.video
+            else nullcontext()
+        )
         with film as reel:
             reached, episodes, steps = _run(env, policy, arguments, printed, reel, caption)
     finally:
@@ -182,11 +186,10 @@ def _arguments(argv: Sequence[str], prog: str) -> Any:
     known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # which task, before its flags
     check_known("env", known.env, TASKS)
     task = TASKS[known.env]
-    flags = flags_of(task.name, task.settings, taken=("help", *vars(known)))
-    add_flags(parser, f"options of {known.env}", flags)
+    flags = OptionFlags(task.name, task.settings, taken=("help", *vars(known)))
+    flags.add_to(parser, f"options of {known.env}")
     arguments = parser.parse_args(argv)
-    texts = {name: getattr(arguments, name) for name in flags if getattr(arguments, name) is not None}
-    arguments.options = given_options(flags, texts)
+    arguments.options = flags.options(flags.texts(arguments))
     for name, default in (("policy", task.policy), ("steps", task.steps), ("print", task.printed)):
         if getattr(arguments, name) is None:
             setattr(arguments, name, default)
@@ -200,7 +203,7 @@ def _parser(prog: str) -> Parser:
     def by_task(attribute: str) -> str:
         return ", ".join(f"{name}: {getattr(task, attribute)}" for name, task in TASKS.items())
 
-    trained = sorted({name for task in TASKS.values() for name in trained_for(task.name)})
+    trained = sorted({name for task in TASKS.values() for name in playable(task.name).trained()})
     parser = Parser(prog=prog, description=f"Watch an environment of kinreach {kinreach.__version__}.")
     parser.add_argument("--env", default="single", help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
     parser.add_argument(

@@ -9,35 +9,38 @@ import gymnasium as gym
 
 from kinreach.compare.inside import arm_in
 from kinreach.errors import InputError
-from kinreach.robots import ArmDescription
 from kinreach.sim.inside import PosedScene, ScenePicture
 
 
-def scene_of(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> tuple[Any, bool]:
-    """Return the scene of an environment, and whether it has to follow `info`.
+class EpisodeScene:
+    """The scene of an episode: the environment's own, or one that follows its `info`.
+
+    Args:
+        env: The environment, after its reset.
+        info: Of the reset.
+
+    Attributes:
+        scene: The scene.
+        arm: The arm that is drawn: the believed one, if the true one differs.
+        follows: Whether it has to follow `info`.
 
     Raises:
-        InputError: It has no arm, or neither a scene nor a posture `q` in its info.
+        InputError: The environment has no arm, or neither a scene nor a posture `q` in its info.
     """
-    arm = arm_of(env)
-    if env.has_wrapper_attr("scene"):
-        return env.get_wrapper_attr("scene"), False
-    if "q" not in info:
-        raise InputError(f"{_name(env)} cannot be drawn: it has no `scene`, and no posture `q` in its info")
-    return PosedScene(arm), True
 
+    def __init__(self, env: gym.Env[Any, Any], info: Mapping[str, Any]) -> None:
+        arm = arm_in(env)
+        if arm is None:
+            raise InputError(f"{_name(env)} cannot be drawn: it has no `arm`")
+        self.arm, self.follows = arm, not env.has_wrapper_attr("scene")
+        if self.follows and "q" not in info:
+            raise InputError(f"{_name(env)} cannot be drawn: it has no `scene`, and no posture `q` in its info")
+        self.scene: Any = PosedScene(arm) if self.follows else env.get_wrapper_attr("scene")
 
-def arm_of(env: gym.Env[Any, Any]) -> ArmDescription:
-    """Return the arm that is drawn: the believed one, if the true one differs."""
-    arm = arm_in(env)
-    if arm is None:
-        raise InputError(f"{_name(env)} cannot be drawn: it has no `arm`")
-    return arm
-
-
-def put(scene: PosedScene, info: Mapping[str, Any], *, time: float) -> None:
-    """Move a scene to `info`'s state; without a clock in it, at `time` [s]."""
-    scene.put(info["q"], ball=info.get("goal"), time=float(info.get("time", time)))
+    def follow(self, info: Mapping[str, Any], *, time: float) -> None:
+        """Move the scene to `info`'s state, if it has to; without a clock in it, at `time` [s]."""
+        if self.follows:
+            self.scene.put(info["q"], ball=info.get("goal"), time=float(info.get("time", time)))
 
 
 def _name(env: gym.Env[Any, Any]) -> str:
@@ -60,8 +63,8 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
         """Begin an episode, perhaps with another arm."""
         observation, info = self.env.reset(**options)
         self._close_picture()
-        self._scene, self._follows = scene_of(self.env, info)
-        self._picture = ScenePicture(self._scene, mode=self._mode, fps=self._fps)
+        self._scene = EpisodeScene(self.env, info)
+        self._picture = ScenePicture(self._scene.scene, mode=self._mode, fps=self._fps)
         if self._prepare is not None:
             self._prepare(self._picture)
         self._steps = 0
@@ -82,10 +85,9 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
         super().close()
 
     def _follow(self, info: Mapping[str, Any]) -> None:
-        if self._follows:
-            put(self._scene, info, time=self._steps / self._fps)
-            if self._scene.watch is not None:
-                self._scene.watch()
+        self._scene.follow(info, time=self._steps / self._fps)
+        if self._scene.follows and self._scene.scene.watch is not None:
+            self._scene.scene.watch()
 
     def _close_picture(self) -> None:
         if self._picture is not None:

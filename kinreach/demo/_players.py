@@ -19,12 +19,10 @@ from kinreach.baselines.inside import (
     Policy,
     SolverPolicy,
     as_policy,
-    needed_options,
     pretrained_names,
-    trained_arm,
 )
 from kinreach.compare import Method, Task
-from kinreach.compare.inside import POLICY, get_task, resolve_methods, task_names
+from kinreach.compare.inside import all_tasks, resolve_methods
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.inside import SOLVERS, new_solver
@@ -32,7 +30,7 @@ from kinreach.robots import THESIS_ARM, ArmDescription
 
 RANDOM = "random"
 #: Options of environments that the page lets the user choose.
-ARM, OBSERVATION, BACKEND = "arm", "observation", "backend"
+CHOICES = frozenset(("arm", "observation", "backend"))
 #: Otherwise than in the comparison: an episode that can be watched to its end.
 SHORTER: Mapping[str, Mapping[str, Any]] = {REAL_ARM: {"balls": 4, "budgets": (0, 5, 20)}}
 
@@ -42,7 +40,7 @@ class Playable:
     """A registered environment.
 
     Attributes:
-        choices: Which of `ARM`, `OBSERVATION` and `BACKEND` are options of it.
+        choices: Which of `CHOICES` are options of it.
         solvable: Whether solvers of inverse kinematics can act in it.
         drawn: Whether it has a `render_mode`.
         tasks: Comparisons in it.
@@ -69,23 +67,75 @@ class Playable:
             if (method.environment or task.environment) == self.name and (arm is None or task.arm in ("", arm))
         }
 
+    @property
+    def trained_in(self) -> str:
+        """Id of the environment that policies for this one are trained in: the one with dynamics."""
+        points = KINEMATIC_ENVIRONMENTS.get(self.name)
+        return next((name for name, others in ENVIRONMENTS.items() if others == points), self.name)
+
+    def trained(self, arm: str | None = None, *, eyes: bool = False) -> list[str]:
+        """Return names of the package's policies for it, of all arms or of the arm of a name.
+
+        With `eyes` those that observe pictures, instead of those that observe the goal.
+        """
+        found = {name: load_policy(name) for name in pretrained_names()}
+        return [
+            name
+            for name, policy in found.items()
+            if policy.card.environment == self.trained_in
+            and arm in (None, policy.arm or THESIS_ARM)
+            and bool(policy.network.eyes) == eyes
+        ]
+
+    def policy(self, name: str) -> LearnedPolicy | None:
+        """Return a policy of the package for it, or from a file; None where the name is of neither."""
+        known = name in self._all_trained() or (":" not in name and bool(Path(name).suffix))
+        return load_policy(name, environment=self.trained_in) if known else None
+
+    def needed(self, player: str) -> dict[str, Any]:
+        """Return the options that a trained player needs; none for other players."""
+        policy = self.policy(player)
+        return {} if policy is None else policy.needed_options
+
     def players(self, arm: ArmDescription, *, observation: str = "") -> tuple[str, ...]:
         """Return names for `new_player`, solvers first; with pictures only policies that see them, or need none."""
-        eyes, environment = observation == "pixels", trained_in(self.name)
+        eyes = observation == "pixels"
         closed = self.solvable and ArmKinematics.of(arm).knows_all_postures
         solvers = [name for name in SOLVERS if self.solvable and (closed or name != "closed-form")]
-        trained = trained_for(environment, arm.name if ARM in self.choices else None, eyes=eyes)
-        shipped = {f"policy {name}" for name in trained_for(environment)}
+        trained = self.trained(arm.name if "arm" in self.choices else None, eyes=eyes)
+        shipped = {f"policy {name}" for name in self.trained()}
         methods = [
             name
             for name, method in self.methods(arm.name).items()
-            if not eyes and not (method.kind == POLICY and shipped & set(method.versions))
+            if not eyes and not (method.is_policy and shipped & set(method.versions))
         ]
         return (*(name for name in dict.fromkeys((*solvers, *methods, *trained)) if name != RANDOM), RANDOM)
 
+    def new_player(self, name: str, env: gym.Env[Any, Any], *, seed: int = 0) -> Policy:
+        methods = self.methods()
+        if name == RANDOM:
+            return RandomPolicy(env.action_space, seed=seed)
+        if name in SOLVERS and self.solvable:
+            return SolverPolicy(new_solver(name, env.get_wrapper_attr("kinematics")), env)
+        if name in methods:
+            return as_policy(methods[name].make(env))
+        if ":" in name:
+            task = Task(self.name, self.name, self.name, resets=lambda count, seed, env: (), methods={}, columns=())
+            (method,) = resolve_methods(task, [name]).values()
+            return as_policy(method.make(env))
+        policy = self.policy(name)
+        if policy is None:
+            names = (*(SOLVERS if self.solvable else ()), *methods, *self._all_trained())
+            raise_unknown(f"policy for {self.name}", name, ("a file of a policy", RANDOM, *names))
+        return policy
+
+    def _all_trained(self) -> list[str]:
+        """Return names of the package's policies for it, of every arm and with eyes or without."""
+        return [*self.trained(), *self.trained(eyes=True)]
+
 
 def playable_names() -> tuple[str, ...]:
-    compared = (get_task(name).environment for name in task_names())
+    compared = (task.environment for task in all_tasks())
     return tuple(dict.fromkeys((*ENVIRONMENTS, *SINGLE_ENVIRONMENTS, *compared, *KINEMATIC_ENVIRONMENTS)))
 
 
@@ -101,10 +151,10 @@ def playable(name: str) -> Playable:
     made: Any = load_env_creator(spec.entry_point) if isinstance(spec.entry_point, str) else spec.entry_point
     return Playable(
         name,
-        choices=frozenset({ARM, OBSERVATION, BACKEND} & set(inspect.signature(made).parameters) - set(spec.kwargs)),
+        choices=CHOICES & set(inspect.signature(made).parameters) - set(spec.kwargs),
         solvable=hasattr(made, "action_for"),
         drawn="rgb_array" in getattr(made, "metadata", {}).get("render_modes", ()),
-        tasks=tuple(t for t in map(get_task, task_names()) if name in (t.environment, *t.variants.values())),
+        tasks=tuple(t for t in all_tasks() if name in (t.environment, *t.variants.values())),
     )
 
 
@@ -120,58 +170,4 @@ def new_player(name: str, env: gym.Env[Any, Any], *, seed: int = 0) -> Policy:
     Raises:
         InputError: Unknown name, the file is not a policy, or it is for another environment.
     """
-    known = playable(env.spec.id)  # type: ignore[union-attr]
-    methods, environment = known.methods(), trained_in(known.name)
-    if name == RANDOM:
-        return RandomPolicy(env.action_space, seed=seed)
-    if name in SOLVERS and known.solvable:
-        return SolverPolicy(new_solver(name, env.get_wrapper_attr("kinematics")), env)
-    if name in methods:
-        return as_policy(methods[name].make(env))
-    if ":" in name:
-        task = Task(known.name, known.name, known.name, resets=lambda count, seed, env: (), methods={}, columns=())
-        (method,) = resolve_methods(task, [name]).values()
-        return as_policy(method.make(env))
-    policy = trained_policy(name, environment)
-    if policy is None:
-        names = (*(SOLVERS if known.solvable else ()), *methods, *all_trained(environment))
-        raise_unknown(f"policy for {known.name}", name, ("a file of a policy", RANDOM, *names))
-    return policy
-
-
-def trained_in(environment: str) -> str:
-    """Return the id of the environment that policies for this one are trained in: the one with dynamics."""
-    points = KINEMATIC_ENVIRONMENTS.get(environment)
-    return next((name for name, others in ENVIRONMENTS.items() if others == points), environment)
-
-
-def trained_for(environment: str, arm: str | None = None, *, eyes: bool = False) -> list[str]:
-    """Return names of the package's policies for an environment, of all arms or of the arm of a name.
-
-    With `eyes` those that observe pictures, instead of those that observe the goal.
-    """
-    found = {name: load_policy(name) for name in pretrained_names()}
-    return [
-        name
-        for name, policy in found.items()
-        if policy.card.environment == environment
-        and arm in (None, trained_arm(policy).get("arm", THESIS_ARM))
-        and bool(policy.network.eyes) == eyes
-    ]
-
-
-def all_trained(environment: str) -> list[str]:
-    """Return names of the package's policies for an environment, of every arm and with eyes or without."""
-    return [*trained_for(environment), *trained_for(environment, eyes=True)]
-
-
-def trained_policy(name: str, environment: str) -> LearnedPolicy | None:
-    """Return a policy of the package for an environment, or from a file; None where the name is of neither."""
-    known = name in all_trained(environment) or (":" not in name and bool(Path(name).suffix))
-    return load_policy(name, environment=environment) if known else None
-
-
-def options_for(name: str, environment: str) -> dict[str, Any]:
-    """Return the options that a trained policy needs (`needed_options`); none for other policies."""
-    policy = trained_policy(name, environment)
-    return {} if policy is None else needed_options(policy)
+    return playable(env.spec.id).new_player(name, env, seed=seed)  # type: ignore[union-attr]

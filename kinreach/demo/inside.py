@@ -1,4 +1,8 @@
-"""What other rooms use of this one, as `inside.pyi` lists it; what users type is in `kinreach.demo`."""
+"""Names that other rooms use; `inside.pyi` lists them.
+
+- Environments and their players by name: `playable`, `playable_names`, `new_player`.
+- `EpisodeScene`: the scene that an episode is drawn in.
+"""
 
 import lazy_loader
 

@@ -1,12 +1,4 @@
-from ._drawn import arm_of as arm_of
-from ._drawn import put as put
-from ._drawn import scene_of as scene_of
-from ._players import ARM as ARM
-from ._players import BACKEND as BACKEND
-from ._players import OBSERVATION as OBSERVATION
+from ._drawn import EpisodeScene as EpisodeScene
 from ._players import new_player as new_player
-from ._players import options_for as options_for
 from ._players import playable as playable
 from ._players import playable_names as playable_names
-from ._players import trained_for as trained_for
-from ._players import trained_in as trained_in

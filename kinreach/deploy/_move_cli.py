@@ -121,7 +121,7 @@ class _Job:
             write_text(script, program.text)
             say(f"wrote    {script}")
         if picture is not None:
-            from kinreach.plots.inside import draw_motion
+            from kinreach.deploy._motion_figure import draw_motion
 
             figure = draw_motion(done.commanded, kin.velocity_limit, f"{self.arm.title}, tried in MuJoCo")
             with replacing(picture) as temporary:

@@ -1,7 +1,7 @@
 from ._calibration import draw_calibration as draw_calibration
+from ._colours import PALETTE as PALETTE
+from ._colours import colours_of as colours_of
 from ._maps import draw_error_maps as draw_error_maps
-from ._methods import PALETTE as PALETTE
-from ._methods import colours_of as colours_of
 from ._style import FAINT as FAINT
 from ._style import INK as INK
 from ._style import key as key

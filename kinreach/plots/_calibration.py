@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from kinreach._checks import Floats
 from kinreach.errors import InputError
-from kinreach.plots._methods import PALETTE
+from kinreach.plots._colours import PALETTE
 from kinreach.plots._style import INK, name_label, new_figure, plain_ticks
 from kinreach.robots.inside import CalibratedArm
 

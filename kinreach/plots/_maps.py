@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.plots._methods import PALETTE
+from kinreach.plots._colours import PALETTE
 from kinreach.plots._style import FAINT, INK, MAGNITUDE, name_label, new_figure, plain, plain_ticks
 
 #: Bounds of x and y [m].

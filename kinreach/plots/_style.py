@@ -53,7 +53,7 @@ def new_figure(
         rows: Of axes, which are returned row by row.
         columns: Of axes.
         widths: Of the columns, relative to each other; equal by default.
-        note: Small print at the bottom, such as the source of the data; dollar signs as in `title`.
+        note: Small print at the bottom, as it is, such as the source of the data.
         grid: `"x"`, `"y"`, `"both"` or `"none"`.
         bare: Hide axes and ticks, as for pictures.
     """
@@ -61,7 +61,7 @@ def new_figure(
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=13, weight="bold", color=INK)
     if note:
-        text = fill(note, width=round(16 * size[0]), break_on_hyphens=False)
+        text = fill(verbatim(note), width=round(16 * size[0]), break_on_hyphens=False)
         figure.supxlabel(text, x=0.01, ha="left", fontsize=7, color=FAINT)
     axes = list(figure.subplots(rows, columns, squeeze=False, width_ratios=widths).ravel())
     for ax in axes:

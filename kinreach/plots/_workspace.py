@@ -30,8 +30,7 @@ def draw_workspace(kinematics: ArmKinematics, believed: ArmKinematics | None = N
     figure, (axes,) = new_figure(
         f"{title}:\n{name_label(kinematics.arm.name)}",
         size=(5.0, 6.4),
-        note=f"{len(tip)} random postures within the limits, seed {seed}; "
-        f"tip {name_label(kinematics.tip)}, from the first joint.",
+        note=f"{len(tip)} random postures within the limits, seed {seed}; tip {kinematics.tip}, from the first joint.",
     )
     distance, height = np.hypot(tip[:, 0], tip[:, 1]), tip[:, 2]
     across = 20  # cells

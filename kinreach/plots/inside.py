@@ -1,4 +1,8 @@
-"""What other rooms use of this one, as `inside.pyi` lists it; what users type is in `kinreach.plots`."""
+"""Names that other rooms use; `inside.pyi` lists them, and what users type is in `kinreach.plots`.
+
+- Methods in figures: `method_colours`, `text_colour`, `name_label`.
+- Axes: `plain_ticks`, `view_from_the_robot`. A figure of a command: `draw_workspace`.
+"""
 
 import lazy_loader
 

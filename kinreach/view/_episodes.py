@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from kinreach._checks import STEP_LIMIT, Floats
 from kinreach._statistics import Trial
 from kinreach.baselines import rollout
-from kinreach.demo.inside import ARM, arm_of, options_for, playable, put, scene_of, trained_in
+from kinreach.demo.inside import EpisodeScene, playable
 from kinreach.demo.inside import new_player as new_player  # public here
 from kinreach.errors import KinreachError
 from kinreach.robots import ArmDescription
@@ -149,13 +149,13 @@ class Recording:
     @property
     def _needed(self) -> dict[str, Any]:
         """Options that a trained player needs; none for `module:attribute`."""
-        return options_for(self.player, trained_in(self.name))
+        return playable(self.name).needed(self.player)
 
     @property
     def made_with(self) -> dict[str, Any]:
         """Options of the environment, except the arm."""
         options = {**playable(self.name).options, **self.options, **self._needed}
-        options.pop(ARM, None)
+        options.pop("arm", None)
         return options
 
     def play(self, *, simple: bool = False, stop: Event | None = None) -> Episode:
@@ -165,7 +165,7 @@ class Recording:
             Stopped: `stop` was set.
         """
         known = playable(self.name)
-        options = {**self.made_with, **({ARM: self.arm} if ARM in known.choices else {})}
+        options = {**self.made_with, **({"arm": self.arm} if "arm" in known.choices else {})}
         if known.drawn:
             options["render_mode"] = "rgb_array"
         if gym.spec(known.name).max_episode_steps is None:
@@ -183,7 +183,7 @@ class Recording:
     def program(self, arm: str) -> str:
         """Write Python code that plays the episode; `arm` is an expression such as `"'ur5'"`."""
         known = playable(self.name)
-        names = [f"arm={arm}"] if ARM in known.choices else []
+        names = [f"arm={arm}"] if "arm" in known.choices else []
         given = "".join(f", {option}" for option in (*names, *(f"{k}={v!r}" for k, v in self.made_with.items())))
         return "\n".join(
             [
@@ -239,19 +239,19 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
             distance = float(info["distance"]) if "distance" in info else None
             self.episode.steps.append(Step(reward, terms, distance, str(info.get("impossible_reason", ""))))
             self._reward = 0.0
-        if self._follows:
-            put(self._scene, info, time=len(self.episode.steps) / FPS)
+        self._drawn.follow(info, time=len(self.episode.steps) / FPS)
         self._take()
 
     def _begin(self, info: Mapping[str, Any]) -> None:
         """Begin an episode in the environment's own scene, or in one that follows its `info`."""
-        self._scene, self._follows = scene_of(self.env, info)
+        self._drawn = EpisodeScene(self.env, info)
+        self._scene = self._drawn.scene
         self._believed = self.env.has_wrapper_attr("believed")
         self._scene.watch = self._moving
         goal = None if "goal" not in info else np.array(info["goal"], dtype=np.float64)
         facts = {name: value for name, value in info.items() if type(value) in (str, float) and _stays(name)}
         self.episode = Episode(
-            MujocoScene(self._scene.model, simple=self._simple), arm_of(self.env), goal=goal, facts=facts
+            MujocoScene(self._scene.model, simple=self._simple), self._drawn.arm, goal=goal, facts=facts
         )
 
     def _moving(self) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kinreach.demo.inside import BACKEND, OBSERVATION, playable
+from kinreach.demo.inside import playable
 from kinreach.envs.inside import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
@@ -136,10 +136,10 @@ class EpisodesPanel(Panel):
 
     def _choose_environment(self, name: str) -> None:
         known = playable(name)
-        observes = OBSERVATION in known.choices
+        observes = "observation" in known.choices
         arm = self._setup.nominal or self._setup.arm
         self._policy.options = known.players(arm, observation=self._observation.value if observes else "")
-        self._observation.disabled, self._backend.disabled = not observes, BACKEND not in known.choices
+        self._observation.disabled, self._backend.disabled = not observes, "backend" not in known.choices
 
     def _pressed(self, what: str) -> None:
         if what == START:
@@ -188,7 +188,7 @@ class EpisodesPanel(Panel):
         environment, file = self._environment.value, self._file.value.strip()
         if ":" in file and file != self._setup.policy:
             raise InputError(f"a module is named on the command line, not here: kinreach view --policy {file}")
-        inputs = {OBSERVATION: self._observation, BACKEND: self._backend}
+        inputs = {"observation": self._observation, "backend": self._backend}
         choices = playable(environment).choices
         options = {name: given.value for name, given in inputs.items() if name in choices}
         acts = file or self._policy.value

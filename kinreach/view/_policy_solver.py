@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines import load_policy, rollout
-from kinreach.baselines.inside import needed_options
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, Goal, IKResult
 from kinreach.kinematics.inside import Accept
@@ -37,7 +36,7 @@ class PolicySolver:
         environment = self._policy.card.environment
         if environment not in (SINGLE, MULTI):
             raise InputError(f"the policy {policy} is for {environment}, not for one of: {SINGLE}, {MULTI}")
-        options = needed_options(self._policy) | {"arm": kinematics.arm, "backend": "kinematic"}
+        options = self._policy.needed_options | {"arm": kinematics.arm, "backend": "kinematic"}
         self._env: gym.Env[Any, Any] = gym.make(environment, disable_env_checker=True, **options)
         self._policy.check_spaces(self._env.observation_space, self._env.action_space)
 

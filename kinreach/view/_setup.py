@@ -8,7 +8,7 @@ from functools import cached_property
 from kinreach._objects import load_object
 from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines import load_policy
-from kinreach.demo.inside import ARM, playable, playable_names, trained_for
+from kinreach.demo.inside import playable, playable_names
 from kinreach.robots import ArmDescription, arm_names, get_arm
 from kinreach.view._figure import Figure
 from kinreach.view._target import TargetModel
@@ -60,7 +60,7 @@ class Setup:
         name = (self.nominal or self.arm).name
         if name in arm_names() and self.arm.default_tip != get_arm(name).default_tip:
             return ()
-        found = [policy for environment in (SINGLE, MULTI) for policy in trained_for(environment, name)]
+        found = [policy for environment in (SINGLE, MULTI) for policy in playable(environment).trained(name)]
         own = self.policy or ""
         fits = own and ":" not in own and self.policy_environment in ("", SINGLE, MULTI)
         return tuple(dict.fromkeys([*found, *([own] if fits else [])]))
@@ -85,7 +85,7 @@ class Setup:
         if wanted:
             playable(wanted)
         goals = self.arm.workcell.goals is not None
-        names = [name for name in playable_names() if goals or ARM not in playable(name).choices]
+        names = [name for name in playable_names() if goals or "arm" not in playable(name).choices]
         return tuple(dict.fromkeys([*([wanted] if wanted else []), *names]))
 
     @cached_property

@@ -12,10 +12,10 @@ import torch
 
 from kinreach.baselines._descent import DOWN, GRIPPER_CLEARANCE, LEVER, WAY
 from kinreach.baselines._evaluation import VALIDATION, evaluate
-from kinreach.baselines._expert import table_top, tool_down_postures
 from kinreach.baselines._models import build
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._training import train
+from kinreach.baselines.expert import table_top, tool_down_postures
 from kinreach.baselines.random_arms import ur5
 from kinreach.envs._reach.space import SpaceTask
 from kinreach.errors import InputError

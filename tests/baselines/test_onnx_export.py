@@ -8,7 +8,7 @@ import pytest
 
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._onnx_export import export_onnx
-from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names
+from kinreach.baselines._policies import LearnedPolicy, load_policy, pretrained_names
 from kinreach.baselines._policy_file import ACTIVATIONS, Network
 from kinreach.cli import main
 from kinreach.errors import InputError
@@ -38,7 +38,7 @@ def assert_equal(policy, path, observations, count=OBSERVATIONS):
 @pytest.mark.parametrize("name", [name for name in pretrained_names() if not load_policy(name).network.eyes])
 def test_policies_of_the_package(name, tmp_path):
     policy = load_policy(name)
-    env = make_batch(policy.card.environment, 1, needed_options(policy))
+    env = make_batch(policy.card.environment, 1, policy.needed_options)
     space = env.single_observation_space
     env.close()
     draws = np.random.default_rng(0).normal(size=(OBSERVATIONS, *space.shape))

@@ -13,7 +13,7 @@ from gymnasium import spaces
 from safetensors.numpy import save_file
 
 from kinreach._registration import MULTI, MULTI_KINEMATIC, SINGLE, SPACE
-from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names
+from kinreach.baselines._policies import LearnedPolicy, load_policy, pretrained_names
 from kinreach.baselines._policy_file import ACTIVATIONS, OUTPUTS, Network, PolicyCard, read_policy, save_policy
 from kinreach.envs._reach.env import ReachEnv
 from kinreach.errors import InputError, OutputError, UnknownNameError
@@ -165,7 +165,7 @@ def test_options_of_a_card_may_be_anything(tmp_path):
         save_file(tensors, tmp_path / "p.safetensors", metadata={"kinreach": json.dumps(card | {"recipe": recipe})})
         policy = load_policy(tmp_path / "p.safetensors")
         assert not policy.stepwise
-        assert needed_options(policy) == {}
+        assert policy.needed_options == {}
 
 
 @pytest.mark.parametrize("steps", ["single", "multi"])

@@ -11,9 +11,9 @@ import torch
 
 from kinreach._registration import RANDOM_ARM
 from kinreach.baselines import random_arms as arms
-from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._models import build
 from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines.expert import tool_down_postures
 from kinreach.cli import main
 from kinreach.errors import InputError
 

@@ -23,7 +23,7 @@ from benchmarks.studies.damage import (
 )
 from benchmarks.studies.relearning import KNOWN, SHIPPED, curve
 from benchmarks.studies.tables import DATA, as_csv
-from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.random_arms import on_table, ur5
 from kinreach.errors import InputError
 

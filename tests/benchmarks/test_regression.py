@@ -9,9 +9,9 @@ pytest.importorskip("stable_baselines3")
 
 from benchmarks.learners import ik_net
 from kinreach.baselines._evaluation import VALIDATION, evaluate
-from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._models import build
 from kinreach.baselines._training import train
+from kinreach.baselines.expert import tool_down_postures
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
 from kinreach.robots import get_arm

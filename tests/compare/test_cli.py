@@ -18,7 +18,7 @@ from kinreach.baselines._policy_file import save_policy
 from kinreach.compare import _cli
 from kinreach.compare import _runner as runner
 from kinreach.compare import _task as registry
-from kinreach.compare._options import flags_of
+from kinreach.compare._options import OptionFlags
 from kinreach.compare._runner import RECORDS
 from kinreach.compare._task import get_task
 
@@ -359,7 +359,7 @@ def test_the_command_that_is_printed_means_the_same():
         if action.dest not in {"help", "task", *left_out}:
             value = {"goals": "7", "seed": "3", "observation": "camera"}.get(action.dest, f"a 'b' {action.dest}")
             given += [action.option_strings[0], *([] if action.nargs == 0 else [value])]
-    flags = flags_of(get_task("button").environment, {})
+    flags = OptionFlags(get_task("button").environment, {})
     texts = {name: f"{name} x" for name in flags}
     arguments = parser.parse_args(given)
     words = shlex.split(_cli._command("it", arguments, flags, texts, Path(arguments.out)))

@@ -6,7 +6,7 @@ import gymnasium as gym
 import pytest
 
 from kinreach._registration import SINGLE
-from kinreach.compare._options import flags_of, given_options, options_class
+from kinreach.compare._options import OptionFlags, options_class
 from kinreach.envs._reach.task import ReachOptions
 from kinreach.errors import InputError
 from tests.compare.conftest import TOY, ToyEnv
@@ -35,7 +35,7 @@ def with_options(*fields):
     "entry_point", ["no_such_module:Env", "math:Env", ToyEnv, type("E", (ToyEnv,), {"Options": 3})]
 )
 def test_environments_without_a_dataclass_have_no_flags(entry_point, register):
-    assert flags_of(register(entry_point), {}) == {}
+    assert dict(OptionFlags(register(entry_point), {})) == {}
 
 
 def test_unknown_environments_have_no_flags():
@@ -50,8 +50,8 @@ def test_unknown_environments_have_no_flags():
 ])  # fmt: skip
 def test_values_are_parsed_by_the_type(hint, text, value, register):
     name = register(with_options(("mine", hint, field(default=None))))
-    flags = flags_of(name, {})
-    assert given_options(flags, {"mine": text}) == {"mine": value}
+    flags = OptionFlags(name, {})
+    assert flags.options({"mine": text}) == {"mine": value}
     assert flags["mine"].help == ""
 
 
@@ -59,16 +59,16 @@ def test_values_are_parsed_by_the_type(hint, text, value, register):
 def test_other_types_have_no_flag(hint, register):
     kind = with_options(("mine", hint, field(default=None)), ("other", int, 3))
     kind.Options.__module__ = __name__
-    assert list(flags_of(register(kind), {})) == ["other"]
+    assert list(OptionFlags(register(kind), {})) == ["other"]
 
 
 def test_a_type_that_is_not_defined_is_one_sentence(register):
     with pytest.raises(
         InputError, match=r"the types of Given, options of tests/Options0-v0, cannot be read: .*Nowhere"
     ):
-        flags_of(register(with_options(("mine", "Nowhere", 3))), {})
+        OptionFlags(register(with_options(("mine", "Nowhere", 3))), {})
 
 
 def test_flags_of_the_command_and_hidden_ones_are_left_out(register):
     fields = [("goals", int, 3), ("mine", int, 3), ("own", int, field(default=3, metadata={"flag": None}))]
-    assert list(flags_of(register(with_options(*fields)), {}, taken=["goals"])) == ["mine"]
+    assert list(OptionFlags(register(with_options(*fields)), {}, taken=["goals"])) == ["mine"]

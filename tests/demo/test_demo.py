@@ -15,7 +15,7 @@ from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
 from kinreach.demo._caption import FOUND, MISSED, REACHED, Caption, Moment
 from kinreach.demo._drawn import Drawn
-from kinreach.plots._methods import METHOD_COLOURS
+from kinreach.plots._colours import own_colour
 from kinreach.robots import get_arm
 
 
@@ -143,7 +143,7 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
             film.seek(film.n_frames - 1)
             last = np.asarray(film.convert("RGB"))
         assert written(last, REACHED) > 50
-        assert written(last[: last.shape[0] // 2, -220:], METHOD_COLOURS["closed-form"]) > 50  # the tip, enlarged
+        assert written(last[: last.shape[0] // 2, -220:], own_colour("closed-form")) > 50  # the tip, enlarged
 
 
 @pytest.mark.parametrize(("observation", "least"), [("camera", 100), ("geometric", 0)])

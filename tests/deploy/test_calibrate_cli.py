@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from kinreach.cli import finish
-from kinreach.deploy import SimulatedUR, URClient, _calibrate_cli
+from kinreach.deploy import SimulatedUR, URClient, _calibrate_cli, _check_cli
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose_vector
-from kinreach.plots import _check_cli
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm, read_calibration
 
 CALIBRATION = PUBLISHED_CALIBRATIONS["ur5e_a"]

@@ -10,8 +10,8 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import LIFT
-from kinreach.baselines._expert import tool_down_postures
-from kinreach.baselines._grasp_policy import GraspPolicy
+from kinreach.baselines.expert import tool_down_postures
+from kinreach.compare._methods.grasp import GraspPolicy
 from kinreach.envs._lift.episodes import CAUSES
 from kinreach.envs._lift.geometry import closes
 from kinreach.envs._lift.task import HEIGHT, HOLD

@@ -6,7 +6,7 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import MOVING
-from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines.expert import tool_down_postures
 from kinreach.envs.moving import (
     AGE,
     ANGLES,

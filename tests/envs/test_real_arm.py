@@ -11,7 +11,7 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import REAL_ARM
-from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines.expert import tool_down_postures
 from kinreach.envs._real_arm import (
     BASE_TURN,
     BUDGET,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle
 
-from kinreach.plots._methods import PALETTE
+from kinreach.plots._colours import PALETTE
 from kinreach.thesis import reach_reward
 from kinreach.thesis._reward import IMPOSSIBLE_REWARD
 from notebooks import figures

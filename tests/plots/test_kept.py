@@ -9,10 +9,10 @@ from matplotlib.spines import Spine
 from matplotlib.text import Text
 from matplotlib.ticker import ScalarFormatter
 
+from kinreach.deploy._motion_figure import draw_motion
 from kinreach.kinematics import URKinematics
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.plots._maps import draw_error_maps
-from kinreach.plots._motion import draw_motion
 from kinreach.plots._style import key, label_ends, new_figure
 from kinreach.plots._workspace import draw_workspace
 from tests import kept

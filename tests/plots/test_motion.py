@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from kinreach.deploy._motion_figure import draw_motion
 from kinreach.kinematics._trajectory import Trajectory
-from kinreach.plots._motion import draw_motion
 
 
 def test_joints_are_drawn_and_named_at_their_ends():

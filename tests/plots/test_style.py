@@ -10,8 +10,8 @@ from matplotlib.colors import to_rgb
 
 from kinreach.compare._methods import colours as task_colours
 from kinreach.compare._task import get_task, task_names
+from kinreach.plots._colours import OTHERS, PALETTE, RULES, colours_of, method_colours, own_colour
 from kinreach.plots._maps import draw_error_maps
-from kinreach.plots._methods import METHOD_COLOURS, OTHERS, PALETTE, colours_of, method_colours
 from kinreach.plots._style import FAINT, GRID, INK, LEADER, label_ends, new_figure, plain, spread, text_colour
 from tests.cases import slow
 
@@ -135,7 +135,7 @@ def test_a_method_has_one_colour_everywhere():
     for task in task_names():
         for name, colour in task_colours(get_task(task).methods).items():
             assert compared.setdefault(name, colour) == colour == colours_of([name])[name]
-            assert colour == METHOD_COLOURS[name]
+            assert colour == own_colour(name)
         assert len(set(task_colours(get_task(task).methods).values())) == len(get_task(task).methods), task
     assert len(compared) >= 25
     assert compared["ranked-single"] == colours["ranked-single"]
@@ -143,26 +143,32 @@ def test_a_method_has_one_colour_everywhere():
         assert len(set(colours_of(shown).values())) == len(shown), shown
 
 
+#: Names without a star in the rules.
+KNOWN = [name for patterns in RULES.values() for name in patterns if "*" not in name]
+
+
 def test_unknown_methods_have_stable_colours_that_no_known_one_has():
-    assert not set(OTHERS) & set(METHOD_COLOURS.values())
+    assert not set(OTHERS) & set(RULES)
     alone = [method_colours([f"mine-{number}"])[f"mine-{number}"] for number in range(40)]
     assert set(alone) == set(OTHERS)
     cases = 0
     for seed in range(100):
         rng = np.random.default_rng(seed)
         names = [f"mine-{i}" for i in rng.permutation(40)[: len(OTHERS)]]
-        names += [str(name) for name in rng.permutation(list(METHOD_COLOURS))[:4]]
+        names += [str(name) for name in rng.permutation(KNOWN)[:4]]
         colours = method_colours(names)
-        assert colours[names[0]] == method_colours([names[0], *METHOD_COLOURS])[names[0]]
+        assert colours[names[0]] == method_colours([names[0], *KNOWN])[names[0]]
         assert len(set(colours.values())) == len(colours)
         cases += 1
     assert cases == 100
-    assert len(set(method_colours(["policy", "ranked-single"]).values())) == 2  # a file's name may be a method's
+    for pair in (["policy", "ranked-single"], ["ranked-single", "policy"]):  # a file's name may be a method's
+        colours = method_colours(pair)
+        assert colours["ranked-single"] == own_colour("ranked-single") != colours["policy"]
 
 
 def test_names_can_be_read():
     """Contrast on white of at least 4.5 for names in the colour of their line (WCAG 2)."""
-    shades = [text_colour(colour) for colour in {*METHOD_COLOURS.values(), *OTHERS, *PALETTE}]
+    shades = [text_colour(colour) for colour in {*RULES, *OTHERS, *PALETTE}]
     assert len(shades) >= 18
     for shade in shades:
         assert 1.05 / (float(linear(shade) @ [0.2126, 0.7152, 0.0722]) + 0.05) > 4.4
@@ -215,5 +221,5 @@ def test_plain_numbers(value, text):
 
 
 def test_every_colour_is_one():
-    assert all(to_rgb(colour) for colour in METHOD_COLOURS.values())
-    assert len(METHOD_COLOURS) >= 30
+    assert all(to_rgb(colour) for colour in RULES)
+    assert len(RULES) >= 15

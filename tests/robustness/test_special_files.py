@@ -11,11 +11,10 @@ import pytest
 
 from kinreach import _files as files
 from kinreach.baselines._learning_curve import read_curve
-from kinreach.baselines._policies import load_policy
+from kinreach.baselines._policies import load_policy, policy_version
 from kinreach.baselines._policy_file import read_policy
 from kinreach.cli import main
 from kinreach.compare import compare
-from kinreach.compare._task import policy_version
 from kinreach.deploy import read_trajectory
 from kinreach.errors import InputError, KinreachError
 from kinreach.kinematics import URKinematics
@@ -164,7 +163,7 @@ def test_the_bound_is_in_the_message(tmp_path):
 #: and what `open_input` has checked before (`_policy_file.py`). In `view` it is a method of that name.
 OPENING = {
     "_files.py": 5, "cli.py": 1, "_provenance.py": 2, "baselines/_policy_file.py": 1, "baselines/_seeds.py": 1,
-    "compare/_report.py": 4, "compare/_task.py": 1, "compare/_runner.py": 1,
+    "baselines/_policies.py": 1, "compare/_report.py": 4, "compare/_runner.py": 1,
     "compare/_methods/resolve.py": 1, "view/_cli.py": 1, "view/_real_arm_panel.py": 3,
     "view/_results_panel.py": 3, "view/_server.py": 1, "kinematics/_core/__init__.py": 1,
 }  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.plots._methods import method_colours
+from kinreach.plots._colours import method_colours
 from kinreach.view import _html as html
 from kinreach.view._results import read_results
 from kinreach.view._snippet import results_program

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from kinreach._checks import Floats
+from kinreach.baselines.inside import expert
 from kinreach.baselines.inside import random_arms as arms
-from kinreach.baselines.inside import tool_down_postures
 from kinreach.compare._methods.models import JOINT_TERMS, UNKNOWN, Modelled
 from kinreach.robots.inside import Prior, frames_of, joint_slopes, slopes
 
@@ -60,7 +60,7 @@ def _trained(looks: int, noise: float, seed: int, joints: bool) -> tuple[Floats,
 
     def off(points: Floats) -> Floats:
         """Errors at points (m, 3), of all arms, shape (ARMS, m, 3)."""
-        q = tool_down_postures(arms.ur5(), points)
+        q = expert.tool_down_postures(arms.ur5(), points)
         change = slopes(frames_of(chain.placements, q))
         if joints:
             change = np.hstack([change, joint_slopes(change, JOINT_TERMS.of(q))])

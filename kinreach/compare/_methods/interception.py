@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.baselines.inside import GRIPPER, tool_down_postures
+from kinreach.baselines.inside import expert
 from kinreach.compare._methods.turn_rate import TurnRateFit
 from kinreach.envs.inside import moving as ball
 from kinreach.kinematics import URKinematics
@@ -64,7 +64,7 @@ class _ClosedForm:
 
     def _go(self, place: Floats) -> Floats:
         """Return the action for a place of the ball; the previous one if no posture reaches it."""
-        posture = tool_down_postures(self._kinematics, place[None])[0]
+        posture = expert.tool_down_postures(self._kinematics, place[None])[0]
         if np.isfinite(posture).all():
             self._target = posture
         return self._target / math.pi
@@ -196,7 +196,7 @@ class Interception(_ClosedForm):
     def _above(self, xy: Floats) -> Floats:
         """Return the posture in which the arm waits above a place of the area; not finite if none is there."""
         place = np.clip(xy, self._low + ball.INSIDE, self._high - ball.INSIDE)
-        return tool_down_postures(self._kinematics, np.array([[*place, self._env.height + WAITING]]))[0]
+        return expert.tool_down_postures(self._kinematics, np.array([[*place, self._env.height + WAITING]]))[0]
 
     def _along(self, q: Floats, v: Floats, xy: Floats) -> Floats | None:
         """Return the earliest way that ends in going along with the ball, tool down, for some frames, if one is free.
@@ -211,7 +211,7 @@ class Interception(_ClosedForm):
         Returns:
             Joint angles after each part of a frame [rad], shape (m, 6).
         """
-        goal = tool_down_postures(self._kinematics, np.column_stack([xy, np.full(len(xy), self._aim)]))
+        goal = expert.tool_down_postures(self._kinematics, np.column_stack([xy, np.full(len(xy), self._aim)]))
         possible = np.isfinite(goal).all(axis=1)
         goal = goal if possible.all() else goal[: int(possible.argmin())]
         if len(goal) < FRAMES_TO + FRAMES_ALONG:
@@ -264,7 +264,7 @@ class Interception(_ClosedForm):
             Joint angles after each part [rad], shape (m, 6), or None; number of parts that are free.
         """
         places = np.column_stack([xy, np.full(len(xy), self._aim)])
-        down = tool_down_postures(self._kinematics, places)
+        down = expert.tool_down_postures(self._kinematics, places)
         start, tried = np.where(np.isfinite(down), down, q), 0
         longest: tuple[Floats | None, int] = (None, 0)
         for share in ACCELERATIONS:
@@ -373,7 +373,7 @@ class Interception(_ClosedForm):
         best, least, rows = q.copy(), np.full(len(q), np.inf), np.arange(len(q))
         for _ in range(ITERATIONS):
             T, J = self._kinematics.fk(q), self._kinematics.jacobian(q)
-            arms = np.einsum("nij,kj->nki", T[:, :3, :3], GRIPPER)
+            arms = np.einsum("nij,kj->nki", T[:, :3, :3], expert.GRIPPER)
             depth = np.maximum(self._table + CLEARANCE - arms[:, :, 2] - T[:, 2:3, 3], 0.0)
             error = np.concatenate([places - T[:, :3, 3], 1.3 * depth], axis=1)
             missed = np.linalg.norm(error[:, :3], axis=1) + depth.max(axis=1)

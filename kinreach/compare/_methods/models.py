@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
+from kinreach.baselines.inside import expert
 from kinreach.baselines.inside import random_arms as arms
-from kinreach.baselines.inside import tool_down_postures
 from kinreach.robots.inside import IdentifiedArm, JointTerms, Prior
 
 #: How far base and tool may be from the data sheet [m, rad], and links: calibrations of UR3, UR10e, UR3e and UR5e have
@@ -47,7 +47,7 @@ class DataSheet:
         """Ignore the looks: the data sheet does not change."""
 
     def aim(self, points: Floats) -> Floats:
-        return tool_down_postures(arms.ur5(), points)
+        return expert.tool_down_postures(arms.ur5(), points)
 
     def doubt(self, points: Floats) -> float:
         return UNKNOWN
@@ -61,7 +61,7 @@ class Modelled(DataSheet):
 
     def where(self, count: int) -> Floats:
         """Return postures over the table; turns of the tool by up to 0.15 or 0.5 rad left larger errors."""
-        return tool_down_postures(arms.ur5(), arms.on_table(count))
+        return expert.tool_down_postures(arms.ur5(), arms.on_table(count))
 
     def predicted(self, q: Floats) -> Floats:
         """Return where the tip would be seen in postures (m, 6) [m], shape (m, 3)."""
@@ -100,7 +100,7 @@ class Identified(Modelled):
         if self._arm is None:
             return UNKNOWN
         return math.hypot(
-            self._arm.doubt(tool_down_postures(arms.ur5(), points)), 0.0 if self._prior.links[0] else UNMODELLED
+            self._arm.doubt(expert.tool_down_postures(arms.ur5(), points)), 0.0 if self._prior.links[0] else UNMODELLED
         )
 
 

@@ -20,11 +20,10 @@ from kinreach.baselines.inside import (
     Policy,
     SolverPolicy,
     as_policy,
-    needed_options,
+    policy_version,
     run_name,
-    trained_arm,
 )
-from kinreach.compare._task import POLICY, SOLVER, Method, Task, policy_version
+from kinreach.compare._task import POLICY, SOLVER, Method, Task
 from kinreach.envs.inside import CAMERA
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.inside import Solver
@@ -79,7 +78,7 @@ def policy_method(policy: str, environment: str, **options: Any) -> Method:
 
 def _form(policy: LearnedPolicy) -> dict[str, Any]:
     """Return the option `steps` of `kinreach/Lift-v0` for a policy."""
-    return {"steps": needed_options(policy).get("steps", "single")} if policy.card.environment == LIFT else {}
+    return {"steps": policy.needed_options.get("steps", "single")} if policy.card.environment == LIFT else {}
 
 
 def _kinematics(env: gym.Env[Any, Any]) -> Any:
@@ -153,11 +152,11 @@ def _from_file(task: Task, path: str) -> Method:
     environment = policy.card.environment
     if environment not in task.variants.values():
         raise InputError(f"the policy {path} is for {environment}, not for one of: {', '.join(task.variants.values())}")
-    trained, arm = trained_arm(policy).get("arm", THESIS_ARM), task.options.get("arm", task.arm)
+    trained, arm = (policy.arm or THESIS_ARM), task.options.get("arm", task.arm)
     name = arm.name if isinstance(arm, ArmDescription) else arm
     if task.arm and name != trained:
         raise InputError(f"the policy {path} was trained on the arm {trained!r}, not on {name!r}")
-    if needed_options(policy).get("goal_in", CAMERA) != CAMERA:
+    if policy.needed_options.get("goal_in", CAMERA) != CAMERA:
         raise InputError(f"the policy {path} takes goals in pictures, the methods of a comparison take them in metres")
     return Method(lambda env: policy, POLICY, environment, policy_version(path), options=_form(policy))
 

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.baselines.inside import LearnedPolicy, Network
+from kinreach.baselines.inside import LearnedPolicy
 from kinreach.baselines.inside import random_arms as arms
 from kinreach.compare._methods.models import DataSheet, Modelled
 from kinreach.compare._methods.practice import LookingPolicy
@@ -56,7 +56,7 @@ class Tuned(Trained):
         *before, (weight, bias) = network.layers
         width = weight.shape[1]
         one = np.ones(width)
-        last: Network = replace(network, layers=[*before, (np.eye(width), 0.0 * one)], gain=one, shift=0.0 * one)
+        last = replace(network, layers=[*before, (np.eye(width), 0.0 * one)], gain=one, shift=0.0 * one)
         h = np.column_stack([last(x), np.ones(len(x))])
         missed = (q / math.pi - network(x)) / network.gain
         K = h @ h.T + (self._noise / self.WEIGHT) ** 2 * np.eye(len(x))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kinreach._registration import MULTI, SINGLE, SPACE
-from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options
+from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.compare._methods import resolve_methods
 from kinreach.compare._reach import UR5_TASK
@@ -87,8 +87,8 @@ def test_where_it_cannot_be():
 def test_a_policy_that_learned_so_is_given_goals_so(tmp_path):
     policy = load_policy("thesis-ppo-single")
     card = replace(policy.card, recipe={**policy.card.recipe, "options": IMAGE})
-    assert needed_options(policy) == {}
-    assert needed_options(LearnedPolicy(card, policy.network)) == {"goal_in": "image"}
+    assert policy.needed_options == {}
+    assert LearnedPolicy(card, policy.network).needed_options == {"goal_in": "image"}
     file = tmp_path / "image.safetensors"
     save_policy(file, card, policy.network)
     with pytest.raises(InputError, match="takes goals in pictures"):

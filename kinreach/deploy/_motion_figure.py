@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 from kinreach._checks import Floats
 from kinreach.kinematics.inside import Trajectory
-from kinreach.plots._style import label_ends, name_label, new_figure
+from kinreach.plots import label_ends, new_figure
+from kinreach.plots.inside import name_label
 
 
 def draw_motion(trajectory: Trajectory, speed_limit: Floats, title: str) -> Figure:

@@ -15,7 +15,7 @@ from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.kinematics.inside import POSE_JOINTS, CalibratedURKinematics, SevenAxisKinematics, SixAxisKinematics
-from kinreach.plots._workspace import draw_workspace
+from kinreach.plots.inside import draw_workspace
 from kinreach.robots import PosePairs
 from kinreach.robots.inside import JOINTS, add_arm_flags, arm_of, listed_pose, print_notes, tool_of
 
