@@ -21,8 +21,8 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from kinreach._registration import MULTI
+from kinreach._rotations import placement
 from kinreach.cli import Parser, finish
-from kinreach.robots._rotations import placement
 from kinreach.view._cli import setup_of
 from kinreach.view._server import Server
 from kinreach.view._target_panel import TargetPanel

@@ -12,11 +12,11 @@ from benchmarks.ik_arms.child import forked
 from benchmarks.studies.calibrated_arms import ORACLE, ROBOTS, arm_of
 from kinreach._checks import Floats
 from kinreach._engines import load_extra
+from kinreach._rotations import rpy
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._chain import about_z
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
 from kinreach.robots import ArmDescription
-from kinreach.robots._rotations import rpy
 
 WRIST, PARALLEL, NONE = "spherical wrist", "three parallel axes", "six axes, no closed form"
 CALIBRATED, SEVEN = "calibrated UR", "seven axes"

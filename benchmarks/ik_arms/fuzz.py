@@ -36,8 +36,8 @@ from benchmarks.ik_arms.random_arms import (
 )
 from benchmarks.ik_arms.self_motions import faultless, faults
 from kinreach._checks import Floats, check_count
+from kinreach._rotations import wrapped
 from kinreach.cli import Parser, finish
-from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._general_6r import Chain
 from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg

@@ -30,6 +30,7 @@ from benchmarks.studies.tables import head, line
 from kinreach._checks import Floats, check_count
 from kinreach._files import make_writable
 from kinreach._jobs import add_options
+from kinreach._rotations import placement, rpy
 from kinreach._statistics import bootstrap_intervals, mean
 from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.baselines.expert import tool_down_postures
@@ -43,7 +44,6 @@ from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._chain import SerialChain
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots._identification import IdentifiedArm, Prior
-from kinreach.robots._rotations import placement, rpy
 from kinreach.robots._urdf import parse_urdf, set_origin
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 

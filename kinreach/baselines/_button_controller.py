@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats, check_known
 from kinreach._engines import load
+from kinreach._rotations import wrapped
 from kinreach.envs.inside import ACTUATIONS, CONTROL_LIMIT, JOINTS, OBSERVATIONS, PRESS_RADIUS, action_of
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
-from kinreach.kinematics.inside import wrapped
 
 pin: Any = load("pinocchio")
 

@@ -11,13 +11,14 @@ import numpy as np
 
 from kinreach._checks import check_count, check_path, printable
 from kinreach._files import replacing
+from kinreach._rotations import listed_pose
 from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.kinematics.inside import POSE_JOINTS, CalibratedURKinematics, SevenAxisKinematics, SixAxisKinematics
 from kinreach.plots.inside import draw_workspace
 from kinreach.robots import PosePairs
-from kinreach.robots.inside import JOINTS, add_arm_flags, arm_of, listed_pose, print_notes, tool_of
+from kinreach.robots.inside import JOINTS, add_arm_flags, arm_of, print_notes, tool_of
 
 #: Part of the data sheet's error that the calibration of a recording's robot leaves at most, and another's at least.
 TELLING, OTHER = 0.5, 1.2

@@ -12,8 +12,8 @@ from collections.abc import Callable
 import numpy as np
 
 from kinreach._checks import Floats
+from kinreach._rotations import PoseLine
 from kinreach.kinematics import ArmKinematics, pose
-from kinreach.robots.inside import PoseLine
 from kinreach.sim.inside import TrapezoidalProfile
 
 #: Step in which a straight line is checked before it begins [m, rad].

@@ -14,9 +14,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_THREADS, Floats, as_flags, check_count, check_known, is_tensor, shown
+from kinreach._tensors import as_device, copied, like, on_device, on_host
 from kinreach.envs._options import check_limit, check_seed, check_started
 from kinreach.errors import InputError
-from kinreach.kinematics.inside import as_device, copied, like, on_device, on_host
 from kinreach.sim.inside import FPS, Scene, ScenePicture
 
 #: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.

@@ -30,13 +30,14 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, as_floats, check_count, check_known, check_number, check_path, shown
+from kinreach._rotations import turn
 from kinreach.envs._options import about, check_not_over, check_seed, given_options, options_from, with_options
 from kinreach.envs._single import WithModel
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.inside import SerialChain
 from kinreach.robots import PUBLISHED_CALIBRATIONS, THESIS_ARM, ArmDescription, get_arm
-from kinreach.robots.inside import frames_of, turn
+from kinreach.robots.inside import frames_of
 from kinreach.sim.inside import PosedScene, build_scene, mujoco
 
 #: What can be wrong: rigid transforms, and what no rigid transform describes.

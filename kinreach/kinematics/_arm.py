@@ -23,11 +23,12 @@ from kinreach._checks import (
     is_tensor,
 )
 from kinreach._engines import load
+from kinreach._rotations import as_frame
 from kinreach.errors import InputError
 from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription, Tool, get_arm
-from kinreach.robots.inside import FLANGE, FLIP, JOINTS, TOOL, as_frame
+from kinreach.robots.inside import FLANGE, FLIP, JOINTS, TOOL
 
 pin: Any = load("pinocchio")
 

@@ -27,8 +27,8 @@ from kinreach._checks import (
     check_tolerance,
     shown,
 )
+from kinreach._rotations import wrap, wrapped
 from kinreach.errors import InputError
-from kinreach.kinematics._angles import wrap, wrapped
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._goals import Goal, PositionGoal
 from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions, Row

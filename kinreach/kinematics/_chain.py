@@ -16,9 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kinreach._checks import Floats, is_tensor, torch_module
-from kinreach.robots.inside import turns_about_z
-
-BLOCK = 4096
+from kinreach._rotations import rotation_to, turns_about_z
+from kinreach._tensors import blocks
 
 #: Entries nearer to 0, 1 or -1 become those: URDFs write pi/2 with twelve digits, which leaves 5e-12 instead of zero.
 #: The tip of an arm of one metre is off by 1e-11 m.
@@ -165,11 +164,6 @@ class SerialChain:
             yield frame
 
 
-def blocks(count: int) -> Iterator[slice]:
-    """Yield slices of at most BLOCK rows that make up `count` rows: few enough that their numbers stay in the cache."""
-    return (slice(start, start + BLOCK) for start in range(0, count, BLOCK))
-
-
 def _evaluated(entries: Callable[[Vector], Sequence[Vector]], q: Any, rows: int, columns: int) -> Any:
     """Fill matrices (m, rows, columns) with the entries that a function computes from postures q (m, n)."""
     if is_tensor(q):
@@ -219,14 +213,6 @@ def _snapped(T: Floats) -> Floats:
     if np.abs(R @ R.T - np.eye(3)).max() > ORTHONORMAL:
         snapped[:3, :3] = T[:3, :3]
     return snapped
-
-
-def rotation_to(axis: Floats) -> Floats:
-    """Return a rotation whose third column is the given unit axis."""
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    x = np.cross(helper, axis)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(axis, x), axis])
 
 
 def poses_about(position: Floats, axis: Floats, turns: Floats) -> Floats:

@@ -21,10 +21,11 @@ from kinreach._checks import (
     is_tensor,
     torch_module,
 )
+from kinreach._rotations import TURN
+from kinreach._tensors import blocks, like, namespace, on_host
 from kinreach.errors import InputError
-from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._chain import about_z, blocks
+from kinreach.kinematics._chain import about_z
 from kinreach.kinematics._core import NULL, Struct, doubles, lib
 from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal
 from kinreach.kinematics._solutions import (
@@ -42,7 +43,6 @@ from kinreach.kinematics._solutions import (
     check_accept,
     nearest_windings,
 )
-from kinreach.kinematics._tensors import like, namespace, on_host
 
 #: By how much a clamped posture may miss, unless the caller says it [m, rad].
 TOLERANCE = 1e-7

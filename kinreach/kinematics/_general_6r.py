@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.kinematics._angles import wrapped
+from kinreach._rotations import turns_about_z, wrapped
 from kinreach.kinematics._core import Struct, doubles, ffi, lib
-from kinreach.robots.inside import turns_about_z
 
 #: A posture is a solution if its error is less [m, rad].
 EXACT = 1e-10

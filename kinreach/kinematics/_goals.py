@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_DISTANCE, Floats, as_pose, as_vector, check_poses
 from kinreach._engines import load
+from kinreach._rotations import pose as pose  # public here
+from kinreach._rotations import pose_vector as pose_vector
+from kinreach._tensors import blocks, like
 from kinreach.errors import InputError
-from kinreach.kinematics._chain import blocks
-from kinreach.kinematics._tensors import like
-from kinreach.robots.inside import pose as pose  # public in both rooms
-from kinreach.robots.inside import pose_vector as pose_vector
 
 pin: Any = load("pinocchio")
 

@@ -13,6 +13,7 @@ from rich.progress import Progress
 
 from kinreach._checks import Floats, check_path, printable
 from kinreach._files import write_text
+from kinreach._rotations import pose
 from kinreach._tables import read_table
 from kinreach.cli import Parser, complain
 from kinreach.errors import InputError
@@ -29,7 +30,6 @@ from kinreach.robots.inside import (
     add_arm_flags,
     arm_of,
     may_be_degrees,
-    pose,
     pose_numbers_of,
     posture_of,
     print_notes,

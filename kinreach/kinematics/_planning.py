@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_ANGLE, Floats, as_floats, check_count, check_entries, check_number
+from kinreach._rotations import TURN
 from kinreach.errors import InputError, PathError
-from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._motion_check import MotionCheck, check_waypoints

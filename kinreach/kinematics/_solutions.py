@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats, shown
+from kinreach._rotations import TURN
+from kinreach._tensors import namespace
 from kinreach.errors import InputError
-from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._core import as_rows
 from kinreach.kinematics._goals import Goal, check_goal
-from kinreach.kinematics._tensors import namespace
 
 if TYPE_CHECKING:
     from kinreach.kinematics._arm import ArmKinematics

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, as_floats, check_number, check_poses
+from kinreach._rotations import PoseLine, pose
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._motion_check import MotionCheck
-from kinreach.robots.inside import PoseLine, pose
 
 #: Rotation of the tool between two postures [rad], at most.
 TURN_STEP = 0.02

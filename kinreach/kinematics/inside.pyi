@@ -1,9 +1,7 @@
-from ._angles import wrapped as wrapped
 from ._arm import build_model as build_model
 from ._arm import link_frame as link_frame
 from ._arm import pin as pin
 from ._chain import SerialChain as SerialChain
-from ._chain import rotation_to as rotation_to
 from ._closed_form import POSE_JOINTS as POSE_JOINTS
 from ._closed_form import ClosedFormKinematics as ClosedFormKinematics
 from ._collision import MARGIN as MARGIN
@@ -30,14 +28,6 @@ from ._solvers import Tolerance as Tolerance
 from ._solvers import new_solver as new_solver
 from ._surroundings import add_surroundings as add_surroundings
 from ._surroundings import surrounded as surrounded
-from ._tensors import as_device as as_device
-from ._tensors import copied as copied
-from ._tensors import flags_like as flags_like
-from ._tensors import like as like
-from ._tensors import namespace as namespace
-from ._tensors import on_device as on_device
-from ._tensors import on_host as on_host
-from ._tensors import where as where
 from ._trajectory import Trajectory as Trajectory
 from ._ur.geometry import Miss as Miss
 from ._ur.geometry import ur_branch as ur_branch

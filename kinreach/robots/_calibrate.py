@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, check_count, check_path, listed
 from kinreach._files import read_bytes, write_text
+from kinreach._rotations import as_frame, listed_pose, pose
 from kinreach.errors import InputError
 from kinreach.robots._calibration import (
     Calibration,
@@ -29,7 +30,6 @@ from kinreach.robots._description import ArmDescription
 from kinreach.robots._pairs import PosePairs, pairs_of
 from kinreach.robots._polyscope import is_program, read_program
 from kinreach.robots._registry import FILES, arm_named, get_arm
-from kinreach.robots._rotations import as_frame, listed_pose, pose
 from kinreach.robots._ur import JOINTS, UR_LENGTHS, ur_model
 from kinreach.robots._urdf_chain import UrdfChain
 

@@ -27,9 +27,9 @@ import yaml
 
 from kinreach._checks import Floats, check_known, check_path, shown
 from kinreach._files import read_bytes
+from kinreach._rotations import placement, rpy, turn
 from kinreach.errors import InputError
 from kinreach.robots._polyscope import Program, is_program, read_program
-from kinreach.robots._rotations import placement, rpy, turn
 from kinreach.robots._ur import FLIP, JOINTS, UR_LENGTHS
 from kinreach.robots._urdf import MAX_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from kinreach._checks import Floats, check_known, check_path, listed
 from kinreach._files import read_bytes
+from kinreach._rotations import listed_pose
 from kinreach.errors import InputError
 from kinreach.robots._calibration import (
     PUBLISHED_CALIBRATIONS,
@@ -30,7 +31,6 @@ from kinreach.robots._calibration import (
 from kinreach.robots._identification import IdentifiedArm, Prior, frames_of, turns_between
 from kinreach.robots._pairs import PosePairs, looks_like_rows, pairs_of
 from kinreach.robots._polyscope import is_program
-from kinreach.robots._rotations import listed_pose
 from kinreach.robots._ur import FLIP, JOINTS, UR_LENGTHS
 from kinreach.robots._urdf_chain import UrdfChain
 

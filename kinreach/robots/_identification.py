@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.robots._rotations import turns_about_z
+from kinreach._rotations import turns_about_z
 
 #: Steps of Gauss-Newton: the model is nearly linear in errors of a few millimetres.
 STEPS = 4

@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from kinreach._checks import Floats, check_path, listed, shown
 from kinreach._files import decoded, read_bytes
+from kinreach._rotations import pose
 from kinreach._tables import Table, table_of
 from kinreach.errors import InputError
 from kinreach.robots._polyscope import is_program, read_export
-from kinreach.robots._rotations import pose
 from kinreach.robots._ur import JOINTS
 
 #: Largest file [bytes].

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, as_vector, check_known, check_number, check_path, shown
+from kinreach._rotations import MAX_TOOL, as_frame, rpy
 from kinreach.errors import InputError
 from kinreach.robots._grippers import FINGER_MASS, PALM_MASS, PARALLEL_GRIPPER, TCP_OFFSET, finger, palm
 from kinreach.robots._meshes import collision_mesh
-from kinreach.robots._rotations import MAX_TOOL, as_frame, rpy
 from kinreach.robots._urdf import PACKAGE, Solid, add_joint, add_link, named
 
 #: The tip that carries a tool, where an arm has it.

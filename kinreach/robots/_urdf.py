@@ -17,8 +17,8 @@ from xml.parsers import expat
 import numpy as np
 
 from kinreach._checks import Floats, check_known, shown
+from kinreach._rotations import placement
 from kinreach.errors import InputError, raise_unknown
-from kinreach.robots._rotations import placement
 from kinreach.robots._workcell import CameraMount
 
 

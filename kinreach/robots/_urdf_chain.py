@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.robots._rotations import rpy
+from kinreach._rotations import rpy
 from kinreach.robots._urdf import CheckedUrdf, link_at, origin_of, set_origin
 
 

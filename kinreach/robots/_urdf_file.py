@@ -15,11 +15,11 @@ import numpy as np
 
 from kinreach._checks import check_number, check_path, shown
 from kinreach._files import decoded, read_bytes
+from kinreach._rotations import rotation, rpy, turn
 from kinreach.cli import quoted
 from kinreach.errors import InputError, raise_unknown
 from kinreach.robots._mesh_units import scale_to_metres
 from kinreach.robots._packages import find_meshes
-from kinreach.robots._rotations import rotation, rpy, turn
 from kinreach.robots._urdf import (
     KINDS,
     LIMIT_DIGITS,

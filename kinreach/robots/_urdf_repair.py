@@ -15,8 +15,8 @@ from copy import deepcopy
 import numpy as np
 
 from kinreach._checks import shown
+from kinreach._rotations import rpy
 from kinreach.errors import InputError
-from kinreach.robots._rotations import rpy
 from kinreach.robots._urdf import MAX_NAMED, MAX_NUMBER, numbers, origin_of
 
 #: What is kept of each element; everything else is for other programs, such as `<gazebo>` and `<transmission>`.

@@ -24,16 +24,6 @@ from ._meshes import Mesh as Mesh
 from ._meshes import collision_mesh as collision_mesh
 from ._obstacles import as_obstacles as as_obstacles
 from ._registry import FILES as FILES
-from ._rotations import PoseLine as PoseLine
-from ._rotations import as_frame as as_frame
-from ._rotations import listed_pose as listed_pose
-from ._rotations import placement as placement
-from ._rotations import pose as pose
-from ._rotations import pose_vector as pose_vector
-from ._rotations import rotation as rotation
-from ._rotations import rpy as rpy
-from ._rotations import turn as turn
-from ._rotations import turns_about_z as turns_about_z
 from ._shapes import LinkShape as LinkShape
 from ._shapes import link_shapes as link_shapes
 from ._tools import FLANGE as FLANGE

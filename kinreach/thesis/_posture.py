@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_ANGLE, Floats, as_floats, check_entries, check_tensor, is_tensor
+from kinreach._tensors import like, namespace, where
 from kinreach.errors import InputError
-from kinreach.kinematics.inside import like, namespace, where
 
 #: Natural-arm error of a posture on neither branch.
 UNNATURAL_ERROR = 25.0

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats, as_flags, as_floats, check_tensor, is_tensor, torch_module
+from kinreach._tensors import flags_like, like, namespace, where
 from kinreach.errors import InputError
-from kinreach.kinematics.inside import flags_like, like, namespace, where
 from kinreach.thesis._posture import posture_errors
 
 #: Distance below which the arm is at the goal [m].

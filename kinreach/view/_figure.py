@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach._engines import load
+from kinreach._rotations import rotation_to
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics.inside import link_frame, rotation_to
+from kinreach.kinematics.inside import link_frame
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import LinkShape, link_shapes
 

@@ -10,6 +10,7 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import LIFT
+from kinreach._rotations import turn
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.compare._methods.grasp import GraspPolicy
 from kinreach.envs._lift.episodes import CAUSES
@@ -20,7 +21,6 @@ from kinreach.kinematics import CollisionChecker
 from kinreach.kinematics._collision import MARGIN
 from kinreach.kinematics._solvers import new_solver
 from kinreach.robots import get_arm
-from kinreach.robots._rotations import turn
 from kinreach.sim._free_objects import Objects
 
 RANGE = {

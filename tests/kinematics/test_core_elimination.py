@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.ik_arms.random_arms import CLASSES, OTHERS, apart, some_arm
+from kinreach._rotations import wrapped
 from kinreach.kinematics import URKinematics
-from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._core import NULL, Struct, doubles, ffi, lib
 from kinreach.kinematics._general_6r import Chain, General6R, miss, missed_by, nearest_by_newton, newton
 from kinreach.robots import PUBLISHED_CALIBRATIONS

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kinreach._rotations import turns_about_z
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, PoseGoal, URKinematics
 from kinreach.kinematics._collision import Cause, CollisionChecker
@@ -18,7 +19,6 @@ from kinreach.kinematics._solutions import Status, nearest_windings
 from kinreach.kinematics._solvers import LevenbergMarquardtSolver, QPSolver
 from kinreach.kinematics._ur.geometry import Singularity
 from kinreach.robots import get_arm
-from kinreach.robots._rotations import turns_about_z
 
 FLANGE = URKinematics("ur5-thesis")
 TCP = URKinematics("ur5-thesis", tip="tcp", base="world")

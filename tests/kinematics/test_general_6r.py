@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from kinreach._rotations import wrapped
 from kinreach.kinematics import URKinematics
-from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._general_6r import Chain, General6R, miss, missed_by, newton
 from kinreach.kinematics._ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS

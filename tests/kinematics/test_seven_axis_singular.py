@@ -7,8 +7,8 @@ import pytest
 from example_robot_data.robots_loader import getModelPath
 
 from benchmarks.ik_arms.random_arms import RIGHT, kinematics, motion
+from kinreach._rotations import wrapped
 from kinreach.kinematics import ArmKinematics, AxisGoal
-from kinreach.kinematics._angles import wrapped
 from tests.cases import slow
 
 PANDA = "panda_description/urdf/panda.urdf"

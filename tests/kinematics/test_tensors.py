@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from kinreach._tensors import parts
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
-from kinreach.kinematics._tensors import parts
 from kinreach.robots import get_arm
 
 torch = pytest.importorskip("torch")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from kinreach._rotations import TURN
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics, URKinematics
-from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 
 #: Postures nearer to each other than this are the same [rad].

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from kinreach.robots._rotations import placement
+from kinreach._rotations import placement
 from kinreach.view._target import State
 from tools.page_pictures import on_screen
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from kinreach._registration import BUTTON, MOVING, OBSTACLES, REAL_ARM, SINGLE
+from kinreach._rotations import placement
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS
-from kinreach.robots._rotations import placement
 from kinreach.view._cli import setup_of
 
 pytest.importorskip("viser")

@@ -35,8 +35,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats, as_flags, as_floats, check_entries, check_number, shown
+from kinreach._tensors import like, on_host, where
 from kinreach.errors import InputError
-from kinreach.kinematics.inside import like, on_host, where
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 from kinreach.thesis import REACHED_POSTURE_ERROR, distance_reward, posture_error, reach_reward
 from kinreach.thesis.inside import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD

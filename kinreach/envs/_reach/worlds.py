@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
+from kinreach._tensors import as_device, on_device
 from kinreach.envs._reach.task import ReachTask
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics.inside import as_device, on_device
 from kinreach.robots import ArmDescription
 from kinreach.sim import ArmSimulation, BatchSimulation
 from kinreach.sim.inside import IDEAL, WARP, Imperfections, MoveResult, MoveStatus

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kinreach._checks import Floats
+from kinreach._rotations import wrapped
 from kinreach.errors import InputError
-from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._seven_axis.limits import cut
 from kinreach.kinematics._seven_axis.tracing import LONGEST, MISSED, ON_CURVE, Curve, SelfMotionTracer
 from kinreach.kinematics._solutions import SLACK, Accept, IKResult, Status, nearest_windings

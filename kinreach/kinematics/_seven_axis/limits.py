@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import MAX_ANGLE, Floats
-from kinreach.kinematics._angles import TURN, wrapped
+from kinreach._rotations import TURN, wrapped
 from kinreach.kinematics._core import doubles, ffi, lib
 from kinreach.kinematics._seven_axis.tracing import MISSED, ON_CURVE, SAME, Curve, SelfMotionTracer
 from kinreach.kinematics._solutions import SLACK

@@ -26,11 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.kinematics._angles import TURN, wrapped
+from kinreach._rotations import TURN, turns_about_z, wrapped
 from kinreach.kinematics._core import doubles, lib
 from kinreach.kinematics._general_6r import Chain, General6R
 from kinreach.kinematics._six_axis.methods import Method, method_of
-from kinreach.robots.inside import moved_frames, turns_about_z
+from kinreach.robots.inside import moved_frames
 
 JOINTS = 7
 #: Values at which each joint is held, and how often their distance is halved around those that leave a doubt.

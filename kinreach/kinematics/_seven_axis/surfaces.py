@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.kinematics._angles import wrapped
+from kinreach._rotations import wrapped
 from kinreach.kinematics._general_6r import Chain
 
 #: Singular values below this are 0 on a surface [m/rad, 1].

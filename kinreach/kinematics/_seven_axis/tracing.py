@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.kinematics._angles import wrapped
+from kinreach._rotations import wrapped
 from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._core import doubles, ffi, lib
 from kinreach.kinematics._general_6r import Chain, first_of_each

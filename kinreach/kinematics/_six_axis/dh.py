@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.robots.inside import turns_about_z
+from kinreach._rotations import turns_about_z
 
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats, as_floats, as_pose, check_tolerance, shown
+from kinreach._rotations import wrapped
 from kinreach.errors import InputError
-from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._chain import poses_about
 from kinreach.kinematics._closed_form import TURNS_ABOUT, core_goal
 from kinreach.kinematics._compiled import CompiledKinematics

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.kinematics._angles import wrapped
+from kinreach._rotations import wrapped
 from kinreach.kinematics._core import Struct, doubles, ffi, lib
 from kinreach.kinematics._general_6r import (
     EXACT,

@@ -30,8 +30,8 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, check_count, check_number, shown
 from kinreach._engines import load
+from kinreach._rotations import TURN
 from kinreach.errors import InputError
-from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._goals import Goal, check_goal
 from kinreach.kinematics._solutions import Accept, IKResult, Status, check_accept

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from kinreach._checks import Floats, is_tensor
-from kinreach.kinematics._angles import TURN
+from kinreach._rotations import TURN
+from kinreach._tensors import empty, like, namespace, parts
 from kinreach.kinematics._goals import skewed
-from kinreach.kinematics._tensors import empty, like, namespace, parts
 from kinreach.kinematics._ur.closed_form import NEAR_WRIST
 from kinreach.kinematics._ur.geometry import BRANCHES, URGeometry
 

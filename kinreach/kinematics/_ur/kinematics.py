@@ -15,8 +15,9 @@ from kinreach._checks import (
     shown,
 )
 from kinreach._engines import load
+from kinreach._rotations import wrapped
+from kinreach._tensors import like, on_host
 from kinreach.errors import InputError
-from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._arm import link_frame
 from kinreach.kinematics._chain import about_z, poses_about
 from kinreach.kinematics._closed_form import TOLERANCE, TURNS_ABOUT, ClosedFormKinematics
@@ -38,7 +39,6 @@ from kinreach.kinematics._solutions import (
     Status,
     nearest_windings,
 )
-from kinreach.kinematics._tensors import like, on_host
 from kinreach.kinematics._ur.batch import SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
 from kinreach.kinematics._ur.closed_form import core_arm
 from kinreach.kinematics._ur.geometry import BRANCHES, Rows, URGeometry, miss_text, ur_fk

@@ -1,4 +1,4 @@
-"""Rotations and poses: roll, pitch and yaw of a URDF, the six numbers of a UR's pendant."""
+"""Angles, rotations and poses: full turns, roll, pitch and yaw of a URDF, the six numbers of a UR's pendant."""
 
 from __future__ import annotations
 
@@ -14,6 +14,18 @@ from kinreach.errors import InputError
 
 #: Largest distance of a tool centre point from its flange, and of a frame from the arm's base [m].
 MAX_TOOL = 5.0
+#: A full turn [rad].
+TURN = 2 * math.pi
+
+
+def wrap(angle: float) -> float:
+    """Wrap an angle into [-pi, pi]; one within it stays as it is, to the last digit."""
+    return angle - TURN * round(angle / TURN) if not -math.pi <= angle <= math.pi else angle
+
+
+def wrapped(q: Floats) -> Floats:
+    """Wrap angles of any shape into [-pi, pi]."""
+    return q - TURN * np.rint(q / TURN)
 
 
 def rotation(rpy: Sequence[float]) -> Floats:
@@ -27,6 +39,14 @@ def turn(axis: Floats, angle: float) -> Floats:
     x, y, z = axis
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
+
+
+def rotation_to(axis: Floats) -> Floats:
+    """Return a rotation whose third column is the given unit axis."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(helper, axis)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])
 
 
 def turns_about_z(angle: NDArray[Any]) -> Floats:

@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike
 from kinreach._checks import is_tensor, shown, torch_module
 from kinreach._engines import load_extra
 from kinreach.errors import InputError
-from kinreach.kinematics._chain import blocks
+
+#: Rows of numbers that stay in a processor's cache.
+BLOCK = 4096
 
 
 def namespace(values: Any) -> Any:
@@ -82,3 +84,8 @@ def parts(values: Any) -> Iterator[slice]:
     if is_tensor(values) and values.device.type != "cpu":
         return iter((slice(None),))
     return blocks(len(values))
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """Yield slices of at most BLOCK rows that make up `count` rows: few enough that their numbers stay in the cache."""
+    return (slice(start, start + BLOCK) for start in range(0, count, BLOCK))
