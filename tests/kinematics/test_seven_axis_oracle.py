@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.ik_arms.self_motions import ARMS, arm_of
-from tools.endurance.self_motions import SINGULAR, beside, near_singularity, reached_by_newton
+from tools.endurance.self_motions import SINGULAR, beside, near_singular_posture, near_singularity, reached_by_newton
 
 #: Poses near each of a Panda's singularities, and of each arm.
 POSES, ORACLE_POSES = 12, 6
@@ -19,6 +19,13 @@ def test_next_to_its_singularities_a_panda_loses_no_posture(where):
     """The posture behind the pose is on a curve, exact, and `nearest` returns nothing farther."""
     within = near_singularity(where, range(POSES))
     assert within >= POSES // 4 or where in ("elbow stretched", "shoulder straight and elbow stretched")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ARMS)
+def test_next_to_singular_postures_of_any_kind_no_posture_is_lost(name):
+    pytest.importorskip("ssik")
+    assert near_singular_posture(name, range(POSES)) >= POSES // 3
 
 
 @pytest.mark.slow

@@ -57,7 +57,7 @@ CHECKS = {
     "killed-workers": Check("a dead worker is an error and no hang", workers.killed_worker, 30, 2),
     "self-motions": Check("eight seven-axis arms lose no posture", self_motions.from_anywhere, 100, 2),
     "singular-self-motions": Check(
-        "nor does a Panda beside its singularities", self_motions.beside_singularities, 1000, 4
+        "nor do they beside their singularities", self_motions.beside_singularities, 1000, 4
     ),
     "fuzz": Check("whatever is handed in: right, or refused", results.fuzzing, len(results.MODULES), 2),
     "digest": Check("the results of tools/digest.txt", results.digests, len(digest.RESULTS), 4),

@@ -31,14 +31,21 @@ SINGULAR = {
 STARTS, STEPS = 300, 25
 #: A cubic between two samples is nearer than this to the curve [rad].
 CUBIC = 2e-3
+#: Steps to a singular posture, by how much each joint is moved for the slope [rad], and a singular value of none.
+DOWNHILL, SLOPE, AT_SINGULARITY = 40, 1e-7, 1e-4
 #: By how much a pose may be missed [m, rad], and a seed that reaches it [rad].
 MISSED, SAME = 1e-9, 1e-6
 
 
 def beside_singularities(count: int) -> Outcome:
-    """`count` poses next to each singularity of a Panda."""
+    """`count` poses next to each singularity of a Panda, and next to singular postures of each of eight arms."""
     within = sum(near_singularity(where, range(count)) for where in SINGULAR)
-    return Outcome(count * len(SINGULAR), "poses", f"{within} postures within the limits, each the nearest to itself")
+    tried = sum(near_singular_posture(name, range(count)) for name in ARMS)
+    return Outcome(
+        count * (len(SINGULAR) + len(ARMS)),
+        "poses",
+        f"{within + tried:,} postures within the limits, each the nearest to itself",
+    )
 
 
 def from_anywhere(count: int) -> Outcome:
@@ -58,19 +65,59 @@ def near_singularity(where: str, indices: Iterable[int]) -> int:
     """
     kin, within = _panda(), 0
     for index in indices:
-        rng = np.random.default_rng([index, *where.encode()])
-        q = _made_near(kin, *SINGULAR[where], rng)
-        T = kin.fk(q)
-        motions = kin.self_motions(T, limits=False).curves
-        demand(not beside(motions, q[None]).any(), f"{where}, pose {index}: its posture is on no curve")
-        missed = max(np.abs(kin.fk(curve.q) - T).max() for curve in motions)
-        demand(missed < MISSED, f"{where}, pose {index}: missed by {missed:.1e}")
-        if kin.within_limits(q):
-            within += 1
-            found = kin.nearest(T, q)
-            right = found.success and max(found.position_error, found.orientation_error) < MISSED
-            demand(right and np.linalg.norm(found.q - q) < SAME, f"{where}, pose {index}: nearest is {found}")
+        q = _made_near(kin, *SINGULAR[where], np.random.default_rng([index, *where.encode()]))
+        within += _found_again(kin, q, f"{where}, pose {index}")
     return within
+
+
+def near_singular_posture(name: str, indices: Iterable[int]) -> int:
+    """As `near_singularity`, next to singular postures to which the Jacobian's smallest singular value leads.
+
+    Args:
+        name: One of `benchmarks.ik_arms.self_motions.ARMS`.
+        indices: Seeds of postures.
+
+    Returns:
+        How many were next to a singular one, all within the limits.
+
+    Raises:
+        BrokenPromiseError: A posture is on no curve, or is not the nearest to itself.
+    """
+    kin, singular = arm_of(name, False), 0
+    for index in indices:
+        rng = np.random.default_rng([index, 13])
+        q, least = _downhill(kin, rng.uniform(-np.pi, np.pi, 7))
+        q = _wrapped(q + rng.normal(size=7) * 10.0 ** rng.uniform(-3.0, -1.0))
+        within = _found_again(kin, q, f"{name}, singular pose {index}")
+        singular += within and least < AT_SINGULARITY
+    return singular
+
+
+def _found_again(kin: SevenAxisKinematics, q: Floats, where: str) -> bool:
+    """Demand that a posture is on a curve and nearest to itself; return whether it is within the limits."""
+    T = kin.fk(q)
+    motions = kin.self_motions(T, limits=False).curves
+    demand(not beside(motions, q[None]).any(), f"{where}: its posture is on no curve")
+    missed = max(np.abs(kin.fk(curve.q) - T).max() for curve in motions)
+    demand(missed < MISSED, f"{where}: missed by {missed:.1e}")
+    if not kin.within_limits(q):
+        return False
+    found = kin.nearest(T, q)
+    right = found.success and max(found.position_error, found.orientation_error) < MISSED
+    demand(right and np.linalg.norm(found.q - q) < SAME, f"{where}: nearest is {found}")
+    return True
+
+
+def _downhill(kin: ArmKinematics, q: Floats) -> tuple[Floats, float]:
+    """A posture to which the slope of the smallest singular value leads, and that value there."""
+    for _ in range(DOWNHILL):
+        values = np.linalg.svd(kin.jacobian(q + np.vstack([np.zeros(7), SLOPE * np.eye(7)])))[1][:, 5]
+        slope = (values[1:] - values[0]) / SLOPE
+        if values[0] < AT_SINGULARITY:
+            break
+        step = -values[0] / max(float(slope @ slope), AT_SINGULARITY) * slope
+        q = q + step * min(1.0, 0.5 / float(np.abs(step).max()))
+    return q, float(values[0])
 
 
 def reached_by_newton(name: str, indices: Iterable[int]) -> int:
