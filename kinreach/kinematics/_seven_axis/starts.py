@@ -163,23 +163,23 @@ class Starts:
         ways, apart = [way.at(T) for way in self._held], TURN / self.values
         around = np.linspace(-np.pi, np.pi, self.values, endpoint=False)
         wanted = [around + apart * ((FIRST + GOLDEN * way.held) % 1.0) for way in self._held]
-        found, near = [np.empty((0, JOINTS))], [np.empty((0, JOINTS))]
+        found, missed = [], []
         for _ in range(self.halvings + 1):
             starts = [way(values) for way, values in zip(ways, wanted, strict=True)]
             owner = np.repeat(np.arange(len(ways)), [len(q) for q, _ in starts])
             every, held = np.vstack([q for q, _ in starts]), np.concatenate([values for _, values in starts])
             finite = np.isfinite(every).all(axis=1)
-            held, owner = held[finite], owner[finite]
-            q, arrived, slow = self._newton(every[finite], T, STEPS)
-            found.append(q[arrived])
-            near.append(q[slow])
+            q, off = self._newton(every[finite], T, STEPS)
+            found.append(q)
+            missed.append(off)
             apart *= 0.5
-            held, owner = held[~arrived], owner[~arrived]
+            doubtful = off >= REACHED
+            held, owner = held[finite][doubtful], owner[finite][doubtful]
             beside = wrapped(np.concatenate([held - apart, held + apart]))
             wanted = [np.unique(np.round(beside[np.tile(owner == way, 2)], 9)) for way in range(len(ways))]
             if not len(held):
                 break
-        q = self._with_vertices(np.vstack(found), np.vstack(near), T)
+        q = self._ended(np.vstack(found), np.concatenate(missed), T)
         if not len(q):  # every arm that is left may be singular, as where a folded arm's wrist is in its shoulder
             anywhere = np.random.default_rng(0).uniform(-np.pi, np.pi, (RANDOM, JOINTS))
             q = self.reached(anywhere, T, steps=RANDOM_STEPS)
@@ -187,28 +187,31 @@ class Starts:
 
     def reached(self, q: NDArray[Any], T: Floats, *, steps: int = STEPS) -> Floats:
         """Bring postures (m, 7) to a pose by the shortest steps; those that arrive, and those beside singular ones."""
-        q, arrived, slow = self._newton(q, T, steps)
-        return self._with_vertices(q[arrived], q[slow], T)
-
-    def _with_vertices(self, q: Floats, near: Floats, T: Floats) -> Floats:
-        """Postures of a pose, and those beside singular ones that are near others."""
-        if len(near):
-            more, arrived, _ = self._newton(self._vertices(near, T), T, STEPS)
-            q = np.vstack([q, more[arrived]])
-        return wrapped(q)
+        return self._ended(*self._newton(q, T, steps), T)
 
     def across(self, q: Floats, T: Floats) -> Floats:
         """The postures (k, 7) of a pose on both sides of singular ones beside its postures (m, 7)."""
-        return self._with_vertices(q[:0], q, T)
+        return wrapped(self._arrived(*self._newton(self._vertices(q, T), T, STEPS), T)[0])
 
-    def _newton(self, q: Floats, T: Floats, steps: int) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-        """Postures (m, 7) where Newton's method ends, which of them have arrived, and which are near but slow."""
+    def _ended(self, q: Floats, off: Floats, T: Floats) -> Floats:
+        """Postures that arrived where Newton's method ended, and those on both sides of singular ones beside others."""
+        q, near = self._arrived(q, off, T)
+        return np.vstack([wrapped(q), self.across(near, T)]) if len(near) else wrapped(q)
+
+    def _newton(self, q: Floats, T: Floats, steps: int) -> tuple[Floats, Floats]:
+        """Postures where Newton's method by the shortest steps ends, and how far they miss the pose."""
         q, off = np.array(q, order="C"), np.empty(len(q))
         lib.kr_shortest_steps(self._A, doubles(T), steps, len(q), doubles(q), doubles(off))
+        return q, off
+
+    def _arrived(self, q: Floats, off: Floats, T: Floats) -> tuple[Floats, Floats]:
+        """Postures that arrived, those after polishing, too, in their order, and those that are near but slow."""
         slow = (off >= REACHED) & (off < NEAR)
-        if slow.any():
-            q[slow], off[slow] = self._polished(q[slow], T)
-        return q, (off < REACHED) | (slow & (off < NOT_BETTER)), slow & (off >= NOT_BETTER)
+        if not slow.any():
+            return q[off < REACHED], q[:0]
+        q[slow], off[slow] = self._polished(q[slow], T)
+        slow &= off >= NOT_BETTER
+        return q[(off < NOT_BETTER) & ~slow], q[slow]
 
     def _polished(self, q: Floats, T: Floats) -> tuple[Floats, Floats]:
         """Postures (m, 7) brought nearer to a pose where `NUDGE` slows Newton's method, and how far they miss it (m,).
