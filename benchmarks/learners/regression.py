@@ -12,7 +12,7 @@ from kinreach._checks import Floats
 from kinreach._registration import SINGLE, SINGLE_KINEMATIC
 from kinreach.baselines import Algorithm, Recipe, SB3VecEnv, get_recipe, register_algorithm, register_recipe
 from kinreach.baselines._algorithms import actor_arguments, in_tries
-from kinreach.baselines._descent import Descent, Objective
+from kinreach.baselines._descent import GradientLearner, Objective
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.random_arms import ur5
 from kinreach.envs._reach.task import GOAL, SINGLE_STEP
@@ -20,7 +20,7 @@ from kinreach.errors import InputError
 from kinreach.vision._goal_view import goals_in_world
 
 
-class Regression(Descent):
+class Regression(GradientLearner):
     """Regress the actor on the closed form's postures, in the UR5's single-step task."""
 
     def objective(self, observations: Floats) -> Objective:

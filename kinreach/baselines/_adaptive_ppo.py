@@ -7,11 +7,11 @@ from typing import Any
 
 from stable_baselines3 import PPO
 
-from kinreach.baselines._ranked_ppo import Scheduled
+from kinreach.baselines._ranked_ppo import ScheduledLearner
 from kinreach.envs.inside import moving
 
 
-class AdaptivePPO(Scheduled, PPO):
+class AdaptivePPO(ScheduledLearner, PPO):
     """PPO of stable-baselines3 with the schedules of ranked PPO."""
 
     def train(self) -> None:

@@ -19,7 +19,7 @@ from kinreach.envs.inside import TOOL_DOWN, SpaceTask, action_range, measured, m
 Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
 
 
-class Descent(AdaptivePPO):
+class GradientLearner(AdaptivePPO):
     """Gradient descent of the actor on an objective for the observed goals.
 
     Actions are rolled out as in the other algorithms for the learning curve; rewards are not used.
@@ -63,7 +63,7 @@ def feeler_depth(tips: torch.Tensor, feelers: torch.Tensor, least: float) -> tor
 DOWN = 0.02
 
 
-class AnalyticGradient(Descent):
+class AnalyticGradient(GradientLearner):
     """Analytic policy gradient of the distance from the goal, through forward kinematics.
 
     As in differentiable simulators (Freeman et al. 2021, Brax, arXiv:2106.13281, section 4.2), for one step. It uses
@@ -115,7 +115,7 @@ class AnalyticGradient(Descent):
         return error
 
 
-class SimulatorGradient(Descent):
+class SimulatorGradient(GradientLearner):
     """Gradient descent on the outcome of the next actions, in a simulation with more knowledge than the actor."""
 
     def __init__(self, *args: Any, world: Any, **kwargs: Any) -> None:

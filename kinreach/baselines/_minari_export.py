@@ -54,7 +54,7 @@ def record_episodes(
     except (gym.error.Error, TypeError) as error:
         raise InputError(f"cannot make the environment {environment}: {error}") from error
     minari: Any = load_extra("minari", "minari")
-    recorder = _Recorder(env)
+    recorder = _MinariRecorder(env)
     trials = []
     try:
         for trial in rollout(recorder, policy, ({"seed": seed + index} for index in range(goals))):
@@ -80,7 +80,7 @@ def record_episodes(
     return Evaluation(trials)
 
 
-class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
+class _MinariRecorder(gym.Wrapper[Any, Any, Any, Any]):
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         super().__init__(env)
         self.episodes: list[dict[str, Any]] = []

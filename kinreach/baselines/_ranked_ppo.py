@@ -206,7 +206,7 @@ class AdaptiveRate:
         return share_left(progress, self.decay)
 
 
-class Scheduled(OnPolicyAlgorithm):
+class ScheduledLearner(OnPolicyAlgorithm):
     """An algorithm of stable-baselines3 with a scheduled standard deviation and an adaptive learning rate.
 
     Without `exploration` the deviation is learned, or actions are discrete. `planned_steps` are those of the whole
@@ -254,7 +254,7 @@ class Scheduled(OnPolicyAlgorithm):
 # Update
 
 
-class RankedPPO(Scheduled):
+class RankedPPO(ScheduledLearner):
     """PPO with ranks among several tries instead of a critic; the environment must be a `TriesVecEnv` of as many.
 
     Args:

@@ -49,7 +49,7 @@ MAX_RUN, MAX_CHECKPOINT = 16 * 1024 * 1024, 64 * 1024**3
 #: Of torch's and numpy's generators.
 MAX_SEED = 2**31 - 1
 #: Called with the numbers of finished and of planned actions, and the last row of the learning curve by column.
-Progress = Callable[[int, int, dict[str, float | None]], None]
+TrainingProgress = Callable[[int, int, dict[str, float | None]], None]
 #: Attributes of algorithms that change during training, if present.
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "exploration_rate", "rate")
 _CURVE = ("rows", "steps", "episodes", "trace", "traced", "_sums", "_counted", "_ended")
@@ -86,7 +86,7 @@ def train(
     fresh: bool = False,
     threads: int = 1,
     export: bool = False,
-    progress: Progress = lambda done, planned, row: None,
+    progress: TrainingProgress = lambda done, planned, row: None,
     notice: Callable[[str], None] = _warn,
 ) -> Run:
     """Train a policy.
@@ -210,7 +210,7 @@ def segments(
     *,
     resume: bool,
     export: bool = False,
-    progress: Progress = lambda done, planned, row: None,
+    progress: TrainingProgress = lambda done, planned, row: None,
     notice: Callable[[str], None] = _warn,
 ) -> Iterator[LearnedPolicy]:
     """Train, and yield the policy after each segment; arguments and errors as in `train`.
@@ -242,7 +242,7 @@ def _segments(
     identity: Mapping[str, Any],
     resume: bool,
     export: bool,
-    progress: Progress,
+    progress: TrainingProgress,
     notice: Callable[[str], None],
 ) -> Iterator[LearnedPolicy]:
     make_folder(folder)
@@ -400,7 +400,7 @@ def _write_curves(folder: Path, curve: LearningCurve) -> None:
 class _Report(BaseCallback):
     """Log and report each new row of the learning curve."""
 
-    def __init__(self, trainee: Trainee, planned: int, progress: Progress) -> None:
+    def __init__(self, trainee: Trainee, planned: int, progress: TrainingProgress) -> None:
         super().__init__()
         self._trainee, self._planned, self._progress = trainee, planned, progress
         self._rows = len(trainee.curve.rows)

@@ -12,7 +12,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from kinreach._statistics import Trial, bootstrap_intervals, median, number, wilson_interval
-from kinreach.compare._figures import Value, by_method, colours_in, origin
+from kinreach.compare._figures import Measure, by_method, colours_in, origin
 from kinreach.compare._task import Draw
 from kinreach.plots import key, label_ends, new_figure
 from kinreach.plots.inside import name_label, plain_ticks, text_colour
@@ -126,7 +126,7 @@ def draw_shares(entry: str, *, title: str, label: str, of: str) -> Draw:
     return draw
 
 
-def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) -> Draw:
+def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Measure]) -> Draw:
     """Draw the median error against looks before, with its 95 % interval over robots, directions and balls.
 
     Left: in the first move to a ball. Right: in the second, after the tip was seen beside it. Methods that do not

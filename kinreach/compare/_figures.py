@@ -29,7 +29,7 @@ CAMERAS = "cameras"
 #: Parts of a distance below this are drawn at it [mm].
 SMALLEST_PART_MM = 1e-4
 
-Value = Callable[[Trial], float | None]
+Measure = Callable[[Trial], float | None]
 
 
 def write_figures(
@@ -45,7 +45,7 @@ def write_figures(
     return written
 
 
-def draw_errors(ik_error_mm: Value, seen_error_mm: Value, *, near_mm: float) -> Draw:
+def draw_errors(ik_error_mm: Measure, seen_error_mm: Measure, *, near_mm: float) -> Draw:
     """Draw every trial's distance to the goal [mm]: of the commanded posture, and after the move.
 
     With cameras, the first row is their error, and its median a line through both panels. A goal within `near_mm`
@@ -177,7 +177,7 @@ def draw_map(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 
 
 def draw_strip_grid(
-    title: str, strips: Mapping[str, tuple[Value, bool]], *, marks: Mapping[str, float], legend: str
+    title: str, strips: Mapping[str, tuple[Measure, bool]], *, marks: Mapping[str, float], legend: str
 ) -> Draw:
     """Draw a row of dots per method for each of several values, two side by side.
 
@@ -239,7 +239,7 @@ def draw_strips(
         tick.set_color(text_colour(colour))
 
 
-def by_method(trials: Sequence[Trial], results: Mapping[str, Any], value: Value) -> dict[str, Any]:
+def by_method(trials: Sequence[Trial], results: Mapping[str, Any], value: Measure) -> dict[str, Any]:
     """Return the values of the trials that have one, an array a method, in the order of the results."""
     found: dict[str, list[float]] = {method["name"]: [] for method in results["methods"]}
     for trial in trials:

@@ -8,7 +8,7 @@ from typing import Any
 from kinreach._checks import listed
 from kinreach._statistics import number
 
-Entry = Mapping[str, Any]
+Summary = Mapping[str, Any]
 #: Measures of a ranking, smaller is better -> a sentence about the best method.
 RANKED = {
     "distance_mm": "comes nearest: {} mm in the median",
@@ -17,7 +17,7 @@ RANKED = {
 }
 
 
-def reaching(entries: Sequence[Entry]) -> list[Entry]:
+def reaching(entries: Sequence[Summary]) -> list[Summary]:
     """Return the methods with the largest share of goals reached, and those whose intervals overlap with it."""
     shares = [entry for entry in entries if entry.get("reached")]
     if not shares:
@@ -27,7 +27,7 @@ def reaching(entries: Sequence[Entry]) -> list[Entry]:
     return sorted(found, key=lambda entry: -entry["reached"])
 
 
-def best_in(entries: Sequence[Entry], key: str) -> list[Entry]:
+def best_in(entries: Sequence[Summary], key: str) -> list[Summary]:
     """Return the entry with the least median of a measure, then those that do not differ significantly.
 
     If an entry lacks the measure, return none.
@@ -75,7 +75,7 @@ def finding(results: Mapping[str, Any]) -> list[str]:
     return [f"{sentence}." for sentence in sentences]
 
 
-def _first(ranked: Sequence[Entry], key: str) -> str:
+def _first(ranked: Sequence[Summary], key: str) -> str:
     first, *same = best_in(ranked, key)
     text = f"{first['name']} {RANKED[key].format(number(first[key]['median']))}"
     return f"{text}; {listed(_names(same))} {'are' if len(same) > 1 else 'is'} indistinguishable" if same else text
@@ -85,9 +85,9 @@ def _overlap(one: Sequence[float], other: Sequence[float]) -> bool:
     return one[0] <= other[1] and other[0] <= one[1]
 
 
-def _names(entries: Sequence[Entry]) -> list[str]:
+def _names(entries: Sequence[Summary]) -> list[str]:
     return [entry["name"] for entry in entries]
 
 
-def _shares(entries: Sequence[Entry]) -> str:
+def _shares(entries: Sequence[Summary]) -> str:
     return listed([f"{entry['name']} ({100 * entry['reached']:.1f} %)" for entry in entries])

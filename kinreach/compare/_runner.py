@@ -40,7 +40,7 @@ from kinreach.errors import InputError, InstallationError, KinreachError, Method
 from kinreach.robots import ArmDescription, get_arm
 
 #: Called with the number of finished trials and the number of all trials.
-Progress = Callable[[int, int], None]
+TrialProgress = Callable[[int, int], None]
 
 DEFAULT_GOALS = 200
 #: Largest number of goals, which would take a month.
@@ -106,7 +106,7 @@ def compare(
     engine: str = SERIAL,
     address: str | None = None,
     command: str = "kinreach.compare.compare(...)",
-    progress: Progress = lambda done, total: None,
+    progress: TrialProgress = lambda done, total: None,
 ) -> dict[str, Any]:
     """Measure methods on the same goals.
 
@@ -230,7 +230,7 @@ def run_trials(
     engine: Engine | None = None,
     *,
     done: Sequence[Trial] = (),
-    progress: Progress = lambda done, total: None,
+    progress: TrialProgress = lambda done, total: None,
 ) -> Iterator[Trial]:
     """Yield each finished trial of the goals and methods that are not done."""
     task, names, engine = comparison.task, list(comparison.methods), engine or Serial()
@@ -413,7 +413,7 @@ def _compare_on_disk(
     engine: Engine,
     machine: Mapping[str, Any],
     fresh: bool,
-    progress: Progress,
+    progress: TrialProgress,
 ) -> dict[str, Any]:
     if not fresh:
         _refuse_other_results(out, comparison)

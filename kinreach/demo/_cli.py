@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -13,15 +14,15 @@ import numpy as np
 
 import kinreach  # registers the environments
 from kinreach._checks import check_count, check_known, printable
+from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, OBSTACLES, REAL_ARM, SINGLE, SPACE
 from kinreach.baselines import rollout
 from kinreach.baselines.inside import Policy
 from kinreach.cli import HELP, Parser
 from kinreach.compare.inside import OptionFlags
 from kinreach.demo._caption import SIZE, Caption
 from kinreach.demo._drawn import Drawn
-from kinreach.demo._film import Film
+from kinreach.demo._film import FILM_FPS, Film
 from kinreach.demo._players import RANDOM, new_player, playable
-from kinreach.demo._tasks import TASKS, DemoTask
 from kinreach.errors import InputError
 from kinreach.kinematics.inside import SOLVERS
 from kinreach.sim.inside import ScenePicture
@@ -29,6 +30,42 @@ from kinreach.sim.inside import ScenePicture
 PRINTABLE = ("action", "observation", "reward", "info")
 #: How many frames the end of an episode stands still.
 HOLD = 20
+
+
+@dataclass(frozen=True)
+class DemoTask:
+    """An environment that can be watched.
+
+    Attributes:
+        policy, steps, printed: Defaults of the command line.
+        fps: Frames per second of a film, in the time of the simulation.
+        done: Text for success in a film.
+    """
+
+    name: str
+    policy: str = "closed-form"
+    steps: int = 20
+    printed: str = "reward"
+    fps: int = FILM_FPS
+    done: str = "reached"
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """Defaults of the options of its environment; the button's are those of the course report."""
+        return {} if self.name == BUTTON else playable(self.name).options
+
+
+TASKS: Mapping[str, DemoTask] = {
+    "single": DemoTask(SINGLE),
+    "multi": DemoTask(MULTI),
+    "space": DemoTask(SPACE),
+    "real-arm": DemoTask(REAL_ARM, policy="identified", steps=6),
+    "moving": DemoTask(MOVING, policy="interception", steps=200, fps=30),
+    "obstacles": DemoTask(OBSTACLES, policy="path"),
+    "lift": DemoTask(LIFT, steps=5, done="lifted"),
+    # By default this is the test that the course report describes.
+    "button": DemoTask(BUTTON, policy="random", steps=10_000, printed="action,observation"),
+}
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:

@@ -19,7 +19,7 @@ from kinreach.errors import InputError, OutputError
 
 #: Frames per second of a film, in the time of the simulation.
 FILM_FPS = 25
-Frame = NDArray[np.uint8]
+Pixels = NDArray[np.uint8]
 FORMATS = (".gif", ".mp4")
 #: Frames of a GIF, which is put together in memory; a longer film has to be a video.
 MAX_GIF_FRAMES = 1000
@@ -55,7 +55,7 @@ class Film(AbstractContextManager["Film"]):
         """Whether it is a GIF that has as many frames as it may."""
         return self.path.suffix == ".gif" and self.frames >= MAX_GIF_FRAMES
 
-    def add(self, frame: Frame) -> None:
+    def add(self, frame: Pixels) -> None:
         """Append a frame, uint8 RGB, shape (height, width, 3), unless the film is full."""
         if self.full:
             return

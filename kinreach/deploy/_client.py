@@ -169,7 +169,7 @@ class URClient:
         with Interruption() as interruption:
             self._states.keep_all(whether=True)
             try:
-                run = _Run(program, self.read())
+                run = _ProgramRun(program, self.read())
                 self._check_ready(program, run.states[0])
                 if check is not None:
                     check(run.states[0])
@@ -181,7 +181,7 @@ class URClient:
                 self._states.keep_all(whether=False)
 
     def _send_and_follow(
-        self, run: _Run, watch: Callable[[RobotState], object] | None, interruption: Interruption
+        self, run: _ProgramRun, watch: Callable[[RobotState], object] | None, interruption: Interruption
     ) -> None:
         try:
             self.send(run.text)
@@ -201,7 +201,9 @@ class URClient:
                 self._with_recording(error, run)
             raise
 
-    def _follow(self, run: _Run, watch: Callable[[RobotState], object] | None, interruption: Interruption) -> None:
+    def _follow(
+        self, run: _ProgramRun, watch: Callable[[RobotState], object] | None, interruption: Interruption
+    ) -> None:
         """Collect states until the program has ended; a robot may be silent while it reads a long one."""
         reading = READING_TIME * len(run.text)
         deadline = monotonic() + START_TIMEOUT + reading
@@ -223,7 +225,7 @@ class URClient:
         finally:
             self._states.patience = TIMEOUT
 
-    def _not_begun(self, run: _Run, state: RobotState) -> RobotError:
+    def _not_begun(self, run: _ProgramRun, state: RobotState) -> RobotError:
         if other := run.only_other(self._script.started):
             return self._taken_over(other, state)
         if state.run != run.states[0].run or state.runtime_state != RuntimeState.STOPPED:
@@ -233,7 +235,7 @@ class URClient:
     def _taken_over(self, what: str, state: RobotState) -> _TakenOverError:
         return _TakenOverError(f"the robot at {self.address} {what}; {_whereabouts(state)}")
 
-    def _judge(self, run: _Run, state: RobotState) -> None:
+    def _judge(self, run: _ProgramRun, state: RobotState) -> None:
         """Raise if a state says that the program does not go on as it should."""
         if other := run.other_program(state, self._script.started):
             raise self._taken_over(other, state)
@@ -244,7 +246,7 @@ class URClient:
         if state.is_paused:
             raise self._error("paused the program; it is not resumed: plan again from where it stands")
 
-    def _stop(self, states: list[RobotState], sent: _Run | None = None) -> str:
+    def _stop(self, states: list[RobotState], sent: _ProgramRun | None = None) -> str:
         """Stop the robot and wait until it stands; return what is not known about that, or nothing.
 
         It stands when it says that it took the stop, that no program runs, and that its joints are at rest. Until it
@@ -322,7 +324,7 @@ class URClient:
                     f"ms; make the program for this robot's model, or of `trajectory.resampled({round(1 / cycle)})`"
                 )
 
-    def _check_end(self, run: _Run) -> None:
+    def _check_end(self, run: _ProgramRun) -> None:
         """Check that the program came to its end, and the arm to where that is."""
         end = run.states[-1]
         if end.register == NOT_AT_START:
@@ -342,7 +344,7 @@ class URClient:
         self._look_for_another(run)
         raise self._error(f"{wrong}; {_whereabouts(run.states[-1])}")
 
-    def _look_for_another(self, run: _Run) -> None:
+    def _look_for_another(self, run: _ProgramRun) -> None:
         """Raise if another program came in place of one that did not end as it should; it may begin a little later."""
         until = monotonic() + LATE
         while monotonic() < until:
@@ -371,7 +373,7 @@ class URClient:
             missing=max(0, round(float(t[-1]) / self._states.cycle) + 1 - len(t)),
         )
 
-    def _with_recording(self, error: RobotError, run: _Run) -> RobotError:
+    def _with_recording(self, error: RobotError, run: _ProgramRun) -> RobotError:
         states = [state for state in run.states if "NaN" not in state.trouble]
         error.recording = self._recording(states, str(error)) if states else None
         return error
@@ -384,7 +386,7 @@ class _TakenOverError(RobotError):
     """Another client's program runs."""
 
 
-class _Run:
+class _ProgramRun:
     """A program on its way to its end, as the robot's states tell it.
 
     Attributes:

@@ -16,7 +16,7 @@ from kinreach.deploy._urscript import (
     Call,
     Choice,
     Constant,
-    Entry,
+    Element,
     Expression,
     Name,
     Negative,
@@ -386,7 +386,7 @@ class Controller:
             return _Pose(values) if expression.is_pose else values
         if isinstance(expression, Name):
             return known[expression.name]
-        if isinstance(expression, Entry):
+        if isinstance(expression, Element):
             values, index = known[expression.name], self._number(expression.index, known, line)
             if not isinstance(values, list) or not index.is_integer() or not 0 <= index < len(values):
                 raise ScriptError(line, f"runtime error: {expression.name} has no entry {index:g}")

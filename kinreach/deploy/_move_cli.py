@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pos
 from kinreach.kinematics.inside import (
     PATH_MARGIN,
     ClosedFormKinematics,
+    Trajectory,
     add_surroundings,
     pose_error,
     surrounded,
@@ -38,6 +40,9 @@ from kinreach.kinematics.inside import (
 )
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import add_arm_flags, arm_of, numbers_of, pose_numbers_of, posture_of, print_notes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Distance from everything that what is sent keeps [m], and how much more its samples keep, so that it does between
 #: them, too.
@@ -121,8 +126,6 @@ class _Job:
             write_text(script, program.text)
             say(f"wrote    {script}")
         if picture is not None:
-            from kinreach.deploy._motion_figure import draw_motion
-
             figure = draw_motion(done.commanded, kin.velocity_limit, f"{self.arm.title}, tried in MuJoCo")
             with replacing(picture) as temporary:
                 figure.savefig(temporary, facecolor="white", format="png")
@@ -313,3 +316,35 @@ def _parser(prog: str) -> Parser:
     add_surroundings(parser, "the frame base, as on the pendant")
     add_arm_flags(parser)
     return parser
+
+
+def draw_motion(trajectory: Trajectory, speed_limit: Floats, title: str) -> Figure:
+    """Draw joint angles and speeds over time.
+
+    Args:
+        trajectory: The motion.
+        speed_limit: Of the joints [rad/s], shape (n,).
+        title: Of the figure.
+    """
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    from kinreach.plots import label_ends, new_figure
+    from kinreach.plots.inside import name_label
+
+    figure, (angles, speeds) = new_figure(name_label(title), columns=2, size=(9.0, 4.0))
+    names = [name_label(joint.removesuffix("_joint")) for joint in trajectory.joints]
+    shades = colormaps["viridis"](np.linspace(0.0, 0.85, len(names)))
+    colours = {name: to_hex(shade) for name, shade in zip(names, shades, strict=True)}
+    degrees, shares = np.degrees(trajectory.q), 100.0 * trajectory.qd / speed_limit
+    for joint, name in enumerate(names):
+        angles.plot(trajectory.t, degrees[:, joint], color=colours[name])
+        speeds.plot(trajectory.t, shares[:, joint], color=colours[name])
+    for axes in (angles, speeds):
+        axes.set_xlim(0.0, trajectory.duration)
+        axes.set_xlabel("time [s]")
+    angles.set_ylabel("joint angle [degrees]")
+    speeds.set_ylabel("joint speed [% of its limit]")
+    ends = {name: (trajectory.duration, end) for name, end in zip(names, degrees[-1], strict=True)}
+    label_ends(angles, ends, colours)
+    return figure

@@ -126,7 +126,7 @@ def type_of(name: str, *, inputs: bool = False) -> str:
     return (_INPUT_TYPES if inputs else _OUTPUT_TYPES).get(name, NOT_FOUND)
 
 
-class Recipe:
+class RtdeRecipe:
     """Variables in the order of a data package.
 
     Args:

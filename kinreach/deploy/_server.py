@@ -43,8 +43,8 @@ from kinreach.deploy._rtde import (
     RTDE_PORT,
     SCRIPT_PORT,
     Kind,
-    Recipe,
     RobotMode,
+    RtdeRecipe,
     RuntimeState,
     SafetyMode,
     error_message,
@@ -268,7 +268,7 @@ class SimulatedUR:
             return
         given = tuple(values)
         try:
-            Recipe([name], [kind]).pack({name: given})
+            RtdeRecipe([name], [kind]).pack({name: given})
         except struct.error:
             raise InputError(f"the type of {name} is {kind}, got {shown(given)}") from None
         self._requests.put(lambda: self._instead.update({name: given}))
@@ -521,9 +521,9 @@ class _RtdeClient(_Client):
     def __init__(self, robot: SimulatedUR, connection: socket.socket) -> None:
         super().__init__(robot, connection)
         self.protocol = 1
-        self.outputs = Recipe((), ())
+        self.outputs = RtdeRecipe((), ())
         self.period, self.due = math.inf, math.inf
-        self.inputs: list[Recipe] = []
+        self.inputs: list[RtdeRecipe] = []
         self.sayings = 0
 
     def is_due(self, now: float) -> bool:
@@ -582,7 +582,7 @@ class _RtdeClient(_Client):
         types = [type_of(name) for name in names]
         accepted = bool(names) and NOT_FOUND not in types
         self.due = math.inf
-        self.outputs = Recipe(names, types) if accepted else Recipe((), ())
+        self.outputs = RtdeRecipe(names, types) if accepted else RtdeRecipe((), ())
         self.period = 1.0 / frequency
         self.send(package(Kind.SETUP_OUTPUTS, bytes([accepted]) + ",".join(types).encode()))
 
@@ -592,7 +592,7 @@ class _RtdeClient(_Client):
         types = self.robot.claim(names, self)
         accepted = bool(names) and not {IN_USE, NOT_FOUND} & set(types) and len(self.inputs) < 255
         if accepted:
-            self.inputs.append(Recipe(names, types))
+            self.inputs.append(RtdeRecipe(names, types))
         self.send(package(Kind.SETUP_INPUTS, bytes([len(self.inputs) if accepted else 0]) + ",".join(types).encode()))
 
     def take_inputs(self, payload: bytes) -> None:

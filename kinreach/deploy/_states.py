@@ -18,8 +18,8 @@ from kinreach.deploy._rtde import (
     NOT_FOUND,
     PROTOCOL,
     Kind,
-    Recipe,
     RobotMode,
+    RtdeRecipe,
     RuntimeState,
     SafetyMode,
     names_in,
@@ -247,7 +247,7 @@ class StateReader:
             vectors.get("tcp_offset"), progress, run,
         )  # fmt: skip
 
-    def _set_up(self) -> tuple[float, Recipe]:
+    def _set_up(self) -> tuple[float, RtdeRecipe]:
         """Set up RTDE at the rate of the controller; return its cycle and what a state has."""
         self._send(Kind.PROTOCOL_VERSION, struct.pack(">H", PROTOCOL))
         if self._answer(Kind.PROTOCOL_VERSION) != b"\x01":
@@ -266,7 +266,7 @@ class StateReader:
         if len(types) != len(names) or set(_VARIABLES) - set(names) - set(_OPTIONAL):
             raise self._refused(f"does not know {', '.join(missing) or 'what is asked for'}")
         try:
-            recipe = Recipe(names, types)
+            recipe = RtdeRecipe(names, types)
         except KeyError as error:
             raise self._refused(f"has a type {shown(error.args[0])}, which RTDE has not") from None
         self._send(Kind.START)

@@ -91,8 +91,8 @@ class Name:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """An entry of a variable."""
+class Element:
+    """An element of a variable."""
 
     name: str
     index: Expression
@@ -136,7 +136,7 @@ class Choice:
     line: int
 
 
-Expression = Constant | Numbers | Name | Entry | Negative | Operation | Call
+Expression = Constant | Numbers | Name | Element | Negative | Operation | Call
 Statement = Assignment | Call | Choice
 
 
@@ -280,7 +280,7 @@ class _Reader:
                 parts = entries.elts if isinstance(entries, ast.Tuple) else [entries]
                 return Numbers(tuple(map(inner, parts)), is_pose=True)
             case ast.Subscript(value=ast.Name(id=name), slice=index):
-                return Entry(self.defined(name, line), inner(index))
+                return Element(self.defined(name, line), inner(index))
             case ast.Name(id=name):
                 return Name(self.defined(name, line))
             case ast.BinOp(op=ast.Sub(), left=left, right=right):

@@ -23,7 +23,7 @@ FAINT = "#6b6b6b"
 GRID = "#e4e4e4"
 #: Colour map of magnitudes: uniform in lightness, and the same for colour-blind readers.
 MAGNITUDE = "cividis"
-Grid = Literal["x", "y", "both", "none"]
+GridLines = Literal["x", "y", "both", "none"]
 #: A line that ends nearer to the border of the axes is named beside them, as a share of their width.
 BORDER = 0.15
 #: Of names beside their data [points], and the colour of strokes that lead to them.
@@ -42,7 +42,7 @@ def new_figure(
     columns: int = 1,
     widths: Sequence[float] | None = None,
     note: str = "",
-    grid: Grid = "both",
+    grid: GridLines = "both",
     bare: bool = False,
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure with empty axes in the common style.
@@ -72,7 +72,7 @@ def new_figure(
     return figure, axes
 
 
-def style_axes(axes: Axes, *, grid: Grid = "both") -> None:
+def style_axes(axes: Axes, *, grid: GridLines = "both") -> None:
     """Give empty axes the common style, with a grid as in `new_figure`."""
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.spines["bottom"].set_color(FAINT)

@@ -67,7 +67,7 @@ def overview(client: Any, arm: ArmDescription) -> None:
 
 
 class Shapes(Protocol):
-    """Shapes of a `Solid`.
+    """Shapes of a `SolidScene`.
 
     Attributes:
         fine: Their pieces in colour.
@@ -94,7 +94,7 @@ class Branch:
             self._root.visible = visible
 
 
-class Solid(Branch):
+class SolidScene(Branch):
     """Links that are placed together."""
 
     def __init__(
@@ -127,7 +127,7 @@ class Solid(Branch):
         self._root.remove()
 
 
-class SolidArm(Solid):
+class SolidArm(SolidScene):
     """One arm as one solid, moved by its joint angles."""
 
     def __init__(
@@ -201,7 +201,7 @@ class Ghosts(Branch):
         self._looks = looks
 
 
-class Grid:
+class FloorGrid:
     """The floor of a work cell."""
 
     def __init__(self, scene: Any, boxes: Sequence[Box]) -> None:

@@ -48,7 +48,7 @@ class Stopped(Exception):
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class EpisodeFrame:
     """A moment of an episode.
 
     Attributes:
@@ -90,7 +90,7 @@ class Episode:
 
     scene: MujocoScene
     arm: ArmDescription
-    frames: list[Frame] = field(default_factory=list)
+    frames: list[EpisodeFrame] = field(default_factory=list)
     steps: list[Step] = field(default_factory=list)
     goal: Floats | None = None
     trial: Trial = field(default_factory=dict)
@@ -131,7 +131,7 @@ class Episode:
 
 
 @dataclass(frozen=True)
-class Recording:
+class EpisodeRequest:
     """An episode to play.
 
     Attributes:
@@ -265,7 +265,7 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         self._due = now + self._period
         poses, contacts = self.episode.scene.take(self._scene.data)
         believed = self._scene.q if self._believed else None
-        frames.append(Frame(now, len(self.episode.steps), poses, tuple(contacts), believed))
+        frames.append(EpisodeFrame(now, len(self.episode.steps), poses, tuple(contacts), believed))
         if len(frames) > MAX_FRAMES:
             del frames[1:-1:2]
             self._period *= 2

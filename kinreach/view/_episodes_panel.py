@@ -13,8 +13,8 @@ from kinreach.envs.inside import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.view import _html as html
-from kinreach.view._draw import BLUE, BRANCH_COLOURS, RED, Solid, SolidArm, overview
-from kinreach.view._episodes import Episode, Recording, Stopped, circled
+from kinreach.view._draw import BLUE, BRANCH_COLOURS, RED, SolidArm, SolidScene, overview
+from kinreach.view._episodes import Episode, EpisodeRequest, Stopped, circled
 from kinreach.view._figure import Figure
 from kinreach.view._inputs import by_user
 from kinreach.view._messages import error_message
@@ -34,11 +34,11 @@ class EpisodesPanel(Panel):
     def build(self) -> None:
         self.episode: Episode | None = None
         self.at = 0
-        self._recording = Recording(self._setup.environments[0], "", self._setup.arm)
+        self._recording = EpisodeRequest(self._setup.environments[0], "", self._setup.arm)
         self._still, self._gone = threading.Event(), threading.Event()
         self._still.set()
         self._step = -1
-        self._solid: Solid | None = None
+        self._solid: SolidScene | None = None
         self._believed: SolidArm | None = None
         self._viewed_arm = self._setup.arm
         self._shown = True
@@ -184,7 +184,7 @@ class EpisodesPanel(Panel):
         if not self._gone.is_set():
             self._show_cameras(episode, seen)
 
-    def _asked(self) -> Recording:
+    def _asked(self) -> EpisodeRequest:
         environment, file = self._environment.value, self._file.value.strip()
         if ":" in file and file != self._setup.policy:
             raise InputError(f"a module is named on the command line, not here: kinreach view --policy {file}")
@@ -192,14 +192,14 @@ class EpisodesPanel(Panel):
         choices = playable(environment).choices
         options = {name: given.value for name, given in inputs.items() if name in choices}
         acts = file or self._policy.value
-        return Recording(environment, acts, self._setup.arm, seed=self._seed.value, options=options)
+        return EpisodeRequest(environment, acts, self._setup.arm, seed=self._seed.value, options=options)
 
     def _take(self, episode: Episode) -> None:
         for old in (self._solid, self._believed):
             if old is not None:
                 old.remove()
         scene = self._client.scene
-        self._solid, self._believed = Solid(scene, f"{self._root}/scene", episode.scene), None
+        self._solid, self._believed = SolidScene(scene, f"{self._root}/scene", episode.scene), None
         if episode.frames[0].believed is not None:
             figure = Figure(ArmKinematics.of(episode.arm, base="world"), simple=True)
             self._believed = SolidArm(scene, f"{self._root}/believed", figure, colour=BLUE, opacity=0.4)

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.kinematics import IKResult
 from kinreach.view._draw import BRANCH_COLOURS, Colour
-from kinreach.view._episodes import Episode, Frame
+from kinreach.view._episodes import Episode, EpisodeFrame
 from kinreach.view._names import angle, length, plain
-from kinreach.view._real_arm import Miss
+from kinreach.view._real_arm import TipMiss
 from kinreach.view._results import Results
 from kinreach.view._target import Answer, Finish, Posture, State
 
@@ -193,7 +193,7 @@ def ends(results: Results, index: int, chosen: str) -> str:
     )
 
 
-def moment(episode: Episode, frame: Frame) -> str:
+def moment(episode: Episode, frame: EpisodeFrame) -> str:
     """Describe a frame: time, steps, reward, contacts."""
     parts = [f"{frame.time:.2f} s, {frame.step} of {len(episode.steps)} steps"]
     if frame.step:
@@ -221,7 +221,7 @@ def bars(terms: Mapping[str, float]) -> str:
     return block(f'<div class="kr-bars">{rows}</div>')
 
 
-def miss(found: Miss, exact: IKResult) -> str:
+def miss(found: TipMiss, exact: IKResult) -> str:
     """Write a tip error along x, y and z, and that of the calibrated arm's own posture."""
     parts = "".join(f"<td>{1000 * value:+.1f} mm</td>" for value in found.vector)
     own = f"no posture: {escape(exact.reason)}"

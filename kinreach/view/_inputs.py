@@ -45,7 +45,7 @@ def add_unseen(
     return group
 
 
-class Entry:
+class TypedInput:
     """Numbers that the user and the page both write: unread ones of the user are not overwritten.
 
     `react` is called when `take` has a value.

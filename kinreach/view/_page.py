@@ -7,7 +7,7 @@ from typing import Any
 
 from kinreach.robots.inside import ur_model
 from kinreach.view import _html as html
-from kinreach.view._draw import Grid, Surroundings, overview
+from kinreach.view._draw import FloorGrid, Surroundings, overview
 from kinreach.view._episodes_panel import EpisodesPanel
 from kinreach.view._inputs import add_unseen
 from kinreach.view._messages import error_message, watch
@@ -55,7 +55,7 @@ class Page:
         client, arm = self.client, self._setup.arm
         overview(client, arm)
         client.scene.configure_default_lights(cast_shadow=not self._setup.simple)
-        self._grid = Grid(client.scene, arm.workcell.obstacles)
+        self._grid = FloorGrid(client.scene, arm.workcell.obstacles)
         self._surroundings = Surroundings(client.scene, arm.workcell.obstacles)
         add_unseen(client.gui, html.SHOW, self.names, self.show, order=LAST)
         add_unseen(client.gui, html.DO, (html.SCREENSHOT, html.PYTHON), self._do, order=LAST)

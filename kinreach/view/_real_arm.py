@@ -21,7 +21,7 @@ AROUND = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class Miss:
+class TipMiss:
     """A posture that is solved by the data sheet, on the real arm.
 
     Attributes:
@@ -80,9 +80,9 @@ class RealArm:
         self.nominal: URKinematics = arms[0]  # type: ignore[assignment]
         self.real: ClosedFormKinematics = arms[1]  # type: ignore[assignment]
 
-    def miss(self, q: Floats) -> Miss:
+    def miss(self, q: Floats) -> TipMiss:
         """Compare the tip with that of the data sheet in a posture [rad], shape (6,)."""
-        return Miss(q, self.nominal.fk(q), self.real.fk(q))
+        return TipMiss(q, self.nominal.fk(q), self.real.fk(q))
 
     def believed(self, T: Floats, seed: Floats) -> IKResult:
         """Solve for a frame (4, 4) in the world by the data sheet: the posture nearest to a seed [rad], shape (6,)."""

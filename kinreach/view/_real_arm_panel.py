@@ -16,7 +16,7 @@ from kinreach.view._figure import Figure
 from kinreach.view._inputs import by_user, frame_of, put
 from kinreach.view._names import angle, length
 from kinreach.view._panel import Panel
-from kinreach.view._real_arm import ErrorMap, Miss, RealArm, colours
+from kinreach.view._real_arm import ErrorMap, RealArm, TipMiss, colours
 from kinreach.view._snippet import calibrated, real_arm_program
 
 #: Factors of the drawn tip error: at the start and the largest.
@@ -32,7 +32,7 @@ class RealArmPanel(Panel):
         self._sheet = self._setup.nominal or self._setup.arm
         self.model: RealArm | None = None
         self.map: ErrorMap | None = None
-        self.miss: Miss | None = None
+        self.miss: TipMiss | None = None
         self._arms: list[SolidArm] = []
         self._robot = ur_model(self._sheet.name) or self._sheet.name
         self._published = [name for name in PUBLISHED_CALIBRATIONS if name.startswith(f"{self._robot}_")]
@@ -164,7 +164,7 @@ class RealArmPanel(Panel):
         self._verdict.content = html.message(f"{self._remark}In the data sheet's posture the tip of this arm is {off}.")
         self._numbers.content = html.miss(miss, exact)
 
-    def _draw(self, miss: Miss) -> None:
+    def _draw(self, miss: TipMiss) -> None:
         times = self._times.value
         tip = miss.meant[:3, 3]
         with self._client.atomic():

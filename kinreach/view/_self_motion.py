@@ -14,7 +14,7 @@ from kinreach._engines import load
 from kinreach.kinematics.inside import SelfMotion, SelfMotions, SevenAxisKinematics
 from kinreach.view import _html as html
 from kinreach.view._draw import Branch
-from kinreach.view._inputs import Entry, by_user
+from kinreach.view._inputs import TypedInput, by_user
 
 pin: Any = load("pinocchio")
 
@@ -42,7 +42,7 @@ class SelfMotionFolder(Branch):
             self._curve = gui.add_dropdown("curve", [NONE], visible=False)
             self._place = gui.add_slider("along it [rad]", 0.0, 1.0, 0.01, 0.0, visible=False)
         by_user(self._curve, lambda value: react())
-        self._entry = Entry(self._place, react)
+        self._entry = TypedInput(self._place, react)
 
     def clear(self, text: str) -> None:
         self._curves = []

@@ -17,7 +17,7 @@ from kinreach.kinematics import Goal
 from kinreach.kinematics.inside import SOLVERS, SevenAxisKinematics
 from kinreach.view import _html as html
 from kinreach.view._draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm
-from kinreach.view._inputs import Entry, add_unseen, by_user, frame_of, put
+from kinreach.view._inputs import TypedInput, add_unseen, by_user, frame_of, put
 from kinreach.view._names import length, plain
 from kinreach.view._panel import Panel
 from kinreach.view._real_arm import RealArm
@@ -147,8 +147,8 @@ class TargetPanel(Panel):
         add_unseen(gui, html.POSTURE, numbers, lambda number: self._keep(int(number)))
         add_unseen(gui, html.POINT_AT, (NOTHING, *numbers), self._point_at)
         by_user(kind, self._set_kind)
-        self._place, self._turn = Entry(self._position, self._typed), Entry(self._angles, self._typed)
-        self._joints = [Entry(slider, self._slid) for slider in self._sliders]
+        self._place, self._turn = TypedInput(self._position, self._typed), TypedInput(self._angles, self._typed)
+        self._joints = [TypedInput(slider, self._slid) for slider in self._sliders]
         by_user(self._ghosted, lambda value: self._draw_ghosts())
         by_user(self._bound, self._limit)
         by_user(self._ended, lambda value: self._draw_end())

@@ -10,7 +10,7 @@ from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 
 from kinreach.baselines._models import build
-from kinreach.baselines._ranked_ppo import Scheduled, normal_scores, sample_pairs
+from kinreach.baselines._ranked_ppo import ScheduledLearner, normal_scores, sample_pairs
 from kinreach.baselines._recipes import get_recipe
 from kinreach.errors import InputError
 from tests.baselines.small_runs import small
@@ -27,7 +27,7 @@ class Pairs(DiagGaussianDistribution):
         return sample_pairs(self.distribution)
 
 
-class Reference(Scheduled, PPO):
+class Reference(ScheduledLearner, PPO):
     """PPO without a critic, with another buffer."""
 
     def train(self):

@@ -10,7 +10,7 @@ from kinreach.demo._players import new_player, playable, playable_names
 from kinreach.errors import InputError
 from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots import get_arm
-from kinreach.view._episodes import Recording
+from kinreach.view._episodes import EpisodeRequest
 from tests.cases import slow
 
 #: Beside the page's own: these episodes are watched by nobody.
@@ -48,7 +48,9 @@ def test_everybody_who_is_offered_plays(name):
     assert len(players) == len(set(players)) >= 3
     assert players[-1] == "random"
     for player in players:
-        episode = Recording(name, player, get_arm("ur5-thesis"), seed=2, options=SHORT.get(name, {})).play(simple=True)
+        episode = EpisodeRequest(name, player, get_arm("ur5-thesis"), seed=2, options=SHORT.get(name, {})).play(
+            simple=True
+        )
         assert len(episode.frames) >= 2, player
         assert episode.verdict.startswith(("Reached", "Not reached")), player
         assert len(episode.steps) == episode.trial["steps"], player
@@ -60,7 +62,9 @@ def test_everybody_who_is_offered_for_another_arm_plays(arm):
     players = playable(SINGLE).players(get_arm(arm))
     assert ("closed-form" in players, "hybrid" in players) == (True, False)
     for player in players:
-        assert Recording(SINGLE, player, get_arm(arm), options={"backend": "kinematic"}).play(simple=True).steps, player
+        assert EpisodeRequest(SINGLE, player, get_arm(arm), options={"backend": "kinematic"}).play(simple=True).steps, (
+            player
+        )
 
 
 @pytest.mark.slow
@@ -74,7 +78,7 @@ def test_everybody_plays_by_pictures(observation, needs_gl):
     )
     reached = 0
     for player in players:
-        asked = Recording(SINGLE, player, ur5, options={"observation": observation, "backend": "kinematic"})
+        asked = EpisodeRequest(SINGLE, player, ur5, options={"observation": observation, "backend": "kinematic"})
         reached += asked.play(simple=True).trial["reached"]
     assert reached >= len(players) - 3
 

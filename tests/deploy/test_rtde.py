@@ -18,7 +18,7 @@ from kinreach.deploy._rtde import (
     IN_USE,
     NOT_FOUND,
     Kind,
-    Recipe,
+    RtdeRecipe,
     names_in,
     package,
     packages_in,
@@ -161,7 +161,7 @@ class Client:
         assert self.ask(Kind.PROTOCOL_VERSION, b"\0\2") == b"\1"
         types = names_in(self.ask(Kind.SETUP_OUTPUTS, struct.pack(">d", frequency) + ",".join(names).encode())[1:])
         assert self.ask(Kind.START) == b"\1"
-        return Recipe(names, types)
+        return RtdeRecipe(names, types)
 
 
 def alive(robot):
@@ -233,9 +233,9 @@ def outputs(ur):
     """All outputs that the simulation knows, by name; each has the shape of its type."""
     values = {name: output(ur, name) for name in _OUTPUTS}
     for name, value in values.items():
-        assert Recipe([name], [type_of(name)]).unpack(Recipe([name], [type_of(name)]).pack(values))[name] == tuple(
-            value
-        )
+        assert RtdeRecipe([name], [type_of(name)]).unpack(RtdeRecipe([name], [type_of(name)]).pack(values))[
+            name
+        ] == tuple(value)
     return values
 
 
@@ -243,7 +243,7 @@ def test_recipes_pack_and_unpack_every_type():
     rng, tried = np.random.default_rng(0), set()
     for _ in range(200):
         types = rng.choice(list(FORMATS), size=rng.integers(1, 9)).tolist()
-        recipe = Recipe([f"v{index}" for index in range(len(types))], types)
+        recipe = RtdeRecipe([f"v{index}" for index in range(len(types))], types)
         values = {name: tuple(rng.integers(0, 2, len(zeros)).tolist()) for name, zeros in recipe.zeros.items()}
         assert recipe.unpack(recipe.pack(values)) == values
         assert recipe.unpack(recipe.pack({})) == recipe.zeros

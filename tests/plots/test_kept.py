@@ -9,7 +9,7 @@ from matplotlib.spines import Spine
 from matplotlib.text import Text
 from matplotlib.ticker import ScalarFormatter
 
-from kinreach.deploy._motion_figure import draw_motion
+from kinreach.deploy._move_cli import draw_motion
 from kinreach.kinematics import URKinematics
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.plots._maps import draw_error_maps

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kinreach.deploy._motion_figure import draw_motion
+from kinreach.deploy._move_cli import draw_motion
 from kinreach.kinematics._trajectory import Trajectory
 
 

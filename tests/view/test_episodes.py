@@ -12,7 +12,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
 from kinreach.view import _html as html
-from kinreach.view._episodes import Recording, Stopped, circled
+from kinreach.view._episodes import EpisodeRequest, Stopped, circled
 from kinreach.view._figure import Figure
 from kinreach.view._mujoco_scene import MujocoScene, _triangles
 
@@ -21,12 +21,12 @@ from kinreach.view._mujoco_scene import MujocoScene, _triangles
 def episodes():
     """One episode of each environment by its name."""
     asked = {
-        "single": Recording(SINGLE, "closed-form", get_arm("ur5-thesis")),
-        "multi": Recording(MULTI, "ppo-multi", get_arm("ur5-thesis"), options={"backend": "kinematic"}),
-        "space": Recording(SPACE, "lm", get_arm("ur5-thesis"), seed=3),
-        "button": Recording(BUTTON, "analytic", get_arm("ur5-thesis")),
-        "moving": Recording(MOVING, "interception", get_arm("ur5-thesis"), seed=3),
-        "real arm": Recording(REAL_ARM, "look-again", get_arm("ur5-thesis"), seed=1),
+        "single": EpisodeRequest(SINGLE, "closed-form", get_arm("ur5-thesis")),
+        "multi": EpisodeRequest(MULTI, "ppo-multi", get_arm("ur5-thesis"), options={"backend": "kinematic"}),
+        "space": EpisodeRequest(SPACE, "lm", get_arm("ur5-thesis"), seed=3),
+        "button": EpisodeRequest(BUTTON, "analytic", get_arm("ur5-thesis")),
+        "moving": EpisodeRequest(MOVING, "interception", get_arm("ur5-thesis"), seed=3),
+        "real arm": EpisodeRequest(REAL_ARM, "look-again", get_arm("ur5-thesis"), seed=1),
     }
     return {name: (recording, recording.play(simple=True)) for name, recording in asked.items()}
 
@@ -80,7 +80,7 @@ def test_frames_end_where_the_arm_ends(episodes):
 
 def test_taking_a_frame_leaves_the_simulation_as_it_is():
     """The same episode with and without frames, to the bit."""
-    asked = Recording(SINGLE, "closed-form", get_arm("ur5-thesis"), seed=5)
+    asked = EpisodeRequest(SINGLE, "closed-form", get_arm("ur5-thesis"), seed=5)
     from kinreach.baselines._loop import rollout
 
     env = gym.make(SINGLE, arm=get_arm("ur5-thesis"))
@@ -187,7 +187,7 @@ def test_an_environment_from_outside_is_played(monkeypatch):
     gym.register("outside/Armed-v0", entry_point=Blind, kwargs={"has_arm": True})
     monkeypatch.setattr("kinreach.view._episodes.MAX_STEPS", 30)
     try:
-        episode = Recording("outside/Pointing-v0", f"{__name__}:turn", get_arm("panda")).play(simple=True)
+        episode = EpisodeRequest("outside/Pointing-v0", f"{__name__}:turn", get_arm("panda")).play(simple=True)
         assert (len(episode.steps), episode.trial["return"]) == (30, 45.0)
         assert episode.verdict == "Not reached after 30 steps."
         assert episode.goal is None
@@ -199,7 +199,7 @@ def test_an_environment_from_outside_is_played(monkeypatch):
         np.testing.assert_allclose(episode.frames[-1].poses[hand, :3], expected, atol=1e-6)
         for name, said in (("Blind", "it has no `arm`"), ("Armed", "no posture `q` in its info")):
             with pytest.raises(InputError, match=f"outside/{name}-v0 cannot be drawn: .*{said}"):
-                Recording(f"outside/{name}-v0", "random", get_arm("panda")).play()
+                EpisodeRequest(f"outside/{name}-v0", "random", get_arm("panda")).play()
     finally:
         for name in ("Pointing", "Blind", "Armed"):
             del gym.registry[f"outside/{name}-v0"]
@@ -213,9 +213,9 @@ def turn(observation):
 def test_what_cannot_be_played_is_refused(tmp_path):
     ur5 = get_arm("ur5-thesis")
     with pytest.raises(InputError, match="unknown policy for kinreach/UR5SingleStep-v0 'wisdom'"):
-        Recording(SINGLE, "wisdom", ur5).play()
+        EpisodeRequest(SINGLE, "wisdom", ur5).play()
     with pytest.raises(InputError, match=r"cannot read the policy .*missing\.safetensors"):
-        Recording(SINGLE, str(tmp_path / "missing.safetensors"), ur5).play()
+        EpisodeRequest(SINGLE, str(tmp_path / "missing.safetensors"), ur5).play()
 
 
 def test_nobody_waits_for_an_episode_any_more():
@@ -224,7 +224,7 @@ def test_nobody_waits_for_an_episode_any_more():
     stop = Event()
     stop.set()
     with pytest.raises(Stopped):
-        Recording(SINGLE, "closed-form", get_arm("ur5-thesis")).play(simple=True, stop=stop)
+        EpisodeRequest(SINGLE, "closed-form", get_arm("ur5-thesis")).play(simple=True, stop=stop)
 
 
 def test_a_copied_program_plays_the_same(episodes, capsys):

@@ -23,8 +23,8 @@ pytest.importorskip("viser")
 
 from benchmarks.studies.tab import Tab, wait_for
 from kinreach.robots import arm_names, get_arm
-from kinreach.view._episodes import Recording
-from kinreach.view._inputs import Entry, by_user
+from kinreach.view._episodes import EpisodeRequest
+from kinreach.view._inputs import TypedInput, by_user
 from kinreach.view._names import plain
 from kinreach.view._page import panels
 from kinreach.view._panel import Panel
@@ -357,7 +357,7 @@ def test_an_episode_that_breaks_says_why(serve, monkeypatch, capfd):
     def fail(recording, **options):
         raise RuntimeError("no\nluck")
 
-    monkeypatch.setattr(Recording, "play", fail)
+    monkeypatch.setattr(EpisodeRequest, "play", fail)
     with Tab(serve("arm3")) as tab:
         tab.page.show("Episodes")
         wait_for(lambda: "RuntimeError: no" in tab.text)
@@ -431,13 +431,13 @@ def plotted(tab):
 
 
 def test_an_episode_that_is_recorded_while_hidden_stands_still(serve, monkeypatch):
-    hidden, play = threading.Event(), Recording.play
+    hidden, play = threading.Event(), EpisodeRequest.play
 
     def later(recording, **options):
         assert hidden.wait(180)
         return play(recording, **options)
 
-    monkeypatch.setattr(Recording, "play", later)
+    monkeypatch.setattr(EpisodeRequest, "play", later)
     with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.show("Episodes")
         recorder = next(thread for thread in threading.enumerate() if thread.name.endswith("_record"))
@@ -620,7 +620,7 @@ def test_what_was_typed_is_taken_before_and_after_it_is_noted():
     """Of the two callbacks of a value, the one that answers may run first; taken once, it is not taken again."""
     callbacks = []
     handle = SimpleNamespace(value=0.0, on_update=callbacks.append)
-    entry, taken = Entry(handle, lambda: None), 0
+    entry, taken = TypedInput(handle, lambda: None), 0
 
     def note():
         with contextlib.suppress(StopIteration):
@@ -646,7 +646,7 @@ def test_what_was_typed_and_not_yet_noted_is_not_written_over():
     """The page's own thread has the new value, and the thread that answers the one before shows that one."""
     callbacks = []
     handle = SimpleNamespace(value=0.0, on_update=callbacks.append)
-    entry = Entry(handle, lambda: None)
+    entry = TypedInput(handle, lambda: None)
     entry.show(0.5)
     assert handle.value == 0.5
     handle.value = 0.3  # by the page; its callbacks have not been called

@@ -112,7 +112,7 @@ def test_it_is_served_here_and_nowhere_else():
 def test_an_environment_of_ones_own_comes_first(tmp_path, monkeypatch):
     """Its module is loaded here, and named in the program that is copied."""
     from kinreach.view._cli import setup_of
-    from kinreach.view._episodes import Recording
+    from kinreach.view._episodes import EpisodeRequest
 
     (tmp_path / "own_arms.py").write_text(
         "import gymnasium as gym\n"
@@ -122,6 +122,6 @@ def test_an_environment_of_ones_own_comes_first(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     setup = setup_of("ur5-thesis", environment="own_arms:own/Reach-v0")
     assert (setup.first, setup.environments[0]) == ("Episodes", "own_arms:own/Reach-v0")
-    asked = Recording(setup.environments[0], "closed-form", setup.arm, options={"backend": "kinematic"})
+    asked = EpisodeRequest(setup.environments[0], "closed-form", setup.arm, options={"backend": "kinematic"})
     assert asked.play(simple=True).trial["reached"]
     assert "gym.make('own_arms:own/Reach-v0', arm='ur5', backend='kinematic')" in asked.program("'ur5'")
