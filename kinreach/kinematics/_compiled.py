@@ -44,22 +44,15 @@ class CompiledKinematics(ClosedFormKinematics):
         start = self._posture_or_none(seed)
         rows, near = new_rows(self.branches), NULL if start is None else doubles(start)
         count = lib.kr_solutions(
-            self._way, self._prepared.pointer, self._core.pointer, doubles(T), near, limits, tol, rows, NULL
+            self._way, self._prepared.pointer, self._core.pointer, doubles(T), near, limits, tol, rows
         )
         if count > 0:
             return IKSolutions((rows, count), Status.OK, "", (self._errors, (0, T)))
-        return self._none(T, start, limits, tol)
-
-    def _none(self, T: Floats, start: Floats | None, limits: bool, tol: float) -> IKSolutions:
-        """`all_solutions` where there are none, or where the pose's rotation is not exact."""
-        exact, rows, counts = rigid_poses(as_pose("T", T)[None])[0], new_rows(self.branches), ffi.new("int[2]")
-        near, (way, prepared, arm) = NULL if start is None else doubles(start), self._arguments
-        count = lib.kr_solutions(
-            way, prepared, arm, doubles(np.ascontiguousarray(exact)), near, limits, tol, rows, counts
-        )
-        (before, miss), status, reason = counts, Status.OK, ""
-        if not before:
-            status, reason = Status.OUT_OF_REACH, self._miss_text(exact, miss)
+        exact, status, reason = np.ascontiguousarray(rigid_poses(as_pose("T", T)[None])[0]), Status.OK, ""
+        if count < 0:
+            count = lib.kr_solutions(*self._arguments, doubles(exact), near, limits, tol, rows)
+        if not count and not rows[0]:
+            status, reason = Status.OUT_OF_REACH, self._miss_text(exact, int(rows[1]))
         elif not count:
             status, reason = Status.OUT_OF_LIMITS, self._all_outside(self._every(T, None, limits=False, tol=tol).rows)
         return IKSolutions((rows, count), status, reason, (self._errors, (0, T)))

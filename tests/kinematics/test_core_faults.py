@@ -58,7 +58,7 @@ def test_numbers_of_any_kind_go_through_the_ur():
             one_turn=int(rng.integers(2)), placements=spoiled(rng, kin._placements[:, :3]).ravel().tolist(),
         )  # fmt: skip
         start = NULL if k % 3 == 0 else doubles(seed)
-        n = lib.kr_solutions(lib.KR_UR, bent.pointer, arm.pointer, doubles(T), start, k % 2, tol, doubles(rows), counts)
+        n = lib.kr_solutions(lib.KR_UR, bent.pointer, arm.pointer, doubles(T), start, k % 2, tol, doubles(rows))
         assert -1 <= n <= 8
         found += n > 0
         kind = k % 3
@@ -92,7 +92,7 @@ def test_numbers_of_any_kind_go_through_the_classes_of_six_axes(tmp_path):
     poses = [
         kin.fk(rng.choice([0.0, np.pi / 2, 1.0, -2.0], (50, 6)) + rng.choice([0.0, 1e-9], (50, 6))) for kin in arms
     ]
-    rows, miss, free = np.empty((107_000, 8)), ffi.new("int[2]"), ffi.new("int *")
+    rows, free = np.empty((107_000, 8)), ffi.new("int *")
     q, pose, first = np.empty((128, 6)), np.empty(128, dtype=np.int64), np.empty(107_000, dtype=np.int32)
     slots, there, doubtful = np.empty((16, 6)), np.empty(16, dtype=np.bool_), np.empty(1, dtype=np.bool_)
     flags = [ffi.from_buffer("unsigned char[]", each) for each in (there, doubtful)]
@@ -109,7 +109,7 @@ def test_numbers_of_any_kind_go_through_the_classes_of_six_axes(tmp_path):
         tol, off = float(spoiled(rng, [1e-7])[0]), float(spoiled(rng, [1e-5])[0])
         way = lib.KR_DECOUPLED + (k % 4 == 3) * lib.KR_BACKWARDS
         arm, start = kin._core.pointer, NULL if k % 3 == 0 else doubles(seed)
-        n = lib.kr_solutions(way, bent.pointer, arm, doubles(T), start, k % 2, tol, doubles(rows), miss)
+        n = lib.kr_solutions(way, bent.pointer, arm, doubles(T), start, k % 2, tol, doubles(rows))
         assert -1 <= n <= 8
         found += n > 0
         n = lib.kr_decoupled_rows(bent.pointer, doubles(T), tol, doubles(seed), k % 5 == 0, free, doubles(rows))

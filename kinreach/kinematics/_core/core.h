@@ -150,10 +150,10 @@ enum kr_way {
 };
 
 /* Every posture of a pose, in windings near a seed (which may be null) and within limits, as `kr_within` has them, into
- * rows (16, 2 + n). Returns how many, or -1 where T is no rigid motion. `found`, if it is not null, gets how many there
- * were before limits, and the parts that missed. */
+ * rows (16, 2 + n). Returns how many, or -1 where T is no rigid motion. Where there is none the first two numbers in `rows`
+ * are how many there were before limits, and the parts that missed. */
 int kr_solutions(int way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
-                 int limits, double tol, double *rows, int found[2]);
+                 int limits, double tol, double *rows);
 
 /* The nearest of them: the row first in `rows`, and in the next row its errors [m, rad]. Returns as `kr_solutions`, -1
  * also where the seed has an entry that is not within 1e6. */

@@ -77,7 +77,7 @@ static void free_joints_within(int way, const void *prepared, const kr_arm *arm,
 }
 
 int kr_solutions(int way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
-                 int limits, double tol, double *rows, int found[2]) {
+                 int limits, double tol, double *rows) {
     static const double zero[KR_MAX_JOINTS] = {0.0};
     const double *wanted = seed ? seed : zero;
     int miss;
@@ -85,15 +85,16 @@ int kr_solutions(int way, const void *prepared, const kr_arm *arm, const double 
     const int count = either_way(way, prepared, limits ? arm : NULL, T, wanted, tol, rows, &miss);
     if (limits && !arm->full_turn && (way & ~KR_BACKWARDS) == KR_DECOUPLED)
         free_joints_within(way, prepared, arm, T, wanted, tol, rows, count);
-    if (found) found[0] = count, found[1] = miss;
-    return kr_within(arm, 0, T, seed, limits, tol, rows, count);
+    const int kept = kr_within(arm, 0, T, seed, limits, tol, rows, count);
+    if (!kept) rows[0] = count, rows[1] = miss;
+    return kept;
 }
 
 int kr_nearest(int way, const void *prepared, const kr_arm *arm, const double T[16], const double *seed,
                double tol, double *rows) {
     for (int j = 0; j < arm->n; j++)
         if (!(fabs(seed[j]) <= FARTHEST)) return -1;
-    const int kept = kr_solutions(way, prepared, arm, T, seed, 1, tol, rows, NULL);
+    const int kept = kr_solutions(way, prepared, arm, T, seed, 1, tol, rows);
     if (kept > 0) kr_errors(arm, 0, T, rows, 1, rows + arm->n + 2);
     return kept;
 }
@@ -103,7 +104,7 @@ int kr_solutions_of_each(int way, const void *prepared, const kr_arm *arm, const
     const int n = arm->n;
     double rows[MOST * (KR_MAX_JOINTS + 2)];
     for (int i = 0; i < count; i++, T += 16, q += branches * n, valid += branches) {
-        const int kept = kr_solutions(way, prepared, arm, T, NULL, limits, tol, rows, NULL);
+        const int kept = kr_solutions(way, prepared, arm, T, NULL, limits, tol, rows);
         if (kept < 0) return i;
         kr_by_branch(n, branches, rows, kept, q, valid);
     }
@@ -115,7 +116,7 @@ int kr_nearest_of_each(int way, const void *prepared, const kr_arm *arm, const d
     const int n = arm->n;
     double rows[MOST * (KR_MAX_JOINTS + 2)];
     for (int i = 0; i < count; i++, T += 16, seeds += n, q += n) {
-        const int kept = kr_solutions(way, prepared, arm, T, seeds, 1, tol, rows, NULL);
+        const int kept = kr_solutions(way, prepared, arm, T, seeds, 1, tol, rows);
         if (kept < 0) return i;
         branch[i] = kept ? (long long)rows[0] : -1;
         for (int j = 0; j < n; j++) q[j] = kept ? rows[2 + j] : NAN;

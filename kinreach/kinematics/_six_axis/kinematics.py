@@ -223,10 +223,10 @@ class SixAxisKinematics(CompiledKinematics):
             (branch,) = np.nonzero(valid[:, 0])
             return np.column_stack([branch, np.zeros(len(branch)), q[:, branch, 0].T])
         rows, near = new_rows(self.branches), NULL if start is None else doubles(start)
-        count = lib.kr_solutions(*self._arguments, doubles(pose), near, False, tol, rows, NULL)
+        count = lib.kr_solutions(*self._arguments, doubles(pose), near, False, tol, rows)
         found = as_rows(rows)[:count].copy()
         if limits and found[:, FLAGS].any():
-            count = lib.kr_solutions(*self._arguments, doubles(pose), near, True, tol, rows, NULL)
+            count = lib.kr_solutions(*self._arguments, doubles(pose), near, True, tol, rows)
             for row in as_rows(rows)[:count]:
                 found[found[:, BRANCH] == row[BRANCH]] = row
         return found

@@ -402,10 +402,11 @@ class CalibratedURKinematics(URKinematics):
     def _axis_postures(self, goal: AxisGoal, start: Floats | None, q6: float, tol: float) -> tuple[Floats, int]:
         """Only wrist_3 turns about the tool's axis: joints 1 to 5 are those of any pose with this direction."""
         (T,) = poses_about(goal.position, goal.axis, np.zeros(1))
-        rows, counts = np.empty((self.branches, ROW)), ffi.new("int[2]")
-        count = lib.kr_solutions(*self._arguments, doubles(T), NULL, False, tol, doubles(rows), counts)
+        rows = np.empty((self.branches, ROW))
+        count = lib.kr_solutions(*self._arguments, doubles(T), NULL, False, tol, doubles(rows))
+        miss = 0 if count else int(rows[0, 1])
         rows[:, -1] = q6
-        return rows[:count], counts[1]
+        return rows[:count], miss
 
     @property
     def _wrist_3_turns_tip(self) -> bool:
