@@ -13,7 +13,7 @@ import os
 import re
 import select
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from shlex import quote
@@ -45,7 +45,7 @@ COMMANDS = {
     "compare": Command("kinreach.compare._cli", "put all methods on the same goals and report how they do"),
     "train": Command("kinreach.baselines._train_cli", "train a policy by a recipe"),
     "evaluate": Command("kinreach.baselines._evaluate_cli", "try policies on goals they were not trained on"),
-    "ik": Command("kinreach.kinematics._ik_cli", "joint angles for poses of an arm's tool"),
+    "ik": Command("kinreach.deploy._ik_cli", "joint angles for poses of an arm's tool"),
     "calibrate": Command("kinreach.deploy._calibrate_cli", "find a UR's calibration in the files of its owner"),
     "check": Command("kinreach.deploy._check_cli", "what an arm is and how its inverse kinematics does"),
     "demo": Command("kinreach.demo._cli", "watch an environment with a policy, or film it"),
@@ -173,6 +173,12 @@ def complain(text: str) -> None:
         print(line, file=sys.stderr, flush=True)
     except OSError:
         _discard(sys.stderr)
+
+
+def print_notes(notes: Iterable[str]) -> None:
+    """Print on stderr what was left out or assumed, a line each."""
+    for note in notes:
+        complain(f"note: {in_flags(note)}")
 
 
 def _is_stuck(stream: IO[str]) -> bool:

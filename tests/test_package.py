@@ -35,7 +35,7 @@ ROOMS["view"] = {"demo", *ROOMS["demo"]}
 ROOMS["deploy"] = {"sim", "plots", *ROOMS["sim"]}
 #: Modules that every room may import, and that import none: but for the command line, which loads jobs by their names.
 FOUNDATION = {
-    "checks", "cli", "engines", "errors", "files", "jobs", "objects", "provenance", "registration",
+    "checks", "cli", "engines", "errors", "files", "flags", "jobs", "objects", "provenance", "registration",
     "rotations", "statistics", "tensors",
 }  # fmt: skip
 ENGINES = ("pinocchio", "coal", "placo", "mujoco", "torch", "stable_baselines3", "cv2", "matplotlib")

@@ -12,8 +12,8 @@ import pytest
 from kinreach import cli
 from kinreach._tables import read_table, table_of
 from kinreach.deploy import read_trajectory
+from kinreach.deploy._ik_cli import read_poses
 from kinreach.errors import InputError
-from kinreach.kinematics._ik_cli import read_poses
 from kinreach.robots._pairs import PosePairs
 
 HEADER = ["x", "y", "z", "rx", "ry", "rz"]

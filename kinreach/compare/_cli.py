@@ -18,14 +18,14 @@ from kinreach._objects import load_object
 from kinreach._provenance import digest
 from kinreach._statistics import tables
 from kinreach._terminal import Console
-from kinreach.cli import HELP, Parser, quoted
+from kinreach.cli import HELP, Parser, print_notes, quoted
 from kinreach.compare._motion import with_motion
 from kinreach.compare._options import Flag, OptionFlags
 from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare._task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError, OtherResultsError
 from kinreach.robots import ArmDescription, arm_names, get_arm
-from kinreach.robots.inside import ARM_FLAGS, add_arm_flags, arm_of, package_dirs_of, print_notes
+from kinreach.robots.inside import ArmFlags
 
 #: Width that the tables for people fit into [characters].
 TABLE_WIDTH = 100
@@ -91,14 +91,15 @@ def _task(name: str) -> Task:
 
 def _arm(arguments: argparse.Namespace) -> str | ArmDescription | None:
     """Return the arm of the flags, by its name if it is an unchanged registered one."""
-    changed = [name for name in ARM_FLAGS if getattr(arguments, name)]
+    changed = [name for name in ArmFlags.NAMES if getattr(arguments, name)]
     if arguments.arm is None:
         if changed:
             raise InputError(f"--{changed[0].replace('_', '-')} needs --arm")
         return None
     if not changed and arguments.arm in arm_names():
         return str(arguments.arm)
-    print_notes(arm := arm_of(arguments.arm, arguments))
+    arm = ArmFlags.of(arguments).arm(arguments.arm)
+    print_notes(arm.notes)
     return arm
 
 
@@ -108,7 +109,7 @@ def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: M
     Text that is too long or not fit for a name is replaced by its digest.
     """
     methods = "" if arguments.methods is None else arguments.methods.replace(" ", "")
-    given = [getattr(arguments, name) for name in ARM_FLAGS]
+    given = [getattr(arguments, name) for name in ArmFlags.NAMES]
     about = digest(repr(given).encode())[:8] if any(given) else ""
     parts = [arm, about, "camera" if arguments.observation == CAMERA else "", methods]
     parts += [f"goals{arguments.goals}"] if arguments.goals != DEFAULT_GOALS else []
@@ -165,8 +166,8 @@ def _command(
     for name in ("arm", "methods"):
         value = getattr(arguments, name)
         words += [] if value is None else [f"--{name}", quoted(value)]
-    for name in ARM_FLAGS:
-        given = package_dirs_of(arguments) if name == "package_dir" else getattr(arguments, name)
+    for name in ArmFlags.NAMES:
+        given: Any = ArmFlags.of(arguments).package_dirs if name == "package_dir" else getattr(arguments, name)
         for value in given if isinstance(given, list) else [given]:
             if value:
                 words += [f"--{name.replace('_', '-')}", *([] if value is True else [quoted(value)])]
@@ -207,7 +208,7 @@ def _parser(prog: str) -> Parser:
         help="another arm for the tasks ur5, space and arm3: its name, a URDF file, or module:attribute; by default "
         "with solvers, and the policies that were trained for it",
     )
-    add_arm_flags(parser)
+    ArmFlags.add_to(parser)
     parser.add_argument("--methods", metavar="A,B", help="methods to compare, see below (default: all of the task's)")
     parser.add_argument("--goals", type=int, default=DEFAULT_GOALS, metavar="N", help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the goals (default: %(default)s)")

@@ -8,9 +8,6 @@
 The modules are internal.
 """
 
-from kinreach.deploy._client import URClient
-from kinreach.deploy._program import Move, Program
-from kinreach.deploy._server import SimulatedUR
-from kinreach.deploy._trajectory_files import read_trajectory, write_trajectory
+import lazy_loader
 
-__all__ = ["Move", "Program", "SimulatedUR", "URClient", "read_trajectory", "write_trajectory"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

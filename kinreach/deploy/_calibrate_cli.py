@@ -10,6 +10,7 @@ import numpy as np
 
 from kinreach._checks import Floats, check_count, check_path, printable
 from kinreach._files import replacing
+from kinreach._flags import numbers_of
 from kinreach.cli import Parser, complain, in_flags, say
 from kinreach.deploy._client import URClient
 from kinreach.deploy._primary import PRIMARY_PORT
@@ -17,7 +18,6 @@ from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import pose
 from kinreach.robots import PosePairs, calibrate
-from kinreach.robots.inside import numbers_of
 
 #: Postures that are read from a robot by default, how much a joint must turn between two [rad], and how long nothing
 #: may happen [s].

@@ -12,13 +12,13 @@ import numpy as np
 from kinreach._checks import check_count, check_path, printable
 from kinreach._files import replacing
 from kinreach._rotations import listed_pose
-from kinreach.cli import Parser
+from kinreach.cli import Parser, print_notes
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.kinematics.inside import POSE_JOINTS, CalibratedURKinematics, SevenAxisKinematics, SixAxisKinematics
 from kinreach.plots.inside import draw_workspace
 from kinreach.robots import PosePairs
-from kinreach.robots.inside import JOINTS, add_arm_flags, arm_of, print_notes, tool_of
+from kinreach.robots.inside import JOINTS, ArmFlags
 
 #: Part of the data sheet's error that the calibration of a recording's robot leaves at most, and another's at least.
 TELLING, OTHER = 0.5, 1.2
@@ -163,7 +163,7 @@ def _deviation(found: check.Deviation) -> Iterator[str]:
 
 def _explained(subject: Subject, arguments: argparse.Namespace) -> Iterator[str]:
     """Yield how well the arm, and its data sheet beside it, explain a recording."""
-    kin, tool = subject.kinematics, tool_of(arguments)
+    kin, tool = subject.kinematics, ArmFlags.of(arguments).tool
     pairs = PosePairs.read(arguments.log, joints=() if kin.arm.joints == JOINTS else kin.arm.joints)
     if pairs.q.shape[1] != kin.n:
         raise InputError(f"arm {kin.arm.name!r} has {kin.n} joints, {pairs.source} has {pairs.q.shape[1]}")
@@ -221,12 +221,13 @@ def _subject(arguments: argparse.Namespace) -> Subject:
     """The arm of a name or URDF, with its calibration and tool."""
     if Path(arguments.arm).suffix.lower() in (".yaml", ".yml", ".conf"):
         raise InputError(f"{arguments.arm} is a calibration: name its UR too, such as check ur5e --calibration FILE")
-    print_notes(arm := arm_of(arguments.arm, arguments))
+    arm = ArmFlags.of(arguments).arm(arguments.arm)
+    print_notes(arm.notes)
     real = ArmKinematics.of(arm)
     if arguments.calibration is None:
         return Subject(real, None)
     arguments.calibration = None
-    return Subject(real, ArmKinematics.of(arm_of(arguments.arm, arguments)))
+    return Subject(real, ArmKinematics.of(ArmFlags.of(arguments).arm(arguments.arm)))
 
 
 def _parser(prog: str) -> Parser:
@@ -244,7 +245,7 @@ def _parser(prog: str) -> Parser:
         "--poses", type=int, default=POSES, help=f"number of poses that the solvers are tried on ({POSES})"
     )
     parser.add_argument("--seed", type=int, default=0, help="of the random postures (0)")
-    add_arm_flags(parser)
+    ArmFlags.add_to(parser)
     parser.add_argument("--picture", metavar="FILE.png", help="draw the workspace from the side")
     parser.add_argument(
         "--log",

@@ -10,7 +10,8 @@ import numpy as np
 
 from kinreach._checks import Floats, check_number, check_path, printable
 from kinreach._files import replacing, write_text
-from kinreach.cli import Parser, say
+from kinreach._flags import numbers_of, pose_numbers_of, posture_of
+from kinreach.cli import Parser, print_notes, say
 from kinreach.deploy._client import URClient
 from kinreach.deploy._controller import FINISHED, Controller, Recording, check_is_ur, tcp_of
 from kinreach.deploy._model import (
@@ -25,21 +26,15 @@ from kinreach.deploy._model import (
 from kinreach.deploy._planning import SPEED, Leg, planned_program
 from kinreach.deploy._primary import PRIMARY_PORT
 from kinreach.deploy._program import Program
+from kinreach.deploy._remarks import tool_note
 from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.deploy._states import RobotState
+from kinreach.deploy._surroundings import add_surroundings, surrounded
 from kinreach.errors import InputError, PathError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pose, pose_vector
-from kinreach.kinematics.inside import (
-    PATH_MARGIN,
-    ClosedFormKinematics,
-    Trajectory,
-    add_surroundings,
-    pose_error,
-    surrounded,
-    tool_note,
-)
+from kinreach.kinematics.inside import PATH_MARGIN, ClosedFormKinematics, Trajectory, pose_error
 from kinreach.robots import ArmDescription
-from kinreach.robots.inside import add_arm_flags, arm_of, numbers_of, pose_numbers_of, posture_of, print_notes
+from kinreach.robots.inside import ArmFlags
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,7 +56,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     ports = [int(number) for number in numbers_of("--ports", arguments.ports, 2)]
     check_number("--speed", arguments.speed, above=0.0, most=1.0)
     goals = [pose(pose_numbers_of("--to", text, strict=True)) for text in arguments.to]
-    print_notes(arm := arm_of(arguments.arm, arguments))
+    arm = ArmFlags.of(arguments).arm(arguments.arm)
+    print_notes(arm.notes)
     check_is_ur(arm)
     arm = surrounded(ArmKinematics(arm, base="base"), arguments, cell=not arguments.no_cell)
     job = _Job(arm, goals, linear=arguments.linear, speed=arguments.speed, blend=arguments.blend)
@@ -314,7 +310,7 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument("--no-cell", action="store_true", help="no table and no floor around the arm")
     add_surroundings(parser, "the frame base, as on the pendant")
-    add_arm_flags(parser)
+    ArmFlags.add_to(parser)
     return parser
 
 

@@ -12,9 +12,10 @@ from kinreach._checks import Floats
 from kinreach._rotations import wrapped
 from kinreach.deploy._commanded import Commanded
 from kinreach.deploy._program import AT_START, MAX_TOOL_SPEED, MIN_AT_START, Move, Program, motion_of
+from kinreach.deploy._remarks import why_none
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import CollisionChecker, joint_line, plan_path, pose_vector, tool_line
-from kinreach.kinematics.inside import ClosedFormKinematics, why_none
+from kinreach.kinematics.inside import ClosedFormKinematics
 
 #: Default part of the joints' speed limits, and of `MAX_TOOL_SPEED`.
 SPEED = 0.25

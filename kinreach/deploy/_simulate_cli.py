@@ -11,13 +11,14 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from kinreach._checks import check_number, printable
-from kinreach.cli import Parser, say
+from kinreach._flags import posture_of
+from kinreach.cli import Parser, print_notes, say
 from kinreach.deploy._controller import check_is_ur, rate_of
 from kinreach.deploy._rtde import RTDE_PORT, SCRIPT_PORT
 from kinreach.deploy._server import SimulatedUR
+from kinreach.deploy._surroundings import add_surroundings, surrounded
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics.inside import add_surroundings, surrounded
-from kinreach.robots.inside import add_arm_flags, arm_of, posture_of, print_notes
+from kinreach.robots.inside import ArmFlags
 
 _ABOUT = (
     "This is not URSim: it runs the URScript that kinreach writes, and nothing else.\n"
@@ -30,7 +31,8 @@ MAX_LINES, PATIENCE = 1000, 1.0
 def main(argv: Sequence[str], *, prog: str) -> int:
     """Serve a simulated UR until Ctrl-C."""
     arguments = _parser(prog).parse_args(argv)
-    print_notes(arm := arm_of(arguments.arm, arguments))
+    arm = ArmFlags.of(arguments).arm(arguments.arm)
+    print_notes(arm.notes)
     check_is_ur(arm)
     kin = ArmKinematics(arm, base="base")
     arm = surrounded(kin, arguments, cell=not arguments.no_cell)
@@ -127,5 +129,5 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument("--no-cell", action="store_true", help="no table and no floor around the arm")
     add_surroundings(parser, "the frame base, as on the pendant")
-    add_arm_flags(parser)
+    ArmFlags.add_to(parser)
     return parser

@@ -13,8 +13,6 @@ from ._collision import disabled_pairs as disabled_pairs
 from ._goals import pose_error as pose_error
 from ._goals import rotation_angle as rotation_angle
 from ._motion_check import MIN_MARGIN as MIN_MARGIN
-from ._remarks import tool_note as tool_note
-from ._remarks import why_none as why_none
 from ._seven_axis.curves import SelfMotion as SelfMotion
 from ._seven_axis.curves import SelfMotions as SelfMotions
 from ._seven_axis.kinematics import SevenAxisKinematics as SevenAxisKinematics
@@ -26,8 +24,6 @@ from ._solvers import SOLVERS as SOLVERS
 from ._solvers import Solver as Solver
 from ._solvers import Tolerance as Tolerance
 from ._solvers import new_solver as new_solver
-from ._surroundings import add_surroundings as add_surroundings
-from ._surroundings import surrounded as surrounded
 from ._trajectory import Trajectory as Trajectory
 from ._ur.geometry import Miss as Miss
 from ._ur.geometry import ur_branch as ur_branch

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from kinreach._checks import check_count
-from kinreach.cli import Parser
+from kinreach.cli import Parser, print_notes
 from kinreach.robots import THESIS_ARM, Tool, arm_names
-from kinreach.robots.inside import FILES, add_arm_flags, arm_options, arm_with, print_notes
+from kinreach.robots.inside import FILES, ArmFlags
 from kinreach.view._results import read_results
 from kinreach.view._server import Server
 from kinreach.view._setup import Setup
@@ -25,13 +25,13 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     check_count("port", arguments.port, least=1, most=MAX_PORT)
     setup = setup_of(
         arguments.arm,
-        **arm_options(arguments),
+        **vars(ArmFlags.of(arguments)),
         simple=arguments.simple,
         policy=arguments.policy,
         results=arguments.results,
         environment=arguments.environment,
     )
-    print_notes(setup.arm)
+    print_notes(setup.arm.notes)
     server = Server(setup, port=arguments.port)
     try:
         print(f"{server.address}  (only on this machine; Ctrl-C ends it)", flush=True)
@@ -55,9 +55,9 @@ def setup_of(
     environment: str | None = None,
     **options: Any,
 ) -> Setup:
-    """Check the arguments and return the setup of every tab; the other options are those of `arm_with`."""
-    description = arm_with(arm, calibration=calibration, repair=repair, tool=tool, **options)
-    nominal = None if calibration is None else arm_with(arm, tool=tool, **options)
+    """Check the arguments and return the setup of every tab; the other options are those of `ArmFlags`."""
+    description = ArmFlags(calibration, repair, tool, **options).arm(arm)
+    nominal = None if calibration is None else ArmFlags(tool=tool, **options).arm(arm)
     given = "".join(f", {name}={value!r}" for name, value in options.items() if value)
     module, _, attribute = arm.partition(":")
     sheet = repr(arm.lower()) if arm.lower() in arm_names() else f"import_module({module!r}).{attribute}"
@@ -101,5 +101,5 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument("--simple", action="store_true", help="draw fewer triangles, without a graphics card")
     parser.add_argument("--open", action="store_true", help="open a browser")
-    add_arm_flags(parser)
+    ArmFlags.add_to(parser)
     return parser

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.robots._flags import add_arm_flags, arm_of, joints_of, package_dirs_of, tool_of
+from kinreach.robots._flags import ArmFlags
 from kinreach.robots._tools import TOOLS
 
 CENTRE = "0.01,-0.02 0.15,0,0,1.5"
@@ -15,7 +15,7 @@ CENTRE = "0.01,-0.02 0.15,0,0,1.5"
 
 def parsed(*words):
     parser = argparse.ArgumentParser()
-    add_arm_flags(parser)
+    ArmFlags.add_to(parser)
     return parser.parse_args([*words])
 
 
@@ -33,7 +33,7 @@ def parsed(*words):
     ],
 )
 def test_a_tool_is_what_its_flags_say(flags, mass, mesh, scale, radius):
-    tool = tool_of(parsed("--tool", CENTRE, *flags))
+    tool = ArmFlags.of(parsed("--tool", CENTRE, *flags)).tool
     np.testing.assert_allclose(tool.T[:3, 3], [0.01, -0.02, 0.15])
     assert (tool.mass, tool.mesh, tool.mesh_scale) == (mass, mesh, scale)
     assert [shape.size[0] for shape in tool.shapes] == ([] if radius is None else [radius])
@@ -44,17 +44,17 @@ def test_a_tool_is_what_its_flags_say(flags, mass, mesh, scale, radius):
 
 
 def test_tools_by_name_and_none():
-    assert tool_of(parsed()) is None
+    assert ArmFlags.of(parsed()).tool is None
     for name, tool in TOOLS.items():
-        assert tool_of(parsed("--tool", name)) is tool
+        assert ArmFlags.of(parsed("--tool", name)).tool is tool
 
 
 @pytest.mark.parametrize("flag", ["mass", "radius", "mesh", "mesh-scale"])
 def test_what_describes_a_tool_needs_one_without_a_shape(flag):
     with pytest.raises(InputError, match=f"^--tool-{flag} needs --tool$"):
-        tool_of(parsed(f"--tool-{flag}", "1"))
+        ArmFlags.of(parsed(f"--tool-{flag}", "1"))
     with pytest.raises(InputError, match=f"has a shape and a mass; leave out --tool-{flag}$"):
-        tool_of(parsed("--tool", next(iter(TOOLS)), f"--tool-{flag}", "1"))
+        ArmFlags.of(parsed("--tool", next(iter(TOOLS)), f"--tool-{flag}", "1"))
 
 
 @pytest.mark.parametrize(
@@ -70,13 +70,15 @@ def test_what_describes_a_tool_needs_one_without_a_shape(flag):
 )
 def test_numbers_and_contradictions_are_named(flags, said):
     with pytest.raises(InputError, match=said):
-        arm_of("ur5e", parsed(*flags))
+        ArmFlags.of(parsed(*flags)).arm("ur5e")
 
 
 def test_joints_and_folders():
-    assert joints_of(parsed()) is None
-    assert joints_of(parsed("--joints", "a, b,c ")) == ["a", "b", "c"]
-    assert package_dirs_of(parsed()) == []
-    assert package_dirs_of(parsed("--package-dir", f"x{os.pathsep}y", "--package-dir", f"z{os.pathsep}")) == [*"xyz"]
-    assert arm_of("ur5e", parsed("--tip", "tool0")).default_tip == "tool0"
-    assert arm_of("ur5e", parsed("--tool", CENTRE)).default_tip == "tool"
+    assert ArmFlags.of(parsed()).joints is None
+    assert ArmFlags.of(parsed("--joints", "a, b,c ")).joints == ["a", "b", "c"]
+    assert ArmFlags.of(parsed()).package_dirs == []
+    assert ArmFlags.of(parsed("--package-dir", f"x{os.pathsep}y", "--package-dir", f"z{os.pathsep}")).package_dirs == [
+        *"xyz"
+    ]
+    assert ArmFlags.of(parsed("--tip", "tool0")).arm("ur5e").default_tip == "tool0"
+    assert ArmFlags.of(parsed("--tool", CENTRE)).arm("ur5e").default_tip == "tool"

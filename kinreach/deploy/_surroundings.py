@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from kinreach._flags import numbers_of
 from kinreach.errors import InputError
-from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._collision import CollisionChecker, NoShapesError
+from kinreach.kinematics import ArmKinematics, CollisionChecker
+from kinreach.kinematics.inside import NoShapesError
 from kinreach.robots import ArmDescription, Box, Workcell
-from kinreach.robots.inside import numbers_of
 
 #: Edges of the table of `--table` [m].
 TABLE_SIZE = (6.0, 6.0, 1.0)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._collision import CollisionChecker
-from kinreach.kinematics._ur.kinematics import URKinematics
+from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
 from kinreach.robots.inside import TOOL, TOOL_BODY
 
 #: A position farther away than this many lengths of the arm is not in metres.

@@ -13,27 +13,16 @@ from rich.progress import Progress
 
 from kinreach._checks import Floats, check_path, printable
 from kinreach._files import write_text
+from kinreach._flags import may_be_degrees, pose_numbers_of, posture_of
 from kinreach._rotations import pose
 from kinreach._tables import read_table
-from kinreach.cli import Parser, complain
+from kinreach.cli import Parser, complain, print_notes
+from kinreach.deploy._remarks import tool_note, why_none
+from kinreach.deploy._surroundings import add_surroundings, surrounded
 from kinreach.errors import InputError
-from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._closed_form import ClosedFormKinematics
-from kinreach.kinematics._collision import CollisionChecker, NoShapesError
-from kinreach.kinematics._goals import PoseGoal
-from kinreach.kinematics._remarks import tool_note, why_none
-from kinreach.kinematics._surroundings import add_surroundings, surrounded
-from kinreach.kinematics._ur.geometry import ur_branch
-from kinreach.kinematics._ur.kinematics import URKinematics
-from kinreach.robots.inside import (
-    JOINTS,
-    add_arm_flags,
-    arm_of,
-    may_be_degrees,
-    pose_numbers_of,
-    posture_of,
-    print_notes,
-)
+from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, URKinematics
+from kinreach.kinematics.inside import ClosedFormKinematics, NoShapesError, ur_branch
+from kinreach.robots.inside import JOINTS, ArmFlags
 
 #: Columns of the poses that are read.
 COLUMNS = ("x", "y", "z", "rx", "ry", "rz")
@@ -72,7 +61,7 @@ class Answers:
         if isinstance(kin, ClosedFormKinematics):
             solutions = kin.all_solutions(T, seed=self.seed)
             return list(zip(solutions.q, solutions.branch.tolist(), strict=True)), why_none(kin, T, solutions.reason)
-        from kinreach.kinematics._solvers import LevenbergMarquardtSolver
+        from kinreach.kinematics import LevenbergMarquardtSolver
 
         accept = None if self.checker is None else self.checker.free
         result = LevenbergMarquardtSolver(kin).solve(PoseGoal(T), self.seed, accept=accept)
@@ -106,7 +95,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         raise InputError("give --pose or --poses")
     if (arguments.poses is None) != (arguments.out is None):
         raise InputError("--poses and --out belong together")
-    print_notes(arm := arm_of(arguments.arm, arguments))
+    arm = ArmFlags.of(arguments).arm(arguments.arm)
+    print_notes(arm.notes)
     default = "base" if arm.joints == JOINTS else "base_link"
     base = _base(arguments.base) if arguments.base else default
     kin = ArmKinematics.of(arm, base=base)
@@ -235,5 +225,5 @@ def _parser(prog: str) -> Parser:
         "--cell", action="store_true", help="check the obstacles of the arm's work cell in kinreach, too"
     )
     add_surroundings(parser, "the frame of the poses")
-    add_arm_flags(parser)
+    ArmFlags.add_to(parser)
     return parser

@@ -1,0 +1,63 @@
+"""Numbers on the command line: poses and postures, as people type them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import shown
+from kinreach.cli import complain
+from kinreach.errors import InputError
+
+
+def numbers_of(flag: str, text: str, count: int) -> list[float]:
+    """Return the numbers of a flag, separated by commas or spaces, also in URScript's brackets: p[...] or [...]."""
+    bare = text.strip().removeprefix("p")
+    bare = bare[1:-1] if bare[:1] + bare[-1:] == "[]" else text
+    words, values = bare.replace(",", " ").split(), []
+    wanted = "a number" if count == 1 else f"{count} numbers, separated by commas"
+    for word in words:
+        try:
+            values.append(float(word))
+        except ValueError:
+            which = f": {shown(word)} is no number" if count > 1 else ""
+            raise InputError(f"{flag} must be {wanted}, got {shown(text)}{which}") from None
+    if len(values) != count:
+        raise InputError(f"{flag} must be {wanted}, got {shown(text)}")
+    return values
+
+
+def pose_numbers_of(flag: str, text: str, *, strict: bool = False) -> list[float]:
+    """Return the six numbers of a pose; one whose rotation vector may be in degrees gets a note, or is refused."""
+    numbers = numbers_of(flag, text, 6)
+    said = may_be_degrees(f"of {flag}", numbers[3:])
+    if said and strict:
+        raise InputError(said)
+    if said:
+        complain(f"note: {said}")
+    return numbers
+
+
+def may_be_degrees(of: str, rotation: Sequence[float]) -> str:
+    """Say so if a rotation vector is longer than a turn; empty if it is not."""
+    turns = float(np.linalg.norm(rotation)) / (2 * np.pi)
+    said = f"the rotation vector {of} is {turns:.3g} turns long; rx, ry, rz are in radians, not degrees"
+    return said if turns > 1.0 else ""
+
+
+def posture_of(
+    flag: str, text: str, count: int, *, degrees: bool, limits: Sequence[ArrayLike] = ()
+) -> NDArray[np.float64]:
+    """Return the joint angles of a flag [rad], within a turn, or within the limits of joints that turn farther."""
+    angles = np.array(numbers_of(flag, text, count))
+    q = np.radians(angles) if degrees else angles
+    most = np.abs(np.array([np.full(count, 2.0 * np.pi), *limits])).max(axis=0)
+    beyond = ~(np.abs(q) <= most + 1e-6)
+    if beyond.any():
+        joint = int(np.where(beyond, np.abs(q), 0.0).argmax())
+        unit = f"±{np.degrees(most[joint]):g} degrees" if degrees else f"±{most[joint]:.4g} rad"
+        hint = "" if degrees else "; for degrees add --degrees"
+        raise InputError(f"{flag} must be within {unit}, got {angles[joint]:g}{hint}")
+    return q
