@@ -162,6 +162,19 @@ def pose_vector(T: ArrayLike) -> Floats:
     return np.concatenate([T[..., :3, 3], turned], axis=-1)
 
 
+def pose_error(T_wanted: Floats, T: Floats) -> tuple[float, float]:
+    """Return the distance [m] and the angle [rad] between two poses, shape (4, 4)."""
+    position = math.dist(T_wanted[:3, 3].tolist(), T[:3, 3].tolist())
+    return position, rotation_angle(T[:3, :3], T_wanted[:3, :3])
+
+
+def rotation_angle(R_a: Floats, R_b: Floats) -> float:
+    """Return the angle [rad] of the rotation from `R_a` to `R_b`, exact also where it is tiny."""
+    (_, b, c), (d, _, f), (g, h, _) = rows = (R_a.T @ R_b).tolist()
+    sine = math.hypot(h - f, c - g, d - b)
+    return math.atan2(sine, rows[0][0] + rows[1][1] + rows[2][2] - 1.0)
+
+
 def listed_pose(T: Floats) -> str:
     """Return the six numbers of a pose (4, 4) as flags take them, to 1e-7 m and rad."""
     return ",".join(f"{number:.6g}" for number in pose_vector(T).round(7) + 0.0)

@@ -18,6 +18,10 @@ class InputError(KinreachError, ValueError):
     """A value, shape or range that cannot be used; the message names it and gives the reason."""
 
 
+class NoShapesError(InputError):
+    """An arm without collision shapes was asked what collides; the message says why it has none."""
+
+
 class UnknownNameError(InputError):
     """A name that is not registered; the message lists the available ones."""
 

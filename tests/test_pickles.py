@@ -18,13 +18,14 @@ from kinreach.kinematics import (
     MotionLimits,
     PoseGoal,
     PositionGoal,
+    Tolerance,
     URKinematics,
 )
 from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
-from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, PosePairs, QuadrantRegion, Tool, get_arm
+from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, PosePairs, QuadrantRegion, Tool, calibrate, get_arm
 from kinreach.robots._urdf import Solid
 from kinreach.vision import Intrinsics, SensorNoise
 from kinreach.vision._ball_finder import BallFix
@@ -53,7 +54,7 @@ def samples():
         arm3.all_solutions(arm3.fk(q[:3])[:3, 3]),
         ur5.all_solutions(far), ur5.nearest(ur5.fk(q), q), ur5.batch(ur5.fk(q)[None]),
         ur5.nearest_batch(ur5.fk(q)[None], q[None]),
-        PoseGoal(far), AxisGoal(q[:3]), PositionGoal(q[:3]),
+        Tolerance(), PoseGoal(far), AxisGoal(q[:3]), PositionGoal(q[:3]),
         MotionLimits.of("ur5"), motion := Trajectory(("one", "two"), [0.0, 0.5], np.zeros((2, 2)), np.ones((2, 2))),
         Recording(motion, motion, 2, ""), move := Move("movej", q, 0.5, 1.0), Program(q, q, (move,)),
         RobotState(0.5, q, q, q, q, q, 7, 1, 1, 1.0, None, 2),
@@ -61,6 +62,7 @@ def samples():
         get_arm("ur5-thesis").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"]),
         cell, *cell.obstacles, cell.goals, *get_arm("ur5-thesis").cameras, get_arm("ur5-thesis").gripper,
         Tool.tube(np.array([0, 0, 0.1, 0, 0, 0]), 0.03, mass=1.0), Solid((0.1, 0.2, 0.3)),
+        calibrate(PUBLISHED_CALIBRATIONS["ur5_a"], arm="ur5"),
         Obstacle("ball", (0.1,), (1.0,) * 6), QuadrantRegion((0.1, 0.7), (0.0, 0.7)),
         PosePairs("rows.csv", np.zeros((2, 6)), np.tile(np.eye(4), (2, 1, 1)), None, ("line 2", "line 3")),
         picture, fix, GoalMeasurement(q, np.array([True, False]), (fix, None), (picture, picture)),

@@ -18,9 +18,9 @@ from benchmarks.ik_arms.child import forked
 from benchmarks.ik_arms.solvers import SSIK, Kinreach, Solver
 from benchmarks.studies.calibrated_arms import ORACLE, ROBOTS
 from kinreach._checks import Floats
+from kinreach._rotations import pose_error
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._goals import pose_error
 
 #: A posture is right if its tip is no farther from the pose [m, rad].
 RIGHT = 1e-6

@@ -13,9 +13,9 @@ import numpy as np
 from benchmarks.ik_arms.arms import SEVEN, class_of, parameters
 from benchmarks.speed.peers.analytic import FLIP, eaik_of
 from kinreach._checks import Floats
+from kinreach._rotations import pose_error
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._goals import pose_error
 
 
 class Solver(Protocol):

@@ -18,10 +18,10 @@ import numpy as np
 from benchmarks.speed.peers.analytic import eaik_of, general_ssik_of
 from benchmarks.studies.tables import head, line
 from kinreach._checks import Floats
+from kinreach._rotations import pose_error
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
-from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 

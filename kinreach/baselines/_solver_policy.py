@@ -13,8 +13,7 @@ import numpy as np
 from kinreach._checks import Floats, shown
 from kinreach.baselines._loop import Policy
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, IKResult
-from kinreach.kinematics.inside import Solver
+from kinreach.kinematics import ArmKinematics, IKResult, Solver
 
 
 class SolverPolicy:

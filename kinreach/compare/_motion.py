@@ -14,8 +14,7 @@ from kinreach._engines import load_extra
 from kinreach._statistics import QUANTILES, Column
 from kinreach.compare._task import Task
 from kinreach.errors import InputError
-from kinreach.kinematics import MotionLimits, time_waypoints
-from kinreach.kinematics.inside import Trajectory
+from kinreach.kinematics import MotionLimits, Trajectory, time_waypoints
 
 #: Samples per second [Hz].
 RATE_HZ = 500.0

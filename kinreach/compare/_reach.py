@@ -29,7 +29,8 @@ from kinreach.compare._methods import policy_method, solver_method
 from kinreach.compare._task import SEEDED, Draw, Method, Task, common_columns, resets_to
 from kinreach.envs.inside import PRESS_RADIUS
 from kinreach.errors import InputError
-from kinreach.kinematics.inside import SOLVERS, Tolerance, new_solver
+from kinreach.kinematics import Tolerance
+from kinreach.kinematics.inside import SOLVERS, new_solver
 from kinreach.robots import THESIS_ARM
 from kinreach.sim.inside import TOLERANCE
 from kinreach.thesis import REACHED_DISTANCE

@@ -16,7 +16,6 @@ from kinreach._checks import Floats, check_known, shown
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, BoxRegion, QuadrantRegion
-from kinreach.robots.inside import HULLS
 from kinreach.sim.inside import Scene
 
 #: Draws a figure from all trials and the contents of `results.json`.
@@ -228,6 +227,6 @@ def arm_version(arm: ArmDescription) -> dict[str, str]:
     cell = arm.workcell
     goals = cell.goals if isinstance(cell.goals, BoxRegion | QuadrantRegion) else type(cell.goals).__qualname__
     facts = [getattr(arm, entry.name) for entry in fields(arm) if entry.name not in _OUTSIDE]
-    facts += [] if arm.meshes == HULLS else [arm.meshes]
+    facts += [] if arm.meshes == "hulls" else [arm.meshes]
     content = repr((arm.urdf, facts, replace(cell, goals=None), goals)).encode()
     return {f"arm {arm.name}": provenance.digest(content)}

@@ -14,8 +14,16 @@ from kinreach._files import replacing
 from kinreach._rotations import listed_pose
 from kinreach.cli import Parser, print_notes
 from kinreach.errors import InputError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
-from kinreach.kinematics.inside import POSE_JOINTS, CalibratedURKinematics, SevenAxisKinematics, SixAxisKinematics
+from kinreach.kinematics import (
+    Arm3Kinematics,
+    ArmKinematics,
+    CalibratedURKinematics,
+    SevenAxisKinematics,
+    SixAxisKinematics,
+    URKinematics,
+    check,
+)
+from kinreach.kinematics.inside import POSE_JOINTS
 from kinreach.plots.inside import draw_workspace
 from kinreach.robots import PosePairs
 from kinreach.robots.inside import JOINTS, ArmFlags

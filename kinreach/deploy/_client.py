@@ -13,6 +13,7 @@ from typing import Self
 import numpy as np
 
 from kinreach._checks import Floats, check_count, printable, shown
+from kinreach._rotations import pose_error
 from kinreach.deploy._connection import TIMEOUT, LostError
 from kinreach.deploy._controller import FINISHED, NOT_AT_START, OTHER_ARM, Recording
 from kinreach.deploy._model import DhFigures, apart
@@ -23,8 +24,7 @@ from kinreach.deploy._script_port import ScriptPort
 from kinreach.deploy._signals import Interruption
 from kinreach.deploy._states import REST, RobotState, StateReader
 from kinreach.errors import InputError, RobotError
-from kinreach.kinematics import pose
-from kinreach.kinematics.inside import Trajectory, pose_error
+from kinreach.kinematics import Trajectory, pose
 from kinreach.robots.inside import JOINTS
 
 #: Longest time for the start of a program, in addition for each of its characters, and for the arm to stop [s].

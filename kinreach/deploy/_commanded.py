@@ -11,8 +11,8 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.deploy._motion import BlendedMotion, LineError, Segment, segment_to
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics.inside import SLACK, Trajectory
+from kinreach.kinematics import ArmKinematics, Trajectory
+from kinreach.kinematics.inside import SLACK
 from kinreach.robots.inside import JOINTS
 
 if TYPE_CHECKING:

@@ -27,8 +27,8 @@ from kinreach.deploy._urscript import (
     parsing,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.kinematics.inside import SLACK, Trajectory
+from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
+from kinreach.kinematics.inside import SLACK
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import FLANGE, JOINTS, TOOL_BODY, origin_of, ur_model
 from kinreach.sim import ArmSimulation

@@ -19,9 +19,9 @@ from kinreach._tables import read_table
 from kinreach.cli import Parser, complain, print_notes
 from kinreach.deploy._remarks import tool_note, why_none
 from kinreach.deploy._surroundings import add_surroundings, surrounded
-from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, URKinematics
-from kinreach.kinematics.inside import ClosedFormKinematics, NoShapesError, ur_branch
+from kinreach.errors import InputError, NoShapesError
+from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, CollisionChecker, PoseGoal, URKinematics
+from kinreach.kinematics.inside import ur_branch
 from kinreach.robots.inside import JOINTS, ArmFlags
 
 #: Columns of the poses that are read.

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kinreach._checks import Floats
+from kinreach._rotations import pose_error
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.kinematics.inside import pose_error
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import FLANGE, UR_LENGTHS
 

@@ -11,6 +11,7 @@ import numpy as np
 from kinreach._checks import Floats, check_number, check_path, printable
 from kinreach._files import replacing, write_text
 from kinreach._flags import numbers_of, pose_numbers_of, posture_of
+from kinreach._rotations import pose_error
 from kinreach.cli import Parser, print_notes, say
 from kinreach.deploy._client import URClient
 from kinreach.deploy._controller import FINISHED, Controller, Recording, check_is_ur, tcp_of
@@ -31,8 +32,16 @@ from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.deploy._states import RobotState
 from kinreach.deploy._surroundings import add_surroundings, surrounded
 from kinreach.errors import InputError, PathError, RobotError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pose, pose_vector
-from kinreach.kinematics.inside import PATH_MARGIN, ClosedFormKinematics, Trajectory, pose_error
+from kinreach.kinematics import (
+    ArmKinematics,
+    ClosedFormKinematics,
+    CollisionChecker,
+    Trajectory,
+    joint_line,
+    pose,
+    pose_vector,
+)
+from kinreach.kinematics.inside import PATH_MARGIN
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import ArmFlags
 

@@ -14,8 +14,7 @@ from kinreach.deploy._commanded import Commanded
 from kinreach.deploy._program import AT_START, MAX_TOOL_SPEED, MIN_AT_START, Move, Program, motion_of
 from kinreach.deploy._remarks import why_none
 from kinreach.errors import InputError, PathError
-from kinreach.kinematics import CollisionChecker, joint_line, plan_path, pose_vector, tool_line
-from kinreach.kinematics.inside import ClosedFormKinematics
+from kinreach.kinematics import ClosedFormKinematics, CollisionChecker, joint_line, plan_path, pose_vector, tool_line
 
 #: Default part of the joints' speed limits, and of `MAX_TOOL_SPEED`.
 SPEED = 0.25

@@ -48,8 +48,7 @@ from kinreach.deploy._urscript import (
     parse,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.kinematics.inside import Trajectory
+from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import FLANGE, JOINTS
 

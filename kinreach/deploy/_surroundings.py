@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from kinreach._flags import numbers_of
-from kinreach.errors import InputError
+from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.kinematics.inside import NoShapesError
 from kinreach.robots import ArmDescription, Box, Workcell
 
 #: Edges of the table of `--table` [m].

@@ -17,7 +17,7 @@ from kinreach._tables import Table, read_table
 from kinreach.deploy._program import Program
 from kinreach.deploy._urscript import MAX_CHARACTERS
 from kinreach.errors import InputError
-from kinreach.kinematics.inside import Trajectory
+from kinreach.kinematics import Trajectory
 
 #: Largest file [bytes]; nanoseconds of a second.
 MAX_BYTES, NANO = 2**28, 1_000_000_000

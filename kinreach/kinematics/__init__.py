@@ -1,15 +1,16 @@
 """Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, solvers, collisions.
 
 - `ArmKinematics.of`, `ArmKinematics.from_urdf`: the kinematics of an arm, of the class that lists all postures of
-  a pose where there is one: `URKinematics`, `Arm3Kinematics`, a closed form or elimination for other six-axis arms,
-  and curves for seven axes.
+  a pose where there is one: `URKinematics` (`CalibratedURKinematics` of a calibrated one), `Arm3Kinematics`,
+  `SixAxisKinematics`, all of them `ClosedFormKinematics`; and `SevenAxisKinematics`, whose `SelfMotions` are curves.
 - `PoseGoal`, `AxisGoal`, `PositionGoal`: goals of a solver, or your own `Goal`; `IKResult`: its result.
-- `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers with the same interface.
+- `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers with one interface,
+  `Solver`, which stop within a `Tolerance`.
 - `pose`, `pose_vector`: poses as six numbers, as a UR's pendant writes them.
 - `CollisionChecker`: which links touch each other, or an obstacle.
 - `plan_path`, `joint_line`, `tool_line`: paths as waypoints, around obstacles, straight in joint space, and straight
   for the tool.
-- `time_waypoints`, `time_path`: motions along them within the `MotionLimits` of the arm.
+- `time_waypoints`, `time_path`: motions along them within the `MotionLimits` of the arm: a `Trajectory`.
 - `check`: measurements of an arm before you rely on it.
 
 Closed forms, solvers and `check` are imported when they are first used. The modules are internal.

@@ -24,15 +24,16 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_entries, check_known, check_number
 from kinreach._engines import load
 from kinreach._rotations import placement, pose
-from kinreach.errors import InputError
+from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics._arm import ArmKinematics, build_model
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription, Box, Obstacle, arm_names, get_arm
-from kinreach.robots.inside import HULLS, MESHES_AS, Mesh, as_obstacles, collision_mesh, link_at, without_shapes
+from kinreach.robots.inside import MESHES_AS, Mesh, as_obstacles, collision_mesh, link_at, without_shapes
 
 pin: Any = load("pinocchio")
 coal: Any = load("coal")
 
+HULLS, TRIANGLES = MESHES_AS
 #: Joint and frame of the world in every Pinocchio model; obstacles are what is fixed to it directly.
 WORLD = 0
 
@@ -46,10 +47,6 @@ SAMPLES = 300
 
 #: Two links or obstacles by name, in alphabetical order.
 Pair = tuple[str, str]
-
-
-class NoShapesError(InputError):
-    """Some or all collision shapes of the arm are missing."""
 
 
 class Cause(IntEnum):

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from kinreach._checks import MAX_DISTANCE, Floats, as_pose, as_vector, check_poses
 from kinreach._engines import load
 from kinreach._rotations import pose as pose  # public here
+from kinreach._rotations import pose_error
 from kinreach._rotations import pose_vector as pose_vector
 from kinreach._tensors import blocks, like
 from kinreach.errors import InputError
@@ -27,7 +28,7 @@ ROUNDING = 1e-12
 
 
 class Goal(ABC):
-    """What the tip is to meet, in the base frame of the kinematics. Of a class of your own, lm and qp solve it.
+    """What the tip is to meet, in the base frame of the kinematics. The numeric solvers solve a class of your own.
 
     Attributes:
         lengths: How many entries of `way`, the first ones, are lengths; the others are angles.
@@ -77,7 +78,7 @@ class Goal(ABC):
         Raises:
             InputError: This kind of goal names none.
         """
-        raise InputError(f"{type(self).__name__} names no pose that meets it; the solvers lm and qp need none")
+        raise InputError(f"{type(self).__name__} names no pose that meets it; the numeric solvers need none")
 
 
 @dataclass(frozen=True)
@@ -197,12 +198,6 @@ def check_goal(goal: object) -> Goal:
     return goal
 
 
-def pose_error(T_wanted: Floats, T: Floats) -> tuple[float, float]:
-    """Return the distance [m] and the angle [rad] between two poses, shape (4, 4)."""
-    position = dist(T_wanted[:3, 3].tolist(), T[:3, 3].tolist())
-    return position, rotation_angle(T[:3, :3], T_wanted[:3, :3])
-
-
 def nearest_rotations(R: Any) -> Any:
     """Return the rotations nearest to matrices (..., 3, 3) that almost are, by two Newton steps of the polar form."""
     for _ in range(2):
@@ -237,13 +232,6 @@ def rigid_poses(T: Floats) -> Floats:
         T[off, :3, :3] = nearest_rotations(T[off, :3, :3])
         T[:, 3] = (0.0, 0.0, 0.0, 1.0)
     return T
-
-
-def rotation_angle(R_a: Floats, R_b: Floats) -> float:
-    """Return the angle [rad] of the rotation from `R_a` to `R_b`, exact also where it is tiny."""
-    (_, b, c), (d, _, f), (g, h, _) = rows = (R_a.T @ R_b).tolist()
-    sine = hypot(h - f, c - g, d - b)
-    return atan2(sine, rows[0][0] + rows[1][1] + rows[2][2] - 1.0)
 
 
 def _turn_to(x: float, y: float, z: float) -> tuple[float, float]:

@@ -16,10 +16,10 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from kinreach._checks import Floats
-from kinreach.errors import InputError, InstallationError
+from kinreach.errors import InputError, InstallationError, NoShapesError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._closed_form import POSE_JOINTS, ClosedFormKinematics
-from kinreach.kinematics._collision import CollisionChecker, NoShapesError
+from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import PoseGoal, PositionGoal
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
 from kinreach.robots import PosePairs

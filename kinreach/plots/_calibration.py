@@ -10,7 +10,7 @@ from kinreach._checks import Floats
 from kinreach.errors import InputError
 from kinreach.plots._colours import PALETTE
 from kinreach.plots._style import INK, name_label, new_figure, plain_ticks
-from kinreach.robots.inside import CalibratedArm
+from kinreach.robots import CalibratedArm
 
 
 def draw_calibration(result: CalibratedArm) -> Figure:

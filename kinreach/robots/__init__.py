@@ -7,7 +7,8 @@
 - `Obstacle`: a solid or a mesh around the arm, for collision checks and paths.
 - `Tool`: what is mounted on an arm's flange; `Gripper`: two fingers there that move (`ArmDescription.with_gripper`).
 - `read_calibration`: the factory calibration of a UR; `PUBLISHED_CALIBRATIONS` are files of real ones.
-- `calibrate`: a calibration from programs, exports, recordings and tables of an arm's owner, or from `PosePairs`.
+- `calibrate`: a calibration from programs, exports, recordings and tables of an arm's owner, or from `PosePairs`; the
+  result is a `CalibratedArm`.
 
 Data only: nothing here imports a robotics engine. Every arm is one URDF that feeds Pinocchio, placo and MuJoCo. The
 modules are internal.

@@ -1,3 +1,4 @@
+from ._calibrate import CalibratedArm as CalibratedArm
 from ._calibrate import calibrate as calibrate
 from ._calibration import PUBLISHED_CALIBRATIONS as PUBLISHED_CALIBRATIONS
 from ._calibration import read_calibration as read_calibration

@@ -197,6 +197,20 @@ def add_joint(
         ET.SubElement(joint, "mimic", joint=mimic, multiplier="1", offset="0")
 
 
+def skeleton(robot: ET.Element, tip: str) -> tuple[str, str]:
+    """Return a URDF's text without shapes, and so without files, and the link that is the tip in it.
+
+    Some engines, such as placo, find links and joints by one name: where a joint has the tip's, a link in the same
+    place is the tip.
+    """
+    robot = without_shapes(robot, "visual", "collision")
+    if named(robot, "joint", tip) is not None:
+        add_link(robot, f"{tip} (link)")
+        add_joint(robot, f"{tip} (link) mount", tip, f"{tip} (link)")
+        tip = f"{tip} (link)"
+    return ET.tostring(robot, encoding="unicode"), tip
+
+
 #: Bounds of a URDF: characters, links, and how large a number in it may be.
 MAX_CHARACTERS, MAX_LINKS, MAX_NUMBER = 2**23, 500, 1e9
 #: Deepest nesting of elements, and the shortest axis.

@@ -1,4 +1,11 @@
-"""What other rooms use of this one, as `inside.pyi` lists it; what users type is in `kinreach.robots`."""
+"""What other rooms use of this one, as `inside.pyi` lists it; what users type is in `kinreach.robots`.
+
+- `ArmFlags`: the flags of the command line that describe an arm; `FILES`, the endings of files that do.
+- Shapes of links, obstacles and meshes, for drawing, simulation and collision checks.
+- URDF elements: `link_at`, `origin_of`, `without_shapes`, `skeleton`.
+- URs: names of joints and frames, and what the maker's tables say of each model.
+- Identification: an arm's frames from measured positions or poses, with a prior.
+"""
 
 import lazy_loader
 

@@ -1,5 +1,3 @@
-from ._calibrate import CalibratedArm as CalibratedArm
-from ._description import HULLS as HULLS
 from ._description import MESHES_AS as MESHES_AS
 from ._flags import ArmFlags as ArmFlags
 from ._identification import IdentifiedArm as IdentifiedArm
@@ -24,9 +22,7 @@ from ._ur import UR_ACCELERATION as UR_ACCELERATION
 from ._ur import UR_LENGTHS as UR_LENGTHS
 from ._ur import ur_model as ur_model
 from ._ur import ur_speeds as ur_speeds
-from ._urdf import add_joint as add_joint
-from ._urdf import add_link as add_link
 from ._urdf import link_at as link_at
-from ._urdf import named as named
 from ._urdf import origin_of as origin_of
+from ._urdf import skeleton as skeleton
 from ._urdf import without_shapes as without_shapes

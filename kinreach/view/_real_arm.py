@@ -9,9 +9,9 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
+from kinreach._rotations import rotation_angle
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, IKResult, URKinematics
-from kinreach.kinematics.inside import ClosedFormKinematics, rotation_angle
+from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, IKResult, URKinematics
 from kinreach.robots import ArmDescription
 
 #: Cells of a map along its longer edge.

@@ -11,7 +11,7 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach._engines import load
-from kinreach.kinematics.inside import SelfMotion, SelfMotions, SevenAxisKinematics
+from kinreach.kinematics import SelfMotion, SelfMotions, SevenAxisKinematics
 from kinreach.view import _html as html
 from kinreach.view._draw import Branch
 from kinreach.view._inputs import TypedInput, by_user

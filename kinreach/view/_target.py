@@ -12,30 +12,22 @@ from math import pi
 import numpy as np
 
 from kinreach._checks import Floats, check_known, listed
+from kinreach.errors import NoShapesError
 from kinreach.kinematics import (
     ArmKinematics,
     AxisGoal,
+    ClosedFormKinematics,
     CollisionChecker,
     Goal,
     IKResult,
     LevenbergMarquardtSolver,
     PoseGoal,
     PositionGoal,
-    URKinematics,
-)
-from kinreach.kinematics.inside import (
-    SLACK,
-    SOLVERS,
-    ClosedFormKinematics,
-    Miss,
-    NoShapesError,
-    Pair,
-    Shortfall,
     SixAxisKinematics,
     Solver,
-    nearest_windings,
-    new_solver,
+    URKinematics,
 )
+from kinreach.kinematics.inside import SLACK, SOLVERS, Miss, Shortfall, nearest_windings, new_solver
 from kinreach.robots import ArmDescription
 from kinreach.view._names import angle, branch_name, length, plain
 from kinreach.view._policy_solver import PolicySolver
@@ -91,7 +83,7 @@ class Posture:
     state: State
     reason: str = ""
     q: Floats | None = None
-    pairs: tuple[Pair, ...] = ()
+    pairs: tuple[tuple[str, str], ...] = ()
     distance: float = np.inf
     shortfall: Shortfall | None = None
 
@@ -355,7 +347,7 @@ class TargetModel:
         state = State.COLLIDES if pairs else State.USABLE
         return Posture(branch, name, state, reason, q, pairs, float(np.linalg.norm(q - seed)))
 
-    def _touch(self, pair: Pair) -> str:
+    def _touch(self, pair: tuple[str, str]) -> str:
         """A contact in words, boxes last."""
         a, b = sorted(pair, key=lambda name: name in {box.name for box in self.kinematics.arm.workcell.obstacles})
         return f"{plain(a)} touches {plain(b)}"

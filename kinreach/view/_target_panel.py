@@ -13,8 +13,8 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach._rotations import rotation, rpy
 from kinreach.errors import KinreachError
-from kinreach.kinematics import Goal
-from kinreach.kinematics.inside import SOLVERS, SevenAxisKinematics
+from kinreach.kinematics import Goal, SevenAxisKinematics
+from kinreach.kinematics.inside import SOLVERS
 from kinreach.view import _html as html
 from kinreach.view._draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm
 from kinreach.view._inputs import TypedInput, add_unseen, by_user, frame_of, put

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,13 +29,16 @@ from kinreach._checks import (
     check_known,
     shown,
 )
+from kinreach._engines import load
 from kinreach.errors import InputError
-from kinreach.kinematics.inside import build_model, link_frame, pin
+from kinreach.kinematics.inside import build_model, link_frame
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import FrameRenderer, camera_rotation
 from kinreach.vision._ball_finder import PIPELINES, BallFix, find_ball
 from kinreach.vision._cameras import MAX_PIXELS, OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise, check_noise
+
+pin: Any = load("pinocchio")
 
 
 @lru_cache

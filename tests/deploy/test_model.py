@@ -5,6 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
+from kinreach._rotations import pose_error
 from kinreach.deploy import Move, Program, SimulatedUR, URClient
 from kinreach.deploy._controller import FINISHED, OTHER_ARM, REGISTER, Controller
 from kinreach.deploy._model import (
@@ -21,7 +22,6 @@ from kinreach.deploy._move_cli import _Job
 from kinreach.deploy._primary import figures_package, news_in
 from kinreach.errors import RobotError
 from kinreach.kinematics import ArmKinematics, pose_vector
-from kinreach.kinematics._goals import pose_error
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 from kinreach.robots._ur import UR_LENGTHS
 from tests.cases import slow

@@ -10,9 +10,9 @@ import pytest
 from benchmarks.ik_arms.random_arms import moves_to
 from benchmarks.studies.calibrated_arms import CASES as SINGULAR
 from benchmarks.studies.calibrated_arms import SAME, main, recall, singular_postures
+from kinreach._rotations import pose_error
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, URKinematics
-from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._solutions import Status
 from kinreach.kinematics._ur.kinematics import FLIP, CalibratedURKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm

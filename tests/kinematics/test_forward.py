@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from benchmarks.ik_arms.random_arms import kinematics, motion
+from kinreach._rotations import pose_error
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics, URKinematics
-from kinreach.kinematics._goals import pose_error
 from kinreach.robots import get_arm
 from kinreach.robots._grippers import Gripper
 

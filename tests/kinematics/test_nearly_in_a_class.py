@@ -18,10 +18,10 @@ from benchmarks.ik_arms.random_arms import (
     some_arm,
     some_figures,
 )
+from kinreach._rotations import pose_error
 from kinreach.cli import main
 from kinreach.kinematics import ArmKinematics, AxisGoal
 from kinreach.kinematics._general_6r import Chain, miss, missed_by
-from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._six_axis import methods
 from kinreach.robots._ur import nominal_robot
 from tests.cases import slow

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.speed.peers.analytic import ANALYTIC
 from benchmarks.speed.peers.base import silent
 from benchmarks.speed.poses import FLANGE, random_poses
-from kinreach.kinematics._goals import pose_error
+from kinreach._rotations import pose_error
 
 pytest.importorskip("eaik")
 pytest.importorskip("ssik")

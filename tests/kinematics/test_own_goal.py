@@ -16,7 +16,7 @@ from kinreach.kinematics import (
     URKinematics,
 )
 
-SOLVERS = (LevenbergMarquardtSolver, QPSolver)
+SOLVERS = (LevenbergMarquardtSolver, QPSolver, PlacoSolver)
 
 
 class OnLine(Goal):
@@ -72,12 +72,38 @@ def test_its_derivative_is_that_of_its_error():
     assert tried == 180
 
 
-@pytest.mark.usefixtures("needs_placo")
+class AtHeight(Goal):
+    """The tip is at a height; nothing is asked of its orientation."""
+
+    lengths = 1
+
+    def __init__(self, z):
+        self.z = z
+
+    def error(self, T):
+        return abs(self.z - T[2, 3]), 0.0
+
+    def way(self, tip):
+        return np.array([self.z - tip.translation[2]]), np.append(tip.rotation[2], np.zeros(3))[None]
+
+
+@pytest.mark.parametrize("arm", ["arm3", "panda", "ur5-thesis"])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_arms_of_any_number_of_joints_meet_it(solver, arm):
+    kin, rng = ArmKinematics.of(arm, base="world"), np.random.default_rng(2)
+    for q in rng.uniform(kin.lower, kin.upper, (10, kin.n)):
+        goal = AtHeight(kin.fk(q)[2, 3])
+        found = solver(kin).solve(goal, kin.arm.home)
+        assert found.success, found.reason
+        assert abs(kin.fk(found.q)[2, 3] - goal.z) < 1e-4
+        assert len(kin.joints_outside_limits(found.q)) == 0
+
+
 def test_solvers_that_know_some_kinds_only_say_so():
     kin = URKinematics("ur5e")
     goal = OnLine([0.4, 0.1, 0.3], [1.0, 0.0, 0.0])
-    with pytest.raises(InputError, match=r"OnLine names no pose that meets it; the solvers lm and qp need none"):
-        PlacoSolver(kin).solve(goal, kin.arm.home)
+    with pytest.raises(InputError, match=r"OnLine names no pose that meets it; the numeric solvers need none"):
+        goal.frame()
     with pytest.raises(InputError, match=r"goal must be a PoseGoal or an AxisGoal"):
         ClosedFormSolver(kin).solve(goal, kin.arm.home)
 

@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.speed.poses import CASES, FLANGE
 from benchmarks.speed.suites.ik_edge_cases import judge
+from kinreach._rotations import pose_error
 from kinreach.kinematics._core import NULL, Struct, doubles, ffi, lib
-from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics._ur.calibrated import _chain
 from kinreach.kinematics._ur.closed_form import core_arm

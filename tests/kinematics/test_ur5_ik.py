@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kinreach._rotations import pose_error
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, PositionGoal, URKinematics
-from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._solutions import Status
 from kinreach.robots import get_arm
 

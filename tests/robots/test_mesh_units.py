@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from kinreach.errors import NoShapesError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.kinematics._collision import NoShapesError
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots._mesh_units import FAR, FITS, arm_length
 from kinreach.robots._shapes import link_shapes

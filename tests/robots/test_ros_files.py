@@ -11,9 +11,8 @@ import pytest
 import trimesh
 
 from kinreach import cli
-from kinreach.errors import InputError
+from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.kinematics._collision import NoShapesError
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots._registry import arm_named
 from kinreach.robots._shapes import link_shapes

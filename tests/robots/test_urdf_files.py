@@ -14,9 +14,8 @@ import pytest
 
 from kinreach import cli
 from kinreach.deploy._check_cli import Subject, report
-from kinreach.errors import InputError
+from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, PositionGoal
-from kinreach.kinematics._collision import NoShapesError
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.robots import ArmDescription, BoxRegion, Workcell, arm_names, get_arm, register_arm
 from kinreach.robots._urdf import MAX_DEPTH, parse_urdf

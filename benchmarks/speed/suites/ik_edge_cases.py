@@ -12,8 +12,8 @@ from benchmarks.speed.peers.base import installed, silent
 from benchmarks.speed.poses import CASES, FLANGE
 from benchmarks.speed.sections import Cell, Options, Progress, Section, Target
 from kinreach._checks import Floats
+from kinreach._rotations import pose_error
 from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._goals import pose_error
 
 AGAIN = "python -m benchmarks.speed --suite ik-edge-cases"
 TOLERANCE = 1e-6

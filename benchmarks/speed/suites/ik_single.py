@@ -25,9 +25,9 @@ from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section, T
 from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.tables import calls, median_ratio, medians, samples, time_cells
 from kinreach._checks import Floats
+from kinreach._rotations import pose_error
 from kinreach.kinematics import PoseGoal, URKinematics
 from kinreach.kinematics._core import NULL, doubles, lib, new_rows
-from kinreach.kinematics._goals import pose_error
 from kinreach.kinematics._solvers import LevenbergMarquardtSolver, Solver, Tolerance
 from kinreach.kinematics._solvers.placo_solver import PlacoSolver
 from kinreach.kinematics._solvers.qp_solver import QPSolver

@@ -12,8 +12,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach._rotations import turn
 from kinreach.envs.inside import FACES, IS_CUBE, SEEN, SIZE, face_angle
-from kinreach.kinematics import PoseGoal
-from kinreach.kinematics.inside import Solver
+from kinreach.kinematics import PoseGoal, Solver
 
 #: How much narrower than the object the fingers are set [m], so that each presses with its whole force, 120 N.
 SQUEEZE = 0.024

@@ -26,7 +26,7 @@ from kinreach.baselines.inside import (
 from kinreach.compare._task import POLICY, SOLVER, Method, Task
 from kinreach.envs.inside import CAMERA
 from kinreach.errors import InputError, raise_unknown
-from kinreach.kinematics.inside import Solver
+from kinreach.kinematics import Solver
 from kinreach.plots.inside import method_colours
 from kinreach.robots import THESIS_ARM, ArmDescription
 

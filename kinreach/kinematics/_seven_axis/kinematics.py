@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_ANGLE, Floats, as_pose, shown
+from kinreach._rotations import pose_error
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._chain import poses_about
 from kinreach.kinematics._collision import CollisionChecker
-from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
+from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations
 from kinreach.kinematics._seven_axis.curves import SelfMotions, surfaces_within_limits, within_limits
 from kinreach.kinematics._seven_axis.starts import JOINTS
 from kinreach.kinematics._seven_axis.tracing import SelfMotionTracer

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from functools import partial
 from typing import Any, ClassVar
@@ -12,7 +11,6 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach._engines import load
-from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, check_goal
 from kinreach.kinematics._solvers.base import Tolerance
@@ -22,7 +20,9 @@ from kinreach.kinematics._solvers.iterative import (
     Descent,
     SteppingSolver,
 )
-from kinreach.robots.inside import add_joint, add_link, named, without_shapes
+from kinreach.robots.inside import skeleton
+
+pin: Any = load("pinocchio")
 
 #: Limit [rad] for joints that turn full circle: no search reaches it.
 NO_LIMIT = 100.0
@@ -57,13 +57,12 @@ class PlacoSolver(SteppingSolver):
         return partial(PlacoSolver, **options), (self.kin,)  # placo's own objects cannot be pickled
 
     def _descender(self, goal: Goal) -> Descend:
-        T_world_goal = self.kin.T_world_base @ check_goal(goal).frame()
         work = self._work
+        robot, configuration, entries = work.robot, work.configuration.copy(), work.entries
         problem = next((problem for kind, problem in work.problems.items() if isinstance(goal, kind)), None)
         if problem is None:
-            raise InputError(f"placo has no task for a {type(goal).__name__}; the solvers lm and qp take any goal")
-        problem.aim(T_world_goal)
-        robot, configuration, entries = work.robot, work.configuration.copy(), work.entries
+            return self._descender_by_steps(check_goal(goal))
+        problem.aim(self.kin.T_world_base @ goal.frame())
 
         def descend(q: Floats) -> Descent:
             configuration[entries] = q
@@ -81,13 +80,46 @@ class PlacoSolver(SteppingSolver):
 
         return descend
 
+    def _descender_by_steps(self, goal: Goal) -> Descend:
+        """A goal that placo has no task for: each step aims at the pose nearest to the tip that meets it, linearised.
+
+        The tip is held in what the goal leaves free, but for its orientation where the goal asks nothing of it.
+        """
+        work, kin = self._work, self.kin
+        robot, configuration, entries = work.robot, work.configuration.copy(), work.entries
+        T_base_world = np.linalg.inv(kin.T_world_base)
+
+        def descend(q: Floats) -> Descent:
+            configuration[entries] = q
+            robot.state.q = configuration
+            for steps in range(self.max_iterations):
+                robot.update_kinematics()
+                tip = pin.SE3(T_base_world @ robot.get_T_world_frame(work.tip))
+                position, orientation = goal.error(tip.homogeneous)
+                if position <= self.tolerance.position and orientation <= self.tolerance.orientation:
+                    return Descent(robot.state.q[entries], steps)
+                e, L = goal.way(tip)
+                L = np.eye(len(e), 6) if L is None else L
+                nearest = tip * pin.exp6(np.linalg.lstsq(L, e, rcond=None)[0])
+                problem = work.problems[PoseGoal if L[:, 3:].any() else PositionGoal]
+                problem.aim(kin.T_world_base @ nearest.homogeneous)
+                try:
+                    stalled = np.abs(problem.solver.solve(True)).max() < STALLED
+                except RuntimeError:  # rarely, placo finds NaN in what its program gives
+                    return Descent(robot.state.q[entries], steps)
+                if stalled:
+                    return Descent(robot.state.q[entries], steps + 1)
+            return Descent(robot.state.q[entries], self.max_iterations)
+
+        return descend
+
 
 class _WorkSpace(threading.local):
     """placo's objects for one arm, those of one thread."""
 
     def __init__(self, kin: ArmKinematics, tolerance: Tolerance, dt: float, free: Sequence[str]) -> None:
         placo: Any = load("placo")  # here, and not above: without placo the other solvers still work
-        urdf, tip = _skeleton(kin.arm.robot, kin.arm.tips[kin.tip])
+        urdf, self.tip = skeleton(kin.arm.robot, kin.arm.tips[kin.tip])
         self.robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), urdf)
         for name, position in kin.arm.locked_joints.items():
             self.robot.set_joint(name, position)
@@ -105,7 +137,7 @@ class _WorkSpace(threading.local):
             solver.enable_joint_limits(True)
             solver.enable_velocity_limits(True)
             solver.dt = dt
-            self.problems[kind] = _Problem(kind, solver, tip, tolerance)
+            self.problems[kind] = _Problem(kind, solver, self.tip, tolerance)
 
 
 class _Problem:
@@ -141,16 +173,3 @@ class _Problem:
             if task.error_norm() > bound:
                 return False
         return True
-
-
-def _skeleton(robot: ET.Element, tip: str) -> tuple[str, str]:
-    """The URDF without shapes, as placo needs none of the files that they name, and the link that is the tip in it.
-
-    placo looks for links and joints by one name; where a joint has the tip's, a link in the same place is the tip.
-    """
-    robot = without_shapes(robot, "visual", "collision")
-    if named(robot, "joint", tip) is not None:
-        add_link(robot, f"{tip} (link)")
-        add_joint(robot, f"{tip} (link) mount", tip, f"{tip} (link)")
-        tip = f"{tip} (link)"
-    return ET.tostring(robot, encoding="unicode"), tip

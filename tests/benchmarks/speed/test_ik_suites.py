@@ -15,9 +15,9 @@ from benchmarks.speed.peers.base import IKPeer, installed, silent
 from benchmarks.speed.poses import FLANGE, random_poses
 from benchmarks.speed.sections import Options
 from benchmarks.speed.suites import fk_batch, ik_batch, ik_calibrated, ik_edge_cases, ik_single, load_suite
+from kinreach._rotations import pose_error
 from kinreach.errors import InstallationError
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._goals import pose_error
 
 for module in ("eaik", "ssik", "ur_analytic_ik"):
     pytest.importorskip(module)
