@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 #: What guards the package and its pages on every run.
-QUICK = {"test_mutants.py", "test_trainings_interval.py"}
+QUICK = {"test_trainings_interval.py"}
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -1,8 +1,8 @@
 """Whether the tests notice: meaningful mistakes, made one at a time in a copy of this checkout.
 
-    python -m benchmarks.studies.mutants [--only kinematics,sim-rest] [--full] [--out FILE] [--fresh]
+    python -m tools.mutants.by_hand [--only kinematics,sim-rest] [--full] [--out FILE] [--fresh]
 
-`mutants.toml` is the list: each mutant replaces a text that occurs once in a module by another, and names fast tests
+`by_hand.toml` is the list: each mutant replaces a text that occurs once in a module by another, and names fast tests
 that cover it. Those run first, up to the first failure; with `--full` what survives them meets the whole fast suite
 (`-m "not slow"`). That the covering tests pass without a mutant is checked before. Mutants that were killed are kept
 from one call to the next in the file of results, survivors run again.
@@ -34,16 +34,16 @@ from kinreach._files import make_writable, write_text
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 
-PROG = "python -m benchmarks.studies.mutants"
+PROG = "python -m tools.mutants.by_hand"
 
 ROOT = Path(__file__).resolve().parents[2]
-TABLE = Path(__file__).with_name("mutants.toml")
+TABLE = Path(__file__).with_name("by_hand.toml")
 #: What was found, which docs/reference/promises.md reports.
 RESULTS = ROOT / "docs/mutants.json"
 #: Share of the mutants that the fast suite is to kill.
 GOAL = 0.95
 #: What notices a mutant of any kind, by reading the sources: it does not count.
-READERS = ("tests/benchmarks/test_mutants.py",)
+READERS = ("tests/tools/test_mutants.py",)
 #: Longest time for the covering tests of a mutant [s]; one that makes them take longer is noticed.
 PATIENCE = 600
 PYTEST = (sys.executable, "-m", "pytest", "-q", "-m", "not slow", "--tb=no", "-p", "no:cacheprovider")

@@ -1,6 +1,6 @@
 """Whether the tests notice mistakes that nobody chose: random changes of the syntax tree, one at a time.
 
-    python -m benchmarks.studies.random_mutants --seed 1 --count 100 [--map FILE] [--out FILE] [--full]
+    python -m tools.mutants.drawn --seed 1 --count 100 [--map FILE] [--out FILE] [--full]
 
 A module is drawn by its number of lines, then a line of it, then a change of that line: a comparison, an operator, a
 number, a condition, an argument, a statement. Docstrings, annotations, assertions (`strict=` of `zip` is one) and what
@@ -9,7 +9,7 @@ the room's other tests, up to the first failure.
 `--map FILE` says which they are; a run of the fast suite writes it if it is not there. With `--full` what survives them
 meets the whole fast suite. A second call with the same `--out` goes on where the first stopped.
 
-`random_mutants.toml` lists the changes that nobody can notice, with the reason. The exit code is 0 if at least `GOAL`
+`drawn.toml` lists the changes that nobody can notice, with the reason. The exit code is 0 if at least `GOAL`
 of all others were killed, else 1.
 """
 
@@ -29,14 +29,14 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
-from benchmarks.studies.mutants import GOAL, READERS, applied, copied, killer
 from kinreach._files import make_writable, write_text
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
+from tools.mutants.by_hand import GOAL, READERS, applied, copied, killer
 
-PROG = "python -m benchmarks.studies.random_mutants"
+PROG = "python -m tools.mutants.drawn"
 
-TABLE = Path(__file__).with_name("random_mutants.toml")
+TABLE = Path(__file__).with_name("drawn.toml")
 #: Time of the tests that run first, and of those of a room in which nothing enters what is changed [s].
 FIRST, ROOM = 20.0, 60.0
 
@@ -227,7 +227,7 @@ class Covering:
     """Which tests to run for a mutant.
 
     Args:
-        path: File of `benchmarks.studies.covering`.
+        path: File of `tools.mutants.covering`.
     """
 
     def __init__(self, path: Path) -> None:
@@ -285,7 +285,7 @@ def judge(copy: Path, mutant: RandomMutant, covering: Covering, *, full: bool) -
             patience = 60.0 + 20.0 * sum(covering.seconds[test] for test in tests)
             killed_by = killer(
                 copy,
-                ["-p", "benchmarks.studies.covering", *files],
+                ["-p", "tools.mutants.covering", *files],
                 patience=patience,
                 KINREACH_TESTS=str(chosen),
             )
@@ -333,7 +333,7 @@ def write_map(copy: Path, path: Path) -> None:
     Raises:
         InputError: A test fails.
     """
-    if failed := killer(copy, ["-p", "benchmarks.studies.covering", "tests"], KINREACH_MAP=str(path)):
+    if failed := killer(copy, ["-p", "tools.mutants.covering", "tests"], KINREACH_MAP=str(path)):
         raise InputError(f"without a mutant {failed} fails")
 
 

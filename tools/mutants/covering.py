@@ -1,6 +1,6 @@
 """A plugin of pytest: which tests enter which functions of kinreach, and the tests of a list, in its order.
 
-`KINREACH_MAP=FILE pytest -p benchmarks.studies.covering tests` writes the map; `KINREACH_TESTS=FILE` runs the list.
+`KINREACH_MAP=FILE pytest -p tools.mutants.covering tests` writes the map; `KINREACH_TESTS=FILE` runs the list.
 """
 
 from __future__ import annotations

@@ -5,8 +5,11 @@ import json
 
 import pytest
 
-from benchmarks.studies import mutants, random_mutants
-from benchmarks.studies.random_mutants import Covering, RandomMutant, changes, draw, equivalents, judge, report
+from tools.mutants import by_hand as mutants
+from tools.mutants import drawn as random_mutants
+from tools.mutants.drawn import Covering, RandomMutant, changes, draw, equivalents, judge, report
+
+pytestmark = pytest.mark.slow
 
 SOURCE = '''
 """A module: 1 + 1."""
@@ -60,7 +63,7 @@ def test_draws_are_the_same_again_and_by_the_number_of_lines():
 @pytest.fixture
 def toy(tmp_path):
     """A package with a test that notices, one that does not, and one that is not asked."""
-    for folder in ("kinreach", "tests", "benchmarks/studies"):
+    for folder in ("kinreach", "tests", "tools/mutants"):
         (tmp_path / folder).mkdir(parents=True)
     (tmp_path / "pytest.ini").write_text(
         "[pytest]\nmarkers = slow\npythonpath = .\naddopts = --import-mode=importlib\n"
@@ -72,9 +75,9 @@ def toy(tmp_path):
         (tmp_path / f"tests/test_{name}_{number}.py").write_text(
             f"from kinreach.square import {name}\n\n\ndef test():\n    assert {name}({number}) == {result}\n"
         )
-    for package in ("kinreach", "benchmarks", "benchmarks/studies"):
+    for package in ("kinreach", "tools", "tools/mutants"):
         (tmp_path / package / "__init__.py").touch()
-    plugin = "benchmarks/studies/covering.py"
+    plugin = "tools/mutants/covering.py"
     (tmp_path / plugin).write_text((mutants.ROOT / plugin).read_text(encoding="utf-8"))
     return tmp_path
 

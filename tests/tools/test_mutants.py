@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.studies import mutants
-from benchmarks.studies.mutants import Mutant, read_mutants, summary, verdict
 from kinreach.errors import InputError
+from tools.mutants import by_hand as mutants
+from tools.mutants.by_hand import Mutant, read_mutants, summary, verdict
 
 
 def test_every_mutant_is_a_change_of_one_place_and_its_tests_are_there(root):
