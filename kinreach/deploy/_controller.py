@@ -28,7 +28,6 @@ from kinreach.deploy._urscript import (
 )
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
-from kinreach.kinematics.inside import SLACK
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import FLANGE, JOINTS, TOOL_BODY, origin_of, ur_model
 from kinreach.sim import ArmSimulation
@@ -338,7 +337,7 @@ class Controller:
     def _supervise(self) -> None:
         """Stop at a limit of a joint or its speed, on contact, and when the arm does not follow."""
         controller, data = self.simulation.controller, self.simulation.data
-        outside = (self.target_q < self.kinematics.lower - SLACK) | (self.target_q > self.kinematics.upper + SLACK)
+        outside = self.kinematics.past_limits(self.target_q)
         fast = np.abs(self.target_qd) > self.kinematics.velocity_limit * 1.001
         if data.ncon and (touching := touches(self.simulation.model, data, controller.obstacles)):
             self._stop(f"collision: {touching[0]}")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import (
     MAX_ANGLE,
@@ -322,14 +322,19 @@ class ArmKinematics:
 
     def within_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> bool:
         """Return whether every joint is within its limits."""
-        q = self.as_posture("q", q)
-        return bool(((q >= self.lower - tolerance) & (q <= self.upper + tolerance)).all())
+        return not self.past_limits(self.as_posture("q", q), tolerance).any()
 
     def joints_outside_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> tuple[str, ...]:
         """Return the names of the joints that are outside their limits."""
-        q = self.as_posture("q", q)
-        outside = (q < self.lower - tolerance) | (q > self.upper + tolerance)
+        outside = self.past_limits(self.as_posture("q", q), tolerance)
         return tuple(name for name, out in zip(self.arm.joints, outside, strict=True) if out)
+
+    def past_limits(self, q: Floats, tolerance: float = SLACK) -> NDArray[np.bool_]:
+        """Return which joints are outside their limits, of postures [rad] of any shape (..., n), which are not checked.
+
+        A joint at a whole turn from an angle within them is outside, as it stands; `nearest_windings` turns it back.
+        """
+        return (q < self.lower - tolerance) | (q > self.upper + tolerance)
 
     def _rows_of(self, q: Floats) -> Floats:
         """Check a stack of postures, shape (..., n), and return them one a row, shape (m, n)."""

@@ -161,7 +161,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         if start.shape not in ((self.n,), (count, self.n)):
             raise InputError(f"seeds must have shape ({count}, {self.n}) or ({self.n},), got {start.shape}")
         check_entries("seeds", start, MAX_ANGLE)
-        return np.broadcast_to(start, (count, self.n))
+        return start if start.ndim == 2 else np.broadcast_to(start, (count, self.n))
 
     def _few(self, T: Floats, tol: float, *, limits: bool) -> IKBatch:
         """`batch`, one pose after the other."""

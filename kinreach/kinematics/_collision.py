@@ -208,7 +208,7 @@ class CollisionChecker:
         if q.ndim != 2 or q.shape[1] != kin.n:
             raise InputError(f"q must have shape (m, {kin.n}), got {q.shape}")
         check_entries("q", q, float_info.max)
-        outside = (q < kin.lower - SLACK) | (q > kin.upper + SLACK)
+        outside = kin.past_limits(q)
         causes = np.where(outside.any(axis=1), np.uint8(Cause.LIMITS), np.uint8(Cause.NONE))
         for row in np.flatnonzero(causes == Cause.NONE):
             if self._collides(q[row]):

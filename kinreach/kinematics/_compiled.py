@@ -131,8 +131,10 @@ class CompiledKinematics(ClosedFormKinematics):
 
 def _over(T: Floats, solve: Callable[[Floats, slice], int], threads: int) -> None:
     """Solve poses in parts; once more with exact rotations if one has none: `solve` returns its row, else -1."""
-    cuts = np.linspace(0, len(T), min(threads, len(T) or 1) + 1).astype(int).tolist()
-    parts = [slice(*ends) for ends in pairwise(cuts)]
+    parts = [slice(None)]
+    if threads > 1 and len(T) > 1:
+        cuts = np.linspace(0, len(T), min(threads, len(T)) + 1).astype(int).tolist()
+        parts = [slice(*ends) for ends in pairwise(cuts)]
 
     def run(poses: Floats) -> int:
         if len(parts) == 1:

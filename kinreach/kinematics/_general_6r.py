@@ -51,6 +51,9 @@ _TWIST[(9, 2, 4), (3, 4, 5)], _TWIST[(6, 8, 1), (3, 4, 5)] = 0.5, -0.5
 class Chain:
     """Joints that each turn about their frame's z axis, `T = A0 Rz(q1) A1 Rz(q2) ... Rz(qn) An`.
 
+    `SerialChain` has the same poses and Jacobians. Newton's method asks for those of few postures at a time: of up to
+    32 this class takes less than an eighth of its time, of 4000 twice as long.
+
     Args:
         placements: A0 to An, shape (n + 1, 4, 4); n is 6 or 7.
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats, check_number
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics._collision import PATH_MARGIN, CollisionChecker
-from kinreach.kinematics._solutions import SLACK
 
 #: Margins below this make paths slow to check, and so do distances to keep that are nearer to the margin [m].
 MIN_MARGIN, MIN_REST = 5e-4, 2e-4
@@ -74,7 +73,7 @@ class MotionCheck:
 def check_waypoints(motion: MotionCheck, waypoints: Floats) -> None:
     """Check the straight lines from one waypoint to the next."""
     kin, checker = motion.checker.kinematics, motion.checker
-    outside = ((waypoints < kin.lower - SLACK) | (waypoints > kin.upper + SLACK)).any(axis=1)
+    outside = kin.past_limits(waypoints).any(axis=1)
     if outside.any():
         index = int(outside.argmax())
         raise PathError(f"waypoint {index} is {checker.reason(waypoints[index])}", index=index, q=waypoints[index])

@@ -10,8 +10,7 @@ import kinreach
 from benchmarks.ik_arms.random_arms import CLASSES, kinematics, some_arm
 from kinreach.kinematics import ArmKinematics, URKinematics
 from kinreach.kinematics._core import NULL, Struct, doubles, ffi, lib
-from kinreach.kinematics._ur.closed_form import core_arm
-from kinreach.kinematics._ur.geometry import URGeometry
+from kinreach.kinematics._ur.geometry import URGeometry, core_arm
 
 #: `make core-check` says how many arms, and watches the memory: ARGS="--arms 1000000".
 WATCHED = "KINREACH_SANITIZED" in os.environ
@@ -139,10 +138,10 @@ def test_no_length_makes_a_wrong_posture(scale):
         d1, a2, a3, d4, d5, d6 = scale * rng.uniform(0.01, 1.0, 6)
         g = URGeometry(d1, -a2, -a3, d4, d5, d6)
         q, arm, miss = rng.uniform(-3, 3, 6), core_arm(g), ffi.new("int *")
-        T, rows = np.array(kinreach.kinematics._ur.geometry.ur_fk(q, g)), np.empty((8, 8))
+        T, rows = g.chain.fk(q[None])[0, :3].copy(), np.empty((8, 8))
         n = lib.kr_ur_postures(arm.pointer, NULL, doubles(T), doubles(q), 1e-7, doubles(rows), miss)
         for row in rows[:n]:
-            off = np.abs(np.array(kinreach.kinematics._ur.geometry.ur_fk(row[2:], g)) - T)
+            off = np.abs(g.chain.fk(row[None, 2:])[0, :3] - T)
             off[:, 3] /= scale
             assert off.max() < 1e-5
             right += 1

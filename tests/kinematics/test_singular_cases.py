@@ -9,10 +9,14 @@ from kinreach._rotations import pose_error
 from kinreach.kinematics._core import NULL, Struct, doubles, ffi, lib
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics._ur.calibrated import _chain
-from kinreach.kinematics._ur.closed_form import core_arm
-from kinreach.kinematics._ur.geometry import Singularity, URGeometry, ur_fk
+from kinreach.kinematics._ur.geometry import Singularity, URGeometry, core_arm
 
 COUNT = 400
+
+
+def fk(q, g):
+    """Upper rows of the flange's pose in the DH base frame."""
+    return g.chain.fk(np.array([q]))[0, :3].copy()
 
 
 def solve_pose(rows, g, *, q6=0.0):
@@ -106,7 +110,7 @@ def test_both_arcs_of_a_free_wrist_are_listed():
     """With d5 as long as the arm, wrist_1 comes from two sides: held against all values of wrist_3 on a grid."""
     g, rng, both = URGeometry(0.1, -0.3, -0.25, 0.1, 0.5, 0.08), np.random.default_rng(13), 0
     for q in rng.uniform(-np.pi, np.pi, (60, 6)) * (1, 1, 1, 1, 0, 1):
-        rows, kept = ur_fk(q, g), set()
+        rows, kept = fk(q, g), set()
         for wanted in np.linspace(-np.pi, np.pi, 30):
             kept |= {row[BRANCH] for row in solve_pose(rows, g, q6=wanted) if row[FLAGS] == Singularity.WRIST}
         found = solve_pose(rows, g)
@@ -114,7 +118,7 @@ def test_both_arcs_of_a_free_wrist_are_listed():
         assert {branch & 6 for branch in kept} == {row[BRANCH] & 6 for row in free}  # a moved elbow may be straight
         assert len(found) == len({row[BRANCH] for row in found})
         for row in found:
-            np.testing.assert_allclose(ur_fk(row[ANGLES], g), rows, atol=1e-7)
+            np.testing.assert_allclose(fk(row[ANGLES], g), rows, atol=1e-7)
         both += {0, 2} <= kept
     assert both >= 4
 
@@ -125,7 +129,7 @@ def test_a_free_wrist_is_turned_into_its_limits():
     placements = _chain(np.array([g.d1, g.a2, g.a3, g.d4, g.d5, g.d6]), np.eye(4), np.eye(4)).placements
     ur, rows, miss = core_arm(g), np.empty((8, 8)), ffi.new("int *")
     for q in rng.uniform(-np.pi, np.pi, (40, 6)) * (1, 1, 1, 1, 0, 1):
-        T, low = np.array(ur_fk(q, g)), rng.uniform(-3, 2.4)
+        T, low = fk(q, g), rng.uniform(-3, 2.4)
         limits = {"lower": [-7.0] * 5 + [low], "upper": [7.0] * 5 + [low + 0.6]}
         arm = Struct("kr_arm", n=6, placements=placements[:, :3].ravel().tolist(), **limits)
         count = lib.kr_ur_postures(ur.pointer, arm.pointer, doubles(T), doubles(np.zeros(6)), 1e-7, doubles(rows), miss)
@@ -135,7 +139,7 @@ def test_a_free_wrist_is_turned_into_its_limits():
             expected |= {row[BRANCH] for row in solve_pose(T, g, q6=wanted) if row[FLAGS] == Singularity.WRIST}
         assert {branch & 6 for branch in expected} <= {int(row[BRANCH]) & 6 for row in inside}  # as above
         for row in inside:
-            np.testing.assert_allclose(ur_fk(row[ANGLES], g), T, atol=1e-7)
+            np.testing.assert_allclose(fk(row[ANGLES], g), T, atol=1e-7)
         turned += len(inside) > 0
     assert turned > 15
 

@@ -65,16 +65,18 @@ class DenavitHartenberg:
         a[np.abs(a) < length] = d[np.abs(d) < length] = 0.0
         return cls(sign, offset, d, a, alpha, before, after)
 
-    def fk(self, q: Floats) -> Floats:
-        """Compute poses of the tip, shape (m, 4, 4), for postures (m, 6)."""
-        T = np.broadcast_to(self.before, (len(q), 4, 4))
-        for joint, theta in enumerate((self.sign * q + self.offset).T):
-            T = T @ turns_about_z(theta) @ _along_z(self.d[joint])
-            if joint < 5:
-                step = _about_x(self.alpha[joint])
-                step[0, 3] = self.a[joint]
-                T = T @ step
-        return T @ self.after
+    @property
+    def placements(self) -> Floats:
+        """A0 to A6 of `T = A0 Rz(q1) A1 ... Rz(q6) A6`, shape (7, 4, 4)."""
+        links = [self.before]
+        for joint, zero in enumerate(turns_about_z(self.offset)):
+            flip = np.eye(4) if self.sign[joint] > 0.0 else _FLIP  # Rz(-q) = flip Rz(q) flip
+            step = np.eye(4) if joint == 5 else _about_x(self.alpha[joint])
+            step[0, 3] = 0.0 if joint == 5 else self.a[joint]
+            links[-1] = links[-1] @ zero @ flip
+            links.append(flip @ _along_z(self.d[joint]) @ step)
+        links[-1] = links[-1] @ self.after
+        return np.array(links)
 
 
 def _screws(A: Floats, angle: float) -> tuple[float, float, float, float, float, float]:

@@ -362,7 +362,7 @@ def _flags(array: NDArray[np.bool_]) -> Any:
 def _apart(dh: DenavitHartenberg, chain: Chain) -> float:
     """How far the poses of two arms are apart at most, over random postures [m, rad]."""
     q = _random_postures()
-    return float(np.abs(dh.fk(q)[:, :3] - chain.fk(q)).max())
+    return float(np.abs(Chain(dh.placements).fk(q) - chain.fk(q)).max())
 
 
 def _poses(rows: Floats) -> Floats:

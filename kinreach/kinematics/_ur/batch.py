@@ -1,8 +1,9 @@
-"""Closed-form inverse kinematics of UR-type arms for many poses at once, in numpy or on tensors of torch.
+"""Closed-form inverse kinematics of UR-type arms for many poses at once, on tensors of torch.
 
-The same formulas as the core's, on structure-of-arrays blocks that stay in the cache. Rows near a singularity
-are marked and left to the core, which knows how to treat them; so far from one, an arccosine is as exact as the
-arctangent of two arguments, and takes a third of its time where the processor has no vector form of either.
+Arrays go to the core. This is a second form of its formulas, because a device of torch cannot call it; the tests hold
+one against the other. Rows near a singularity are marked and left to the core, which knows how to treat them; so far
+from one, an arccosine is as exact as the arctangent of two arguments, and takes a third of its time where the processor
+has no vector form of either.
 """
 
 from __future__ import annotations
@@ -16,8 +17,7 @@ from kinreach._checks import Floats, is_tensor
 from kinreach._rotations import TURN
 from kinreach._tensors import empty, like, namespace, parts
 from kinreach.kinematics._goals import skewed
-from kinreach.kinematics._ur.closed_form import NEAR_WRIST
-from kinreach.kinematics._ur.geometry import BRANCHES, URGeometry
+from kinreach.kinematics._ur.geometry import BRANCHES, NEAR_WRIST, URGeometry
 
 #: A square of a sine that is less than this is left to the core: its root is not exact to 1e-11.
 NEAR_ROOT = 1e-9

@@ -16,9 +16,7 @@ from kinreach._checks import Floats
 from kinreach.errors import InputError
 from kinreach.kinematics._core import Struct
 from kinreach.kinematics._general_6r import Chain, General6R, miss
-from kinreach.kinematics._ur.batch import flange_entries
-from kinreach.kinematics._ur.closed_form import core_arm
-from kinreach.kinematics._ur.geometry import Rows, URGeometry
+from kinreach.kinematics._ur.geometry import Rows, URGeometry, core_arm, ur_placements
 from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.robots.inside import moved_frames
 
@@ -32,7 +30,7 @@ MAX_MISFIT = 0.1
 
 @dataclass(frozen=True)
 class Fit:
-    """The arm with a closed form that is closest to a calibrated one: `T = before ur_fk(q + zeros) after`.
+    """The arm with a closed form that is closest to a calibrated one: `T = before T_ur(q + zeros) after`.
 
     Attributes:
         geometry: Its lengths [m].
@@ -122,7 +120,7 @@ class CalibratedArm:
 
     def _entries(self, T: Floats) -> Floats:
         """Entries of the flange's poses in the DH base of the fitted arm, shape (12, count)."""
-        return flange_entries(np.ascontiguousarray(T[:, :3].reshape(-1, 12).T), self._left, self._right)
+        return np.ascontiguousarray((self._left @ T @ self._right)[:, :3].reshape(-1, 12).T)
 
     def _centres(self) -> tuple[float, float]:
         """Bounds of the distance between the arms' wrist centres, and between their distances from axis 1 [m]."""
@@ -153,16 +151,10 @@ class CalibratedArm:
 
 
 def _chain(lengths: Floats, before: Floats, after: Floats) -> Chain:
-    """The arm with a closed form, `before ur_fk(q) after` with `kinreach.kinematics._ur.geometry.ur_fk`."""
-    d1, a2, a3, d4, d5, d6 = lengths.tolist()
-    right = np.pi / 2
-    steps = ((right, 0.0, d1), (0.0, a2, 0.0), (0.0, a3, 0.0), (right, 0.0, d4), (-right, 0.0, d5), (0.0, 0.0, d6))
-    placements = [before]
-    for alpha, a, d in steps:
-        c, s = np.cos(alpha), np.sin(alpha)
-        placements.append(np.array([[1, 0, 0, a], [0, c, -s, 0], [0, s, c, d], [0, 0, 0, 1]]))
-    placements[-1] = placements[-1] @ after
-    return Chain(np.array(placements))
+    """The arm with a closed form and these lengths on a base, with its tip in the flange."""
+    placements = ur_placements(lengths.tolist())
+    placements[0], placements[-1] = before, placements[-1] @ after
+    return Chain(placements)
 
 
 def _moved(before: Floats, after: Floats, twists: Floats) -> tuple[Floats, Floats]:

@@ -1,4 +1,4 @@
-"""Link lengths of a UR-type arm, read from its model, and forward kinematics on plain floats."""
+"""Link lengths of a UR-type arm, read from its model, and its chain."""
 
 from __future__ import annotations
 
@@ -11,10 +11,15 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.errors import InputError
+from kinreach.kinematics._chain import SerialChain
+from kinreach.kinematics._core import Struct
 
 #: Postures of a pose: two of the shoulder, of the wrist and of the elbow.
 BRANCHES = 8
 
+#: Below this sin q5 rounding in the pose, 1e-13 say, is magnified to more than the smallest tolerance.
+NEAR_WRIST = 1e-3
+_UNIT = np.eye(4)
 #: The three upper rows of a homogeneous transform, ((nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz)).
 Rows = Sequence[Sequence[float]]
 
@@ -50,6 +55,12 @@ class URGeometry:
         set_field(self, "folded", abs(abs(a2) - abs(a3)))
         set_field(self, "packed", (d1, -a2, -a3, d5, d6, d4, a2 * a2 + a3 * a3, 2 * a2 * a3))
 
+    @property
+    def chain(self) -> SerialChain:
+        """From the DH base frame to the flange."""
+        *placements, flange = ur_placements((self.d1, self.a2, self.a3, self.d4, self.d5, self.d6))
+        return SerialChain(placements, [np.array([0.0, 0.0, 1.0])] * len(placements), flange)
+
     @classmethod
     def from_axes(cls, origins: Floats, axes: Floats, flange: Floats) -> URGeometry:
         """Read the lengths off the joints' axes with all joints at 0, however their frames are placed along them.
@@ -80,31 +91,28 @@ class URGeometry:
         return cls(*(round(float(length), 10) for length in lengths))
 
 
-def ur_fk(q: Sequence[float], g: URGeometry) -> Rows:
-    """Compute the pose of the flange in the DH base frame, as rows of a 4x4 transform without the last.
+def core_arm(g: URGeometry, *, base: Floats = _UNIT, flange: Floats = _UNIT) -> Struct:
+    """Return the arm as the core has it, with the transforms (4, 4) from a pose's base and to its flange."""
+    return Struct(
+        "kr_ur", d1=g.d1, upper=-g.a2, fore=-g.a3, d4=g.d4, d5=g.d5, d6=g.d6, stretched=g.stretched, folded=g.folded,
+        base=base[:3].ravel().tolist(), flange=flange[:3].ravel().tolist(),
+    )  # fmt: skip
 
-    With X along the arm's plane, Z normal to it, and q234 the pitch of the forearm's end,
-    the flange's columns are n = c6 (c5 X + s5 Z) + s6 Y, o = c6 Y - s6 (c5 X + s5 Z), a = c5 Z - s5 X.
+
+def ur_placements(lengths: Sequence[float]) -> Floats:
+    """Return A0 to A6 of the flange in the DH base frame, `T = A0 Rz(q1) A1 ... Rz(q6) A6`, shape (7, 4, 4).
+
+    Args:
+        lengths: d1, a2, a3, d4, d5 and d6 [m].
     """
-    q1, q2, q3, q4, q5, q6 = q
-    s1, c1 = math.sin(q1), math.cos(q1)
-    s5, c5 = math.sin(q5), math.cos(q5)
-    s6, c6 = math.sin(q6), math.cos(q6)
-    s, c = math.sin(q2 + q3 + q4), math.cos(q2 + q3 + q4)
-    n_plane, n_normal = c6 * c5, c6 * s5
-    o_plane, o_normal = -s6 * c5, -s6 * s5
-    # in the arm's plane: u along (c1, s1, 0), v along z; w along the plane's normal (s1, -c1, 0)
-    n_u, n_v = n_plane * c - s6 * s, n_plane * s + s6 * c
-    o_u, o_v = o_plane * c - c6 * s, o_plane * s + c6 * c
-    a_u, a_v = -s5 * c, -s5 * s
-    u = g.a2 * math.cos(q2) + g.a3 * math.cos(q2 + q3) + g.d5 * s + g.d6 * a_u
-    v = g.a2 * math.sin(q2) + g.a3 * math.sin(q2 + q3) - g.d5 * c + g.d6 * a_v + g.d1
-    w = g.d4 + g.d6 * c5
-    return (
-        (n_u * c1 + n_normal * s1, o_u * c1 + o_normal * s1, a_u * c1 + c5 * s1, u * c1 + w * s1),
-        (n_u * s1 - n_normal * c1, o_u * s1 - o_normal * c1, a_u * s1 - c5 * c1, u * s1 - w * c1),
-        (n_v, o_v, a_v, v),
-    )
+    d1, a2, a3, d4, d5, d6 = lengths
+    right = np.pi / 2
+    steps = ((right, 0.0, d1), (0.0, a2, 0.0), (0.0, a3, 0.0), (right, 0.0, d4), (-right, 0.0, d5), (0.0, 0.0, d6))
+    placements = [np.eye(4)]
+    for alpha, a, d in steps:
+        c, s = np.cos(alpha), np.sin(alpha)
+        placements.append(np.array([[1, 0, 0, a], [0, c, -s, 0], [0, s, c, d], [0, 0, 0, 1]]))
+    return np.array(placements)
 
 
 class Singularity(IntFlag):

@@ -40,8 +40,7 @@ from kinreach.kinematics._solutions import (
     nearest_windings,
 )
 from kinreach.kinematics._ur.batch import SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
-from kinreach.kinematics._ur.closed_form import core_arm
-from kinreach.kinematics._ur.geometry import BRANCHES, Rows, URGeometry, miss_text, ur_fk
+from kinreach.kinematics._ur.geometry import BRANCHES, Rows, URGeometry, core_arm, miss_text
 from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.robots import ArmDescription, Tool, get_arm
 from kinreach.robots.inside import FLANGE, FLIP
@@ -133,7 +132,7 @@ class URKinematics(CompiledKinematics):
             end = origins[-1] + directions[-1] * (directions[-1] @ (end - origins[-1]))
         geometry = URGeometry.from_axes(np.array(origins), np.array(directions), end)
         if not named:
-            T_dh_flange = np.array([*ur_fk([0.0] * self.n, geometry), (0.0, 0.0, 0.0, 1.0)])
+            (T_dh_flange,) = geometry.chain.fk(np.zeros((1, self.n)))
             flange = pin.SE3(np.linalg.inv(FLIP @ frame) @ T_dh_flange)
         return geometry, flange
 
@@ -353,9 +352,8 @@ class URKinematics(CompiledKinematics):
     def _check_fit(self) -> None:
         """The closed form describes this arm: poses of random postures agree, and it finds the postures again."""
         q = np.random.default_rng(0).uniform(-np.pi, np.pi, (TRIALS, self.n))
-        T, rows = self.fk(q), np.zeros((TRIALS, 4, 4))
-        rows[:, :3], rows[:, 3, 3] = [ur_fk(each, self.geometry) for each in q.tolist()], 1.0
-        apart = T - np.linalg.inv(self._T_dh_base) @ rows @ np.linalg.inv(self._T_tip_flange)
+        T, flange = self.fk(q), self.geometry.chain.fk(q)
+        apart = T - np.linalg.inv(self._T_dh_base) @ flange @ np.linalg.inv(self._T_tip_flange)
         angles = np.linalg.norm(apart[:, :3, :3], axis=(1, 2)) / np.sqrt(2.0)
         off = float(np.maximum(np.linalg.norm(apart[:, :3, 3], axis=1), angles).max())
         if off <= FIT_TOLERANCE:
