@@ -4,7 +4,6 @@ from ._calibration import PUBLISHED_CALIBRATIONS as PUBLISHED_CALIBRATIONS
 from ._calibration import read_calibration as read_calibration
 from ._description import ArmDescription as ArmDescription
 from ._grippers import Gripper as Gripper
-from ._obstacles import Obstacle as Obstacle
 from ._pairs import PosePairs as PosePairs
 from ._registry import arm_names as arm_names
 from ._registry import get_arm as get_arm
@@ -14,5 +13,6 @@ from ._ur_arms import THESIS_ARM as THESIS_ARM
 from ._workcell import Box as Box
 from ._workcell import BoxRegion as BoxRegion
 from ._workcell import CameraMount as CameraMount
+from ._workcell import Obstacle as Obstacle
 from ._workcell import QuadrantRegion as QuadrantRegion
 from ._workcell import Workcell as Workcell

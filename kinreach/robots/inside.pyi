@@ -9,7 +9,6 @@ from ._identification import moved_frames as moved_frames
 from ._identification import slopes as slopes
 from ._meshes import Mesh as Mesh
 from ._meshes import collision_mesh as collision_mesh
-from ._obstacles import as_obstacles as as_obstacles
 from ._registry import FILES as FILES
 from ._shapes import LinkShape as LinkShape
 from ._shapes import link_shapes as link_shapes
@@ -26,3 +25,4 @@ from ._urdf import link_at as link_at
 from ._urdf import origin_of as origin_of
 from ._urdf import skeleton as skeleton
 from ._urdf import without_shapes as without_shapes
+from ._workcell import as_obstacles as as_obstacles

@@ -24,8 +24,7 @@ from kinreach.kinematics._general_6r import (
     missed_by,
     nearest_by_newton,
 )
-from kinreach.kinematics._six_axis.closed_form import ROWS, DecoupledArm, decouples
-from kinreach.kinematics._six_axis.dh import DenavitHartenberg
+from kinreach.kinematics._six_axis.dh import ROWS, DecoupledArm, DenavitHartenberg, decouples
 from kinreach.kinematics._six_axis.near_misses import reached_beside
 from kinreach.kinematics._solutions import ANGLES, BRANCH, Row
 from kinreach.kinematics._ur.geometry import BRANCHES

@@ -1,4 +1,4 @@
-"""The protocol of inverse-kinematics solvers, and the closed form as one of them."""
+"""The protocol of inverse-kinematics solvers, their short names, and the closed form as one of them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from typing import Any, Protocol
 
 from numpy.typing import ArrayLike
 
-from kinreach._checks import shown
+from kinreach._checks import check_known, shown
 from kinreach.errors import InputError
+from kinreach.kinematics import _solvers
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._goals import Goal
 from kinreach.kinematics._solutions import Accept, IKResult, Tolerance
 
-__all__ = ["ClosedFormSolver", "Solver", "Tolerance"]
+__all__ = ["SOLVERS", "ClosedFormSolver", "Solver", "Tolerance", "new_solver"]
 
 
 class Solver(Protocol):
@@ -79,3 +80,28 @@ class ClosedFormSolver:
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture nearest to the seed that reaches the goal and is accepted."""
         return self.kin.solve(goal, seed, accept=accept)
+
+
+#: Short names of the solvers -> their classes.
+SOLVERS = {
+    "closed-form": "ClosedFormSolver",
+    "placo": "PlacoSolver",
+    "lm": "LevenbergMarquardtSolver",
+    "qp": "QPSolver",
+}
+
+
+def new_solver(name: str, kinematics: ArmKinematics) -> Solver:
+    """Make a solver by its short name, one of `SOLVERS`; its package is loaded now.
+
+    Raises:
+        UnknownNameError: Unknown solver.
+        InputError: The closed form of an arm that has none.
+    """
+    check_known("solver", name, SOLVERS)
+    if name == "closed-form" and not kinematics.knows_all_postures:
+        because = f": {kinematics.no_closed_form}" if kinematics.no_closed_form else ""
+        raise InputError(
+            f"the arm {kinematics.arm.name!r} has no closed form; its solvers are placo, lm and qp{because}"
+        )
+    return getattr(_solvers, SOLVERS[name])(kinematics)
