@@ -9,6 +9,7 @@ import ast
 import importlib.util
 import json
 import re
+import subprocess
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -128,9 +129,23 @@ def test_user_pages_are_short():
     assert 10_000 < sum(len(page.split()) for page in text) <= 18_000
 
 
+#: Files of earlier commits, with the commit.
+EARLIER = re.compile(r"`([\w/.-]+)`(?: and `([\w/.-]+)`)? of\s+commit\s+([0-9a-f]{8})")
+
+
+def test_commits_have_the_files_that_pages_name():
+    """Where git has the history, which an archive and a shallow clone have not."""
+    named = [(*found[:2], found[2]) for page in PAGES for found in EARLIER.findall(read(page))]
+    assert len(named) >= 4
+    for *paths, commit in named:
+        if subprocess.run(["git", "cat-file", "-e", commit], cwd=ROOT, capture_output=True, check=False).returncode:
+            pytest.skip(f"git does not know the commit {commit}")
+        for path in filter(None, paths):
+            subprocess.run(["git", "cat-file", "-e", f"{commit}:{path}"], cwd=ROOT, check=True)
+
+
 def test_paths_exist(text):
-    kept = re.compile(r"`[\w/.-]+`(?: and `[\w/.-]+`)? of commit [0-9a-f]{8}")  # what an earlier commit has
-    text = kept.sub("", text)
+    text = EARLIER.sub("", text)
     paths = set(re.findall(r"`((?:kinreach|tests|notebooks|docs|benchmarks|examples)/[\w/.-]*)`", text))
     paths |= set(re.findall(r"(?:python|pytest) ((?:[\w./-]+\.py ?)+)", text.replace("`", " ")))
     names = {name for path in paths for name in path.split() if not ENVIRONMENT.fullmatch(name)}

@@ -307,7 +307,7 @@ class RankedPPO(ScheduledLearner):
         callback.on_rollout_start()
         collected = []
         for _ in range(n_rollout_steps):
-            observations = torch.as_tensor(self._last_obs, dtype=torch.float32)
+            observations = torch.tensor(self._last_obs, dtype=torch.float32)
             with torch.no_grad():
                 distribution: Any = self.policy.get_distribution(observations)
                 actions = sample_pairs(distribution.distribution)
