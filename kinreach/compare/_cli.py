@@ -167,7 +167,7 @@ def _command(
         value = getattr(arguments, name)
         words += [] if value is None else [f"--{name}", quoted(value)]
     for name in ArmFlags.NAMES:
-        given: Any = ArmFlags.of(arguments).package_dirs if name == "package_dir" else getattr(arguments, name)
+        given = getattr(arguments, name)
         for value in given if isinstance(given, list) else [given]:
             if value:
                 words += [f"--{name.replace('_', '-')}", *([] if value is True else [quoted(value)])]
