@@ -165,6 +165,12 @@ def test_own_task(run):
 
 
 @pytest.mark.slow
+def test_own_environment(run):
+    text = run("18_own_environment")
+    assert numbers(r"to the goal: (\d+) of 20", text) == [20]
+
+
+@pytest.mark.slow
 def test_own_algorithm(run):
     pytest.importorskip("sb3_contrib")
     text = run("06_own_algorithm")

@@ -88,6 +88,12 @@ class Grasping:
         plant.qpos[rows_and_columns(ids, controller.qpos)] = q
         plant.ctrl[rows_and_columns(ids, controller.ctrl)] = q
 
+    def put_fingers(self, ids: Ids, openings: Floats) -> None:
+        """Put fingers at rest where they are open by `openings` [m], shape (k,), at once."""
+        ends = np.repeat(openings[:, None] / 2, 2, axis=1)
+        self._plant.qpos[rows_and_columns(ids, self._finger_qpos)] = ends
+        self._plant.ctrl[rows_and_columns(ids, self._servos)] = ends
+
     def put(self, ids: Ids, which: int, kinds: Objects, places: Floats, yaws: Floats) -> None:
         """Put an object of each of k simulations down, upright, turned about the vertical by a yaw [rad].
 

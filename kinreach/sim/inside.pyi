@@ -24,6 +24,7 @@ from ._posed import PosedScene as PosedScene
 from ._rendering import FrameRenderer as FrameRenderer
 from ._rendering import camera_id as camera_id
 from ._scene import BALL as BALL
+from ._scene import BALL_GROUP as BALL_GROUP
 from ._scene import build_scene as build_scene
 from ._setpoints import TrapezoidalProfile as TrapezoidalProfile
 from ._setpoints import servo_response as servo_response

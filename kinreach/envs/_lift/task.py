@@ -36,7 +36,7 @@ from kinreach.envs._reach.task import (
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.kinematics.inside import MARGIN
-from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, get_arm
+from kinreach.robots import THESIS_ARM, ArmDescription, Box, BoxRegion, get_arm
 from kinreach.robots.inside import FLANGE
 from kinreach.sim.inside import BALL_SHAPE, BEYOND_LIMIT, CUBE, SHAPES, Objects
 from kinreach.vision import SensorNoise
@@ -201,6 +201,12 @@ def grasping_arm(arm: str | ArmDescription) -> ArmDescription:
     return found
 
 
+def table_of(boxes: Sequence[Box]) -> tuple[Box, float]:
+    """Return the table among the boxes of a work cell, and the height of its top [m]."""
+    table = next(box for box in boxes if box.name == "table")
+    return table, table.position[2] + table.size[2] / 2
+
+
 def face_angle(turn: Floats) -> Floats:
     """Return the difference of an angle [rad] from the nearest quarter turn, in [-pi/4, pi/4)."""
     return np.asarray((turn + math.pi / 4) % (math.pi / 2) - math.pi / 4)
@@ -249,9 +255,8 @@ class LiftTask:
             replace(box, position=tuple((np.array(box.position) + shift).tolist())) if box.name == "table" else box
             for box in cell.obstacles
         )
-        table = next(box for box in boxes if box.name == "table")
+        table, top = table_of(boxes)
         goals: Any = cell.goals
-        top = table.position[2] + table.size[2] / 2
         self._table = [(at - edge / 2, at + edge / 2) for at, edge in zip(table.position, table.size, strict=True)][:2]
         (x0, x1), (y0, y1) = goals.x, goals.y
         self.region = BoxRegion((x0 + shift[0], x1 + shift[0]), (y0 + shift[1], y1 + shift[1]), (top, top))

@@ -1,0 +1,441 @@
+"""Environments of one's own: an arm with its gripper at a table, a free object on it, and a task of a few lines."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar, NamedTuple, cast
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.envs.registration import register
+from gymnasium.utils import EzPickle
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike
+
+from kinreach._checks import Floats, as_array, as_floats, check_count, check_flag, check_known, check_number, shown
+from kinreach._objects import load_object
+from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, RowStreams, check_batch
+from kinreach.envs._lift.task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
+from kinreach.envs._options import INFOS, RENDER_MODES, check_not_over, option_rows
+from kinreach.envs._reach.task import CAMERA_RANGE, GOAL_RANGE, joint_limits
+from kinreach.envs._single import ArmEnv
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics
+from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, Gripper
+from kinreach.sim import ArmSimulation, BatchSimulation
+from kinreach.sim.inside import BALL, BALL_GROUP, BEYOND_LIMIT, CUBE, FPS, SHAPES, Grasping, Objects, ScenePicture
+
+#: Of the ball that marks a goal, beside objects that may be red.
+GOAL_COLOUR = (0.10, 0.70, 0.20, 0.6)
+
+
+class TabletopState(NamedTuple):
+    """What a task sees of k simulations; every array has k rows, and all places are in the world frame.
+
+    Attributes:
+        q: Joint angles [rad], shape (k, n).
+        opening: Between the fingers [m], shape (k,).
+        tip: Place of the arm's tip [m], shape (k, 3).
+        position: Of the object's centre [m], shape (k, 3).
+        rotation: Of the object to the world, shape (k, 3, 3).
+        gripped: Whether the object touches both fingers, shape (k,).
+        clearance: Of the object's lowest point above the table [m], shape (k,).
+        collides: Whether a link is in the table, another obstacle or another link, by more than 1 mm, shape (k,).
+    """
+
+    q: Floats
+    opening: Floats
+    tip: Floats
+    position: Floats
+    rotation: Floats
+    gripped: Flags
+    clearance: Floats
+    collides: Flags
+
+
+class TabletopTask(ABC):
+    """What is to be done with an object on the table; a subclass and `register_tabletop` make an environment of it.
+
+    A task says where episodes start (`sample`), what has been achieved (`achieved`) and when that is enough
+    (`success`), for k simulations at once. Arm, dynamics, spaces, resets, `info`, rendering and the native batch are
+    there already. Class attributes are the rest; arguments of the class are keywords of `gym.make`.
+
+    Attributes:
+        arm: Name of a UR, or an `ArmDescription`; one without a gripper gets it. Its work cell has a table.
+        goal_size: Numbers of a goal. One of 3 is a place in the world [m], and is drawn as a green ball.
+        fingers: Whether the last number of an action moves the fingers; without, an action has one for each joint.
+        opening: Between the fingers at the start [m]; None for that of the arm's gripper.
+        shape: Of the object: `"ball"`, `"cube"` or `"cylinder"`.
+        size: Its radius, or half the edge of a cube [m].
+        mass: [kg].
+        friction: Coefficient of sliding friction with everything that it touches.
+    """
+
+    arm: str | ArmDescription = THESIS_ARM
+    goal_size: int = 3
+    fingers: bool = True
+    opening: float | None = None
+    shape: str = CUBE
+    size: float = 0.025
+    mass: float = 0.05
+    friction: float = 1.0
+
+    @abstractmethod
+    def sample(self, rng: np.random.Generator, count: int, region: BoxRegion) -> tuple[Floats, Floats, Floats]:
+        """Draw the starts of `count` episodes.
+
+        Args:
+            rng: The only source of randomness, so that seeds mean the same everywhere.
+            count: Number of episodes.
+            region: Where the work cell has its goals, in the world [m]; `region.z[0]` is the height of the table's top.
+
+        Returns:
+            Where the object stands on the table, x and y [m], shape (count, 2); its turn about the vertical [rad],
+            shape (count,); the goals, shape (count, goal_size).
+        """
+
+    @abstractmethod
+    def achieved(self, state: TabletopState) -> Floats:
+        """Return what is to become the goal, shape (k, goal_size), such as `state.position`."""
+
+    @abstractmethod
+    def success(self, achieved: Floats, goals: Floats) -> Flags:
+        """Return which goals are attained, bool, shape (k,)."""
+
+    def reward_terms(self, state: TabletopState, goals: Floats) -> dict[str, Floats]:
+        """Return the terms of the reward, each of shape (k,); the reward is their sum.
+
+        By default `distance`, minus the distance of what is achieved and the goal, and `success`, 1 for it.
+        """
+        achieved = self.achieved(state)
+        distance = np.linalg.norm(achieved - goals, axis=1)
+        return {"distance": -distance, "success": self.success(achieved, goals).astype(np.float64)}
+
+
+def register_tabletop(name: str, task: type[TabletopTask] | str, *, max_episode_steps: int = 100) -> None:
+    """Register a task with Gymnasium, for `gym.make` and, as a native batch, for `gym.make_vec`.
+
+    Args:
+        name: Id of the environment, such as `"mine/Push-v0"`.
+        task: The class, or `"module:Class"`, which processes that import nothing else find too.
+        max_episode_steps: Steps, of 0.04 s each, after which Gymnasium truncates an episode.
+
+    Raises:
+        InputError: No subclass of `TabletopTask`, or a limit below 1.
+    """
+    if not isinstance(task, str):
+        _checked_class(task)
+    register(
+        name,
+        entry_point=f"{__name__}:TabletopEnv",
+        vector_entry_point=f"{__name__}:TabletopVectorEnv",
+        max_episode_steps=check_count("max_episode_steps", max_episode_steps),
+        kwargs={"task": task},
+    )
+
+
+def _checked_class(task: object) -> type[TabletopTask]:
+    if isinstance(task, type) and issubclass(task, TabletopTask):
+        return task
+    raise InputError(f"task must be a subclass of TabletopTask or its name, module:Class, got {shown(task)}")
+
+
+class _Start(NamedTuple):
+    """Values that k episodes start with; None for those that are drawn."""
+
+    places: Floats | None = None
+    yaws: Floats | None = None
+    goals: Floats | None = None
+
+
+_ALL_DRAWN = _Start()
+
+
+@dataclass(frozen=True, kw_only=True)
+class TabletopOptions:
+    """Options of every environment of this kind, beside those of its task."""
+
+    backend: ClassVar[str] = "mujoco"
+    render_mode: str | None = None
+    info: str = "all"
+
+    def __post_init__(self) -> None:
+        check_known("info", self.info, INFOS)
+        if self.render_mode is not None:
+            check_known("render_mode", self.render_mode, RENDER_MODES)
+
+
+class _Setup:
+    """A task on its arm: what one environment and a batch of it have in common."""
+
+    def __init__(self, task: type[TabletopTask] | str, given: Mapping[str, Any]) -> None:
+        kind = _checked_class(load_object("task", task) if isinstance(task, str) else task)
+        try:
+            self.task = made = kind(**given)
+        except TypeError as error:
+            raise InputError(f"cannot make the task: {error}") from error
+        numbers = check_count("goal_size", made.goal_size, most=100)
+        check_flag("fingers", made.fingers)
+        check_known("shape", made.shape, SHAPES)
+        self.arm = arm = grasping_arm(made.arm)
+        check_objects(arm, [made.size], [made.mass], [made.friction])
+        self.gripper = gripper = cast("Gripper", arm.gripper)
+        opening = gripper.opening if made.opening is None else made.opening
+        self.opening = check_number("opening [m]", opening, least=0.0, most=gripper.stroke)
+        self.kinematics: Any = ArmKinematics.of(arm, base="world")
+        self.home = np.array(arm.home)
+        self.limits = joint_limits(arm)
+        region: Any = arm.workcell.goals
+        _, top = table_of(arm.workcell.obstacles)
+        self.region = BoxRegion(region.x, region.y, (top, top))
+        self.action_space = spaces.Box(-1.0, 1.0, (len(self.home) + made.fingers,), np.float32)
+        lower, upper = self.limits
+        places = 6 * [GOAL_RANGE]
+        high = np.concatenate([upper + BEYOND_LIMIT, [CAMERA_RANGE], places, 6 * [1.0], numbers * [GOAL_RANGE]])
+        low = np.concatenate([lower - BEYOND_LIMIT, [0.0], -high[len(upper) + 1 :]])
+        self.observation_space = spaces.Box(low, high, dtype=np.float64)
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw starts: place, yaw and goal, shape (count, 3 + goal_size)."""
+        rows: Any = self.task.sample(rng, count, self.region)
+        sizes = {"places": (count, 2), "turns": (count,), "goals": (count, self.task.goal_size)}
+        if not isinstance(rows, tuple) or len(rows) != len(sizes):
+            raise InputError(f"sample must return places, turns and goals, got {shown(rows)}")
+        for (name, shape), values in zip(sizes.items(), rows, strict=True):
+            if np.shape(values) != shape or not np.isfinite(values).all():
+                raise InputError(f"the {name} of sample must be finite and have shape {shape}, got {np.shape(values)}")
+        return np.column_stack(rows)
+
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> _Start:
+        return _Start(*option_rows(options, {"place": 2, "yaw": 1, "goal": self.task.goal_size}, count))
+
+    def check_action(self, action: ArrayLike, count: int | None) -> Floats:
+        values, (size,) = as_floats("action", action), self.action_space.shape
+        shape = (size,) if count is None else (count, size)
+        if values.shape != shape or not np.isfinite(values).all():
+            raise InputError(f"action must be finite and have shape {shape}, got {values.shape}")
+        return np.clip(values, -1.0, 1.0).reshape(-1, size)
+
+
+class _Episodes:
+    """The episodes of a number of arms in step."""
+
+    measurement = None
+
+    def __init__(self, setup: _Setup, world: Grasping) -> None:
+        self.setup, self.world, self.count = setup, world, world.count
+        self._streams = RowStreams(setup.sample, self.count, size=3 + setup.task.goal_size)
+        self.goals = np.zeros((self.count, setup.task.goal_size))
+        joints, numbers, truths = len(setup.home), np.zeros(self.count), np.zeros(self.count, dtype=np.bool_)
+        self._state = TabletopState(
+            np.zeros((self.count, joints)), numbers, np.zeros((self.count, 3)), np.zeros((self.count, 3)),
+            np.zeros((self.count, 3, 3)), truths, numbers.copy(), truths.copy(),
+        )  # fmt: skip
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        self._streams.seed(index, rng)
+
+    def begin(self, ids: Ids, start: _Start = _ALL_DRAWN) -> None:
+        rows, task, world = self._streams.draw(ids), self.setup.task, self.world
+        for columns, values in zip((slice(0, 2), slice(2, 3), slice(3, None)), start, strict=True):
+            if values is not None:
+                rows[:, columns] = values
+        each = np.ones(len(ids))
+        numbers = (each * number for number in (task.size, task.mass, task.friction))
+        world.reset(ids, np.tile(self.setup.home, (len(ids), 1)))
+        world.put_fingers(ids, each * self.setup.opening)
+        on_table = np.column_stack([rows[:, :2], each * self.setup.region.z[0]])
+        world.put(ids, 0, Objects(np.full(len(ids), SHAPES.index(task.shape)), *numbers), on_table, rows[:, 2])
+        self.goals[ids] = rows[:, 3:]
+        self._read(ids)
+
+    def _read(self, ids: Ids) -> None:
+        now, q, (position, rotation) = self.world.grasp(ids), self.world.q[ids], self.world.pose()
+        tip = np.asarray(self.setup.kinematics.chain.positions(q))
+        read = (q, now.opening, tip, position[ids], rotation[ids], now.gripped, now.clearance, now.collides)
+        for mine, new in zip(self._state, read, strict=True):
+            mine[ids] = new
+
+    def observe(self) -> Floats:
+        state = self._state
+        turned = state.rotation[:, :, :2].reshape(self.count, 6)
+        numbers = (state.q, state.opening[:, None], state.tip, state.position, turned, self.goals)
+        space = self.setup.observation_space
+        return np.clip(np.concatenate(numbers, axis=1), space.low, space.high)
+
+    def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
+        acting = np.ones(self.count, dtype=np.bool_) if acting is None else acting
+        ids, world, joints = np.flatnonzero(acting), self.world, len(self.setup.home)
+        lost = np.zeros(self.count, dtype=np.bool_)
+        if len(ids):
+            before = world.states(ids)
+            q = np.clip(self._state.q[ids] + STEP_ANGLE * actions[ids, :joints], *self.setup.limits)
+            opening = np.full(len(ids), self.setup.opening)
+            if self.setup.task.fingers:
+                opening = self._state.opening[ids] + STEP_OPENING * actions[ids, -1]
+            world.steer(ids, q, np.clip(opening, 0.0, self.setup.gripper.stroke), STEP_S)
+            lost[ids] = diverged = world.diverged(ids)
+            if diverged.any():
+                world.put_back(ids[diverged], before[diverged])
+            self._read(ids)
+        return self._outcome(acting, lost)
+
+    def _outcome(self, acting: Flags, lost: Flags) -> Outcome:
+        state, task = self._state, self.setup.task
+        collides = acting & state.collides
+        success = acting & ~collides & self._success()
+        terms, reward = {}, np.zeros(self.count)
+        for name, term in {**task.reward_terms(state, self.goals), "collision": -1.0 * collides}.items():
+            if np.shape(term) != reward.shape:
+                raise InputError(f"reward term {name!r} must have shape {reward.shape}, got {np.shape(term)}")
+            terms[name] = np.where(acting, as_floats(name, term), 0.0)
+            reward += terms[name]
+        ended = success | collides
+        return Outcome(reward, ended, lost & ~ended, self._info(slice(None), success, collides, terms))
+
+    def _success(self) -> Flags:
+        found = as_array("success", self.setup.task.success(self.setup.task.achieved(self._state), self.goals))
+        if found.shape != (self.count,) or found.dtype != np.bool_:
+            raise InputError(f"success must return bool of shape ({self.count},), got {found.dtype} of {found.shape}")
+        return found
+
+    def goal_info(self, rows: Any) -> dict[str, Any]:
+        return {"goal": np.array(self.goals[rows])}
+
+    def start_info(self, ids: Ids) -> dict[str, Any]:
+        nothing, task = np.zeros(len(ids), dtype=np.bool_), self.setup.task
+        names = [*task.reward_terms(self._state, self.goals), "collision"]
+        return self._info(ids, nothing, nothing, {name: np.zeros(len(ids)) for name in names})
+
+    def _info(self, rows: Any, success: Flags, collides: Flags, terms: dict[str, Floats]) -> dict[str, Any]:
+        state = self._state
+        return {
+            **self.goal_info(rows),
+            "achieved": np.array(self.setup.task.achieved(state)[rows]),
+            **{name: np.array(getattr(state, name)[rows]) for name in ("q", "tip", "position", "opening", "gripped")},
+            "is_success": success,
+            "reached": success,
+            "impossible": collides,
+            "reward_terms": terms,
+            **{f"reward_{name}": term for name, term in terms.items()},
+        }
+
+    def close(self) -> None:
+        """Nothing is rendered here."""
+
+
+class TabletopEnv(ArmEnv):
+    """A `TabletopTask` on its arm, under MuJoCo's dynamics, in steps of 0.04 s; `register_tabletop` gives it an id.
+
+    The action is `Box(-1, 1, (n,), float32)`: changes of the n joints in parts of 5 degrees, and, where the task has
+    `fingers`, one number more, the change of their opening in parts of 8 mm. Changes count from where joints and
+    fingers stand. The observation is `Box(float64)`:
+
+    | Num | Observation | Unit |
+    |-----|-------------|------|
+    | n | joint angles | rad |
+    | 1 | opening of the gripper | m |
+    | 3 | place of the tip, in the world | m |
+    | 3 | place of the object's centre, in the world | m |
+    | 6 | its rotation to the world, row by row without the last column | 1 |
+    | goal_size | the goal, as the task has it | |
+
+    The reward is the sum of the task's terms and of `collision`, -1 where a link is in the table, in another obstacle
+    or in another link by more than 1 mm. An episode terminates with the task's success or with a collision; a
+    simulation that diverges truncates it. `reset(options={"place": (x, y), "yaw": angle, "goal": goal})` sets any of
+    what is drawn. `info` has `goal`, `achieved`, `q`, `tip`, `position`, `opening`, `gripped`, `is_success`, `reached`,
+    `impossible` (a collision) and `reward_terms`, from `reset` too.
+
+    Args:
+        task: The class of the task, or `"module:Class"`.
+        render_mode: `"human"`, `"rgb_array"`, `"rgb_array_list"` or `"depth_array"`.
+        info: `"all"`, or only `"numbers"`.
+        **options: Arguments of the task's class.
+
+    Raises:
+        InputError: A task, or options, that cannot be.
+    """
+
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012 (declared by Gymnasium)
+
+    def __init__(
+        self, task: type[TabletopTask] | str, *, render_mode: str | None = None, info: str = "all", **options: Any
+    ) -> None:
+        EzPickle.__init__(self, task, render_mode=render_mode, info=info, **options)
+        self.options = TabletopOptions(render_mode=render_mode, info=info)
+        self.render_mode = render_mode
+        self._task = setup = _Setup(task, options)
+        self._simulation = ArmSimulation(setup.arm, visual=render_mode is not None, objects=1)
+        if setup.task.goal_size == 3:  # the ball, which is hidden beside objects, marks the goal
+            marker = self._simulation.model.geom(BALL)
+            marker.group, marker.rgba = BALL_GROUP, GOAL_COLOUR
+        self._episodes = _Episodes(setup, Grasping(self._simulation))
+        self._picture = None if render_mode is None else ScenePicture(self._simulation, mode=render_mode)
+        self.action_space, self.observation_space = setup.action_space, setup.observation_space
+
+    def _check_start(self, options: Mapping[str, Any] | None) -> _Start:
+        return self._task.check_start(options, None)
+
+    def _check_action(self, action: ArrayLike) -> Floats:
+        check_not_over(self._over)
+        return self._task.check_action(action, None)
+
+    def _follow(self) -> None:
+        if self._task.task.goal_size == 3:
+            self._simulation.place_ball(self._episodes.goals[0])
+
+    def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        if self.render_mode == "human":
+            self.render()
+        return super()._answer(outcome)
+
+
+class TabletopVectorEnv(NativeVectorEnv):
+    """A batch of `TabletopEnv`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
+
+    Args:
+        num_envs: Number of environments.
+        task: The class of the task, or `"module:Class"`.
+        threads: Threads that step the dynamics.
+        max_episode_steps: Steps after which episodes are truncated; `gym.make_vec` gives that of the id.
+        autoreset_mode: As of `NativeVectorEnv`.
+        info: `"all"`, or only `"numbers"`.
+        **options: Arguments of the task's class.
+
+    Raises:
+        InputError: A task, or options, that cannot be.
+    """
+
+    registered_limit = 100
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        task: type[TabletopTask] | str,
+        threads: int = 1,
+        max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        info: str = "all",
+        **options: Any,
+    ) -> None:
+        given = TabletopOptions(info=info)
+        if options.pop("render_mode", None) is not None:
+            raise InputError("a native batch of a TabletopTask is not drawn; gym.make draws one environment")
+        num_envs = check_batch(num_envs, threads, None)
+        setup = _Setup(task, options)
+        world = Grasping(BatchSimulation(setup.arm, num_envs, threads=threads, objects=1))
+        super().__init__(
+            _Episodes(setup, world),
+            num_envs,
+            action_space=setup.action_space,
+            observation_space=setup.observation_space,
+            check_actions=partial(setup.check_action, count=num_envs),
+            check_start=partial(setup.check_start, count=num_envs),
+            autoreset_mode=autoreset_mode,
+            numbers_only=given.info == "numbers",
+            max_episode_steps=max_episode_steps,
+        )
