@@ -341,7 +341,7 @@ class TabletopEnv(ArmEnv):
     | 3 | place of the tip, in the world | m |
     | 3 | place of the object's centre, in the world | m |
     | 6 | its rotation to the world, row by row without the last column | 1 |
-    | goal_size | the goal, as the task has it | |
+    | goal_size | the goal, as the task has it | m |
 
     The reward is the sum of the task's terms and of `collision`, -1 where a link is in the table, in another obstacle
     or in another link by more than 1 mm. An episode terminates with the task's success or with a collision; a
