@@ -38,7 +38,7 @@ ENVIRONMENTS = {
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
 #: Those without a native batch.
 SINGLE_ENVIRONMENTS = {
-    REAL_ARM: "kinreach.envs._real_arm:RealArmEnv",
+    REAL_ARM: "kinreach.envs.real_arm:RealArmEnv",
     OBSTACLES: "kinreach.envs._obstacles:ObstaclesEnv",
 }
 #: As `ENVIRONMENTS`, only for training: nothing is drawn of them.

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from kinreach.envs._reach.task import TOOL_DOWN
+from kinreach.envs._reach.reach_task import TOOL_DOWN
 from kinreach.errors import InstallationError
 from kinreach.kinematics import URKinematics
 from kinreach.sim import ArmSimulation, render

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from kinreach.envs._button.episodes import ButtonOptions
-from kinreach.envs._lift.task import LiftOptions
+from kinreach.envs._lift.lift_task import LiftOptions
 from kinreach.envs._obstacles import ObstaclesOptions
+from kinreach.envs._reach.reach_task import ReachOptions
 from kinreach.envs._reach.space import SpaceOptions
-from kinreach.envs._reach.task import ReachOptions
-from kinreach.envs._real_arm import RealArmOptions
 from kinreach.envs.moving import MovingOptions
+from kinreach.envs.real_arm import RealArmOptions
 from kinreach.errors import InputError
 from kinreach.sim import ArmSimulation, BatchSimulation
 from kinreach.sim._imperfections import Imperfections

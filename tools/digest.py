@@ -25,7 +25,7 @@ import numpy as np
 import kinreach
 from kinreach._registration import BUTTON, MULTI, SINGLE
 from kinreach.baselines._policies import load_policy
-from kinreach.envs._reach.task import TOOL_DOWN
+from kinreach.envs._reach.reach_task import TOOL_DOWN
 from kinreach.kinematics import Arm3Kinematics, CollisionChecker, URKinematics
 from kinreach.kinematics._goals import AxisGoal
 from kinreach.kinematics._solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver

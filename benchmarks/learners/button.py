@@ -12,7 +12,7 @@ import numpy as np
 from kinreach._rotations import wrapped
 from kinreach.baselines import Algorithm, Networks, Recipe, get_recipe, register_algorithm, register_recipe
 from kinreach.baselines._rewards import FIRST_PENALTY, LAST_PENALTY, POSTURE_WEIGHT, SCALE, Array
-from kinreach.envs._button.task import TUNED
+from kinreach.envs._button.button_task import TUNED
 from kinreach.kinematics import Arm3Kinematics
 
 #: 4 s, as in the course project's test; its steps are a tenth as long.

@@ -24,8 +24,8 @@ from kinreach.baselines import Algorithm, Recipe, SB3VecEnv, register_algorithm,
 from kinreach.baselines._adaptive_ppo import AdaptivePPO
 from kinreach.baselines._algorithms import adaptive_arguments
 from kinreach.baselines._button_controller import ButtonController
+from kinreach.envs._button.button_task import OBSERVATIONS
 from kinreach.envs._button.episodes import ButtonEpisodes
-from kinreach.envs._button.task import OBSERVATIONS
 
 #: Adam's, of the imitation.
 IMITATION_RATE = 2e-3

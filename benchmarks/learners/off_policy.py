@@ -27,7 +27,7 @@ from kinreach.baselines import Algorithm, Networks, Recipe, SB3VecEnv, register_
 from kinreach.baselines._algorithms import mlp_arguments
 from kinreach.baselines._ranked_ppo import Exploration, share_left
 from kinreach.baselines._rewards import REWARDS, dense
-from kinreach.envs._reach.task import action_range
+from kinreach.envs._reach.reach_task import action_range
 from kinreach.robots import get_arm
 
 #: What the weights of an actor's last layer are multiplied by to begin with.

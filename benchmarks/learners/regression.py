@@ -15,7 +15,7 @@ from kinreach.baselines._algorithms import actor_arguments, in_tries
 from kinreach.baselines._descent import GradientLearner, Objective
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.random_arms import ur5
-from kinreach.envs._reach.task import GOAL, SINGLE_STEP
+from kinreach.envs._reach.reach_task import GOAL, SINGLE_STEP
 from kinreach.errors import InputError
 from kinreach.vision._goal_view import goals_in_world
 

@@ -20,7 +20,7 @@ from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines._learning_curve import COLUMNS, read_curve
 from kinreach.baselines._loop import rollout_batch
 from kinreach.baselines._policies import LearnedPolicy, load_policy
-from kinreach.envs._reach.task import ReachTask
+from kinreach.envs._reach.reach_task import ReachTask
 from kinreach.errors import InputError
 
 Array = np.ndarray[Any, Any]

@@ -23,7 +23,7 @@ from kinreach.baselines._batch import last_step
 from kinreach.baselines._button_controller import ButtonController
 from kinreach.cli import Parser, finish
 from kinreach.envs._button import ACTUATIONS, Actuation
-from kinreach.envs._button.task import PRESS_RADIUS
+from kinreach.envs._button.button_task import PRESS_RADIUS
 
 PROG = "python -m benchmarks.studies.button_actuation"
 

@@ -23,7 +23,7 @@ from kinreach._registration import BUTTON
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._button_controller import ButtonController
 from kinreach.cli import Parser, finish
-from kinreach.envs._button.task import OBSERVATIONS, meaning
+from kinreach.envs._button.button_task import OBSERVATIONS, meaning
 
 PROG = "python -m benchmarks.studies.button_demonstrations"
 HEADINGS = ("observed", "action right, %", "control 1 right where it changes, %", "control 2, %", "control 3, %")

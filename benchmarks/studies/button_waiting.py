@@ -30,7 +30,7 @@ from kinreach.baselines._loop import Policy, rollout_batch
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._recipes import RECIPES
 from kinreach.cli import Parser, finish
-from kinreach.envs._button.task import ACTIONS, PRESS_RADIUS
+from kinreach.envs._button.button_task import ACTIONS, PRESS_RADIUS
 
 PROG = "python -m benchmarks.studies.button_waiting"
 HEADINGS = (

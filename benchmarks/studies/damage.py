@@ -38,8 +38,8 @@ from kinreach.baselines.random_arms import on_table, ur5
 from kinreach.cli import Parser, finish
 from kinreach.compare._methods.tuned_policies import Trained, Tuned
 from kinreach.compare._real_arm import LEARNED_POLICY
-from kinreach.envs._reach.task import TOOL_DOWN
-from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
+from kinreach.envs._reach.reach_task import TOOL_DOWN
+from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._chain import SerialChain
 from kinreach.robots import ArmDescription, get_arm

@@ -43,8 +43,8 @@ from kinreach.baselines._recipes.reach import FINGERS
 from kinreach.cli import Parser, finish
 from kinreach.compare._methods.interception import Interception
 from kinreach.compare._task import get_task
-from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.envs.moving import AGE, DELAY, FRAMES, PATHS
+from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.kinematics import URKinematics
 from kinreach.plots._style import INK, new_figure
 from kinreach.robots import get_arm

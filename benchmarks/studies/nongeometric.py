@@ -3,7 +3,7 @@
     python -m benchmarks.studies.nongeometric | python -m benchmarks.studies.tables nongeometric all-errors
 
 Gears that give way under a load, their hysteresis, encoders off their axes and a stand that bends: each alone, all
-four, and all four with links, tool, base and cameras that are off. `kinreach.envs._real_arm` has their sizes and the
+four, and all four with links, tool, base and cameras that are off. `kinreach.envs.real_arm` has their sizes and the
 sources of these. Cells are medians over workplaces of the median distance of 50 balls. Where the links are off there
 are four robots, all published calibrations of a UR5: the cell is the mean of their medians, with Student's interval
 over the robots. Elsewhere the interval is the bootstrap's over workplaces. Finished rows are kept in `--out`.
@@ -27,7 +27,7 @@ from kinreach._statistics import bootstrap_intervals, median
 from kinreach.baselines._loop import as_policy, rollout
 from kinreach.cli import Parser, finish
 from kinreach.compare._task import get_task
-from kinreach.envs._real_arm import ERRORS, LINKS, NONGEOMETRIC
+from kinreach.envs.real_arm import ERRORS, LINKS, NONGEOMETRIC
 
 PROG = "python -m benchmarks.studies.nongeometric"
 KINDS = (*NONGEOMETRIC, "nongeometric", "everything")

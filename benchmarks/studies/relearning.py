@@ -49,7 +49,7 @@ from kinreach.baselines._policy_file import Network
 from kinreach.baselines._ranked_ppo import AdaptiveRate, Exploration, normal_scores
 from kinreach.baselines.random_arms import ur5
 from kinreach.cli import Parser, finish
-from kinreach.envs._reach.task import goal_block
+from kinreach.envs._reach.reach_task import goal_block
 from kinreach.plots._colours import own_colour
 from kinreach.plots._style import FAINT, FONT_SIZE, key, label_ends, new_figure, text_colour
 

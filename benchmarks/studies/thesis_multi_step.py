@@ -31,7 +31,7 @@ from kinreach.baselines._policy_file import read_policy
 from kinreach.baselines._recipes import Recipe
 from kinreach.baselines._training import train
 from kinreach.cli import Parser, finish
-from kinreach.envs._reach.task import MULTI_STEP
+from kinreach.envs._reach.reach_task import MULTI_STEP
 from kinreach.kinematics import URKinematics
 from kinreach.thesis import REACHED_DISTANCE
 from kinreach.thesis._reward import IMPOSSIBLE_REWARD, REACHED_REWARD

@@ -30,7 +30,7 @@ from kinreach.baselines._evaluation import HELD_OUT
 from kinreach.baselines._learning_curve import curve_csv
 from kinreach.cli import Parser, finish
 from kinreach.envs._reach.observers import CameraObserver
-from kinreach.envs._reach.task import ReachOptions
+from kinreach.envs._reach.reach_task import ReachOptions
 from kinreach.robots import get_arm
 
 PROG = "python -m benchmarks.studies.thesis_world"

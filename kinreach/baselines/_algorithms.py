@@ -33,18 +33,7 @@ from kinreach.baselines._recipes import Recipe
 from kinreach.baselines._rewards import TrainingReward
 from kinreach.baselines._sb3_export import actor_network
 from kinreach.baselines._vec_envs import SB3VecEnv
-from kinreach.envs.inside import (
-    CAMERA,
-    CONTROL_LIMIT,
-    JOINTS,
-    KIND_END,
-    ButtonOptions,
-    LiftTask,
-    ReachTask,
-    SpaceTask,
-    action_range,
-    layout_of,
-)
+from kinreach.envs.inside import ButtonOptions, SpaceTask, button_task, lift_task, reach_task
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 
@@ -83,7 +72,7 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
         policy["log_std_init"] = math.log(networks.std)
     if networks.posture:
         arm = _arm(recipe)
-        gain, shift = (1.0 / action_range(arm)[0]).tolist(), _action_to(arm, arm.home)
+        gain, shift = (1.0 / reach_task.action_range(arm)[0]).tolist(), _action_to(arm, arm.home)
         if recipe.environment == LIFT:
             gain, shift = [*gain, max(gain)], [*shift, FIRST_OPENING]
         arguments["policy"] = PosturePolicy
@@ -108,7 +97,9 @@ def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
     if arguments["exploration"] is not None:
         schedule = Exploration(**arguments["exploration"])
         posture = recipe.networks.posture
-        arguments["exploration"] = schedule.scaled(1.0 / action_range(_arm(recipe))[0].max()) if posture else schedule
+        arguments["exploration"] = (
+            schedule.scaled(1.0 / reach_task.action_range(_arm(recipe))[0].max()) if posture else schedule
+        )
     return arguments
 
 
@@ -160,7 +151,7 @@ def _features(recipe: Recipe) -> dict[str, Any]:
         options = ButtonOptions(**{name: recipe.options[name] for name in recipe.options if name != STEP_LIMIT})
         # cosines and sines, two positions [m], joint velocities [rad/s], difference of the positions [m], push state
         scale: tuple[float, ...] = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
-        frame = (*scale, *(CONTROL_LIMIT,) * JOINTS * options.controls)
+        frame = (*scale, *(button_task.CONTROL_LIMIT,) * button_task.JOINTS * options.controls)
         return {"mean": [0.0] * len(frame) * options.frames, "scale": frame * options.frames}
     home = get_arm(THESIS_ARM).home
     if kind == "sights":
@@ -205,11 +196,11 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
     With the features `"looks"`, the setting of that name is the number of looks in a segment of the training.
     """
     task = getattr(batch.unwrapped, "task", None)
-    if not isinstance(task, ReachTask | LiftTask):
+    if not isinstance(task, reach_task.ReachTask | lift_task.LiftTask):
         raise InputError(
             f"ranked PPO tries postures in an environment for reaching or for grasping, not in {recipe.environment}"
         )
-    if isinstance(task, ReachTask) and task.options.goal_in != CAMERA:
+    if isinstance(task, reach_task.ReachTask) and task.options.goal_in != reach_task.CAMERA:
         raise InputError(f"{recipe.algorithm} takes goals in metres, not goal_in={task.options.goal_in!r}")
     tries: dict[str, Any] = {
         "tries": recipe.settings["tries"],
@@ -220,7 +211,7 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
         "layout": task.layout,
         "arm": task.arm,
     }
-    if recipe.networks.features == "looks" and isinstance(task, ReachTask):
+    if recipe.networks.features == "looks" and isinstance(task, reach_task.ReachTask):
         return LooksVecEnv(batch, looks=Looks(task, recipe.settings["looks"]), **tries)
     return TriesVecEnv(batch, **tries)
 
@@ -228,8 +219,8 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
 def _fixed(recipe: Recipe) -> slice:
     """Return the part of observations that is constant during an episode."""
     if recipe.environment == LIFT:
-        return slice(0, KIND_END)
-    return layout_of(_arm(recipe), directed=recipe.environment == SPACE).fixed
+        return slice(0, lift_task.KIND_END)
+    return reach_task.layout_of(_arm(recipe), directed=recipe.environment == SPACE).fixed
 
 
 def _arm(recipe: Recipe) -> ArmDescription:
@@ -238,7 +229,7 @@ def _arm(recipe: Recipe) -> ArmDescription:
 
 def _action_to(arm: ArmDescription, q: ArrayLike) -> list[float]:
     """Return the action that means a posture [rad], shape (n,)."""
-    half, middle = action_range(arm)
+    half, middle = reach_task.action_range(arm)
     return ((np.asarray(q) - middle) / half).tolist()
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats, check_known
 from kinreach._engines import load
 from kinreach._rotations import wrapped
-from kinreach.envs.inside import ACTUATIONS, CONTROL_LIMIT, JOINTS, OBSERVATIONS, PRESS_RADIUS, action_of
+from kinreach.envs.inside import ACTUATIONS, button_task
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 
@@ -71,7 +71,7 @@ class ButtonController:
         self._model.armature = np.array(self._actuation.armature)
         self._data = self._model.createData()
         self._fresh = np.ones(count, dtype=np.bool_)
-        self._control, self._q, self._target = np.zeros((3, count, JOINTS))
+        self._control, self._q, self._target = np.zeros((3, count, button_task.JOINTS))
 
     def restart(self, ids: Any = slice(None)) -> None:
         self._fresh[ids] = True
@@ -82,24 +82,24 @@ class ButtonController:
             raise InputError(f"needs {len(self._fresh)} observations, got {len(observations)}")
         qd, goals = observations[:, 12:15], observations[:, 6:9]
         self._follow(np.arctan2(observations[:, 3:6], observations[:, :3]), goals)
-        if observations.shape[1] > OBSERVATIONS:
-            self._control = observations[:, OBSERVATIONS:].copy()
+        if observations.shape[1] > button_task.OBSERVATIONS:
+            self._control = observations[:, button_task.OBSERVATIONS :].copy()
         speed = np.clip(self._stiffness * (self._target - self._q), -self._speed, self._speed)
         acceleration = (speed - qd) / self._time_constant
         torque = self._damping * qd
         for row, state in zip(torque, zip(self._q, qd, acceleration, strict=True), strict=True):
             row += pin.rnea(self._model, self._data, *state)
-        wanted = np.clip(torque / self._gears, -CONTROL_LIMIT, CONTROL_LIMIT)
+        wanted = np.clip(torque / self._gears, -button_task.CONTROL_LIMIT, button_task.CONTROL_LIMIT)
         change = np.clip(np.rint(wanted - self._control), -1, 1)
         self._control += change
         distance = np.linalg.norm(observations[:, 15:18], axis=1)
         if self._actuation.press_first:
-            return action_of(change, distance < PRESS_RADIUS - PRESS_MARGIN)
+            return button_task.action_of(change, distance < button_task.PRESS_RADIUS - PRESS_MARGIN)
         press = np.zeros(len(qd), dtype=np.bool_)
         for row in np.flatnonzero(distance < LOOK_RADIUS):
             tip = self._next_tip(self._q[row], qd[row], self._control[row] * self._gears)
-            press[row] = np.linalg.norm(tip - goals[row]) < PRESS_RADIUS - PRESS_MARGIN
-        return action_of(change, press)
+            press[row] = np.linalg.norm(tip - goals[row]) < button_task.PRESS_RADIUS - PRESS_MARGIN
+        return button_task.action_of(change, press)
 
     def _follow(self, angles: Floats, goals: Floats) -> None:
         """Unwrap the joint angles, and choose a posture for each new target."""

@@ -13,7 +13,7 @@ from kinreach._checks import Floats
 from kinreach.baselines._adaptive_ppo import AdaptivePPO
 from kinreach.baselines.expert import table_top
 from kinreach.baselines.random_arms import RandomArmEpisodes
-from kinreach.envs.inside import TOOL_DOWN, SpaceTask, action_range, measured, moving
+from kinreach.envs.inside import SpaceTask, measured, moving, reach_task
 
 #: From the mean actions of some rows of a batch, and their indices, to what is to be made small.
 Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
@@ -97,7 +97,7 @@ class AnalyticGradient(GradientLearner):
         And `FOLDED` times what joints are beyond their largest angles.
         """
         task, chain = self.task, self.task.kinematics.chain
-        half, middle = (torch.as_tensor(part, dtype=torch.float32) for part in action_range(task.arm))
+        half, middle = (torch.as_tensor(part, dtype=torch.float32) for part in reach_task.action_range(task.arm))
         goals = torch.as_tensor(measured(task, observations[:, task.layout.goal]).seen, dtype=torch.float32)
         directions = torch.as_tensor(observations[:, task.layout.direction], dtype=torch.float32)
 
@@ -140,7 +140,7 @@ class SimulatorGradient(GradientLearner):
         tips = self.world.chain.fk(q)
         off, goals = (torch.as_tensor(part, dtype=torch.float32) for part in places(q.detach().numpy().astype(float)))
         miss = (tips[:, :3, 3] + off - goals).square().sum(1)
-        turn = (tips[:, :3, 2] - torch.tensor(TOOL_DOWN)).square().sum(1)
+        turn = (tips[:, :3, 2] - torch.tensor(reach_task.TOOL_DOWN)).square().sum(1)
         return ((miss + ROOT_OF).sqrt() + down * (turn + ROOT_OF).sqrt()).mean()
 
 

@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs
 
 from kinreach._checks import Floats
 from kinreach.baselines._ranked_ppo import TriesVecEnv
-from kinreach.envs.inside import PixelObserver, ReachTask
+from kinreach.envs.inside import PixelObserver, reach_task
 
 
 class Looks:
@@ -23,7 +23,7 @@ class Looks:
         names: Of the pictures, as observations have them, in the order of the cameras.
     """
 
-    def __init__(self, task: ReachTask, count: int) -> None:
+    def __init__(self, task: reach_task.ReachTask, count: int) -> None:
         self._task = task
         self.names = sorted(f"{camera.name}_rgb" for camera in task.arm.goal_cameras)
         shape = (count, len(self.names), task.options.height, task.options.width, 3)

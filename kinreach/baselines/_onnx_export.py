@@ -21,7 +21,7 @@ from kinreach._engines import load_extra
 from kinreach._files import replacing
 from kinreach.baselines._eyes import MIDDLE, Eye
 from kinreach.baselines._policies import SLACK, LearnedPolicy
-from kinreach.envs.inside import STEP_SIZE
+from kinreach.envs.inside import reach_task
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, get_arm
 
@@ -173,5 +173,5 @@ def _activated(graph: _Graph, x: str, activation: str) -> str:
 
 def _paced(graph: _Graph, way: str) -> str:
     longest = graph("ReduceMax", graph("Abs", way), [1], keepdims=1)
-    steps = graph("Ceil", graph("Sub", graph("Div", longest, STEP_SIZE), SLACK))
-    return graph("Div", graph("Div", way, STEP_SIZE), graph("Max", steps, 1.0))
+    steps = graph("Ceil", graph("Sub", graph("Div", longest, reach_task.STEP_SIZE), SLACK))
+    return graph("Div", graph("Div", way, reach_task.STEP_SIZE), graph("Max", steps, 1.0))

@@ -18,7 +18,7 @@ from kinreach._provenance import digest
 from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 from kinreach.baselines._eyes import picture_names
 from kinreach.baselines._policy_file import MAX_BYTES, Network, PolicyCard, read_policy
-from kinreach.envs.inside import SINGLE_STEP, STEP_SIZE, action_range
+from kinreach.envs.inside import reach_task
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
 
@@ -33,8 +33,8 @@ def paced(way: Array) -> Array:
 
     Smaller last steps would end episodes on the way, within the thesis's 10 mm of the goal.
     """
-    steps = np.abs(way).max(axis=-1, keepdims=True) / STEP_SIZE
-    return way / STEP_SIZE / np.maximum(1.0, np.ceil(steps - SLACK))
+    steps = np.abs(way).max(axis=-1, keepdims=True) / reach_task.STEP_SIZE
+    return way / reach_task.STEP_SIZE / np.maximum(1.0, np.ceil(steps - SLACK))
 
 
 _SUFFIX = ".safetensors"
@@ -97,8 +97,8 @@ class LearnedPolicy:
         """Half of each joint's range and its middle [rad]; half a turn and 0 if the card names no arm."""
         name = self.arm
         if not name:
-            return SINGLE_STEP.scale, 0.0
-        half, middle = action_range(get_arm(name))
+            return reach_task.SINGLE_STEP.scale, 0.0
+        half, middle = reach_task.action_range(get_arm(name))
         if half.shape != self.network.gain.shape:
             numbers = len(self.network.gain)
             raise InputError(f"a posture of the arm {name!r} has {len(half)} numbers, got {numbers}")

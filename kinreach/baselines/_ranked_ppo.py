@@ -40,7 +40,7 @@ from kinreach.baselines._batch import last_step
 from kinreach.baselines._policies import paced
 from kinreach.baselines._rewards import TrainingReward
 from kinreach.baselines._vec_envs import SB3VecEnv
-from kinreach.envs.inside import UR5_LAYOUT, Layout, action_range
+from kinreach.envs.inside import reach_task
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 
@@ -71,13 +71,13 @@ class TriesVecEnv(SB3VecEnv):
         steps: int,
         reward: TrainingReward,
         blur: float,
-        layout: Layout = UR5_LAYOUT,
+        layout: reach_task.Layout = reach_task.UR5_LAYOUT,
         arm: str | ArmDescription = THESIS_ARM,
     ) -> None:
         super().__init__(env, reward=reward)
         self._tries, self._draw, self._steps, self._blur = tries, draw, steps, blur
         self._layout = layout
-        self._half, self._middle = action_range(get_arm(arm))
+        self._half, self._middle = reach_task.action_range(get_arm(arm))
         self._rng = np.random.default_rng()
         self._infos: list[dict[str, Any]] = [{} for _ in range(env.num_envs)]
         self._over = np.ones(env.num_envs, dtype=np.bool_)

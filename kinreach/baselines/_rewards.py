@@ -11,7 +11,7 @@ import numpy as np
 from kinreach._checks import check_known
 from kinreach._objects import load_object
 from kinreach.baselines.expert import GRIPPER, table_top, tool_down_postures
-from kinreach.envs.inside import HEIGHT, NEAR, moving
+from kinreach.envs.inside import lift_task, moving
 from kinreach.kinematics import Arm3Kinematics, URKinematics
 from kinreach.robots import THESIS_ARM
 
@@ -67,8 +67,10 @@ def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     over = np.linalg.norm(seen[:, 15:17], axis=1) < OVER
     to_close = CLOSING_WEIGHT * np.where(to_low < CLOSE, np.abs(opening - 2.0 * size), OPEN)
     ahead = np.where(over, to_low + to_close, to_high + FAR)
-    held = info["held"] & (np.linalg.norm(seen[:, 15:18], axis=1) < NEAR)  # not one that lies below the finger tips
-    to_lift = to_raised - HELD - RAISED_WEIGHT * np.clip(info["clearance"] / HEIGHT, 0.0, 1.0)
+    held = info["held"] & (
+        np.linalg.norm(seen[:, 15:18], axis=1) < lift_task.NEAR
+    )  # not one that lies below the finger tips
+    to_lift = to_raised - HELD - RAISED_WEIGHT * np.clip(info["clearance"] / lift_task.HEIGHT, 0.0, 1.0)
     return rewards + GUIDE_WEIGHT * (WHOLE_WAY - np.where(held, to_lift, ahead))
 
 

@@ -22,10 +22,6 @@ from kinreach._checks import Floats
 from kinreach._registration import MAX_EPISODE_STEPS, RANDOM_ARM
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.envs.inside import (
-    BUDGETS,
-    MEDIAN_LENGTH,
-    NOISE,
-    REACHED_WITHIN,
     Flags,
     Ids,
     NativeVectorEnv,
@@ -36,6 +32,7 @@ from kinreach.envs.inside import (
     check_not_over,
     moving,
     option_rows,
+    real_arm,
 )
 from kinreach.kinematics import URKinematics
 from kinreach.robots import THESIS_ARM
@@ -44,10 +41,10 @@ from kinreach.robots.inside import Prior, frames_of, moved_frames, slopes
 #: Errors of frames as in `kinreach/RealArm-v0` (root mean square); those of the base stand for cameras, too.
 ERRORS = Prior(base=(3e-3, 6e-3), links=(1e-3, 2e-3), tool=(3e-3, 0.0))
 #: Largest number of moves to a ball, and numbers of looks before.
-MOVES, LOOKS = 3, BUDGETS[:-1]
+MOVES, LOOKS = 3, real_arm.BUDGETS[:-1]
 #: How far beyond the table area balls may lie on all sides [m].
 BEYOND = 0.01
-SIGMA = NOISE / MEDIAN_LENGTH
+SIGMA = real_arm.NOISE / real_arm.MEDIAN_LENGTH
 #: Numbers of an observation: where the ball was seen [m]; distance of the tip from the data sheet's beside this ball,
 #: mean of the moves, and from the ball in the last one [m]; moves, looks; the result of `summary`.
 BALL, OFF, MISSED, DONE, LOOKED, SUMMARY = slice(0, 3), slice(3, 6), slice(6, 9), 9, 10, slice(11, 20)
@@ -197,8 +194,8 @@ class RandomArmEpisodes:
         return {
             **self.goal_info(rows),
             "distance": distance,
-            "reached": distance < REACHED_WITHIN,
-            "is_success": distance < REACHED_WITHIN,
+            "reached": distance < real_arm.REACHED_WITHIN,
+            "is_success": distance < real_arm.REACHED_WITHIN,
             "impossible": np.zeros(len(distance), dtype=np.bool_),
             "reward_terms": {"distance": reward},
         }

@@ -22,7 +22,7 @@ from kinreach.compare._task import (
     Task,
     common_columns,
 )
-from kinreach.envs.inside import PRESS_RADIUS, ButtonDrawing, ButtonOptions, ButtonState, torque_model
+from kinreach.envs.inside import ButtonDrawing, ButtonOptions, ButtonState, button_task, torque_model
 from kinreach.sim.inside import PosedScene
 
 #: Distance between the environment's seeds of two comparisons, above `MAX_GOALS`.
@@ -68,7 +68,8 @@ def _notes(results: Mapping[str, Any]) -> list[str]:
     return [
         *(f"The simulation diverged for {name}: {count} episodes." for name, count in diverged.items()),
         f"At most {options['max_episode_steps']} steps for all methods, actuation {options['actuation']}.",
-        f"A press counts at d < {1e3 * PRESS_RADIUS:g} mm; the 95 % interval of the share pressed is Wilson's.",
+        f"A press counts at d < {1e3 * button_task.PRESS_RADIUS:g} mm; "
+        "the 95 % interval of the share pressed is Wilson's.",
         "Steps, wrong presses, energy (sum of torque² dt), reward: of whole episodes, pressed or not.",
         "Time: simulated in MuJoCo, of pressed episodes. Decision: wall time of one, on one thread.",
     ]
@@ -106,7 +107,7 @@ BUTTON_TASK = Task(
                 "energy, sum of torque² dt [N²m²s]": (lambda trial: trial["energy"], False),
                 "wall time per decision, one thread [ms]": (decision_ms, False),
             },
-            marks={"distance at the end of the episode [mm]": 1e3 * PRESS_RADIUS},
+            marks={"distance at the end of the episode [mm]": 1e3 * button_task.PRESS_RADIUS},
             legend="dot: one goal · bar: median · dashed: within this a press counts",
         ),
     },

@@ -15,7 +15,7 @@ from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
 from kinreach.compare._methods.grasp import GraspPolicy
 from kinreach.compare._task import SOLVER, Method, Task, episode_seed
-from kinreach.envs.inside import HEIGHT, HOLD, MULTI
+from kinreach.envs.inside import lift_task
 from kinreach.kinematics.inside import new_solver
 from kinreach.plots import new_figure
 from kinreach.plots.inside import name_label
@@ -89,7 +89,7 @@ LIFT_TASK = Task(
         **{name: _scripted(name) for name in ("closed-form", "placo")},
         "ranked-lift": policy_method("ranked-lift", LIFT),
         "ranked-lift-range": policy_method("ranked-lift-range", LIFT),
-        "ppo-lift-multi": policy_method("ppo-lift-multi", LIFT, steps=MULTI),
+        "ppo-lift-multi": policy_method("ppo-lift-multi", LIFT, steps=lift_task.MULTI),
     },
     columns=(
         Column("reached", "reached", RATE, "lifted %\n[95 % CI]", "interval"),
@@ -108,8 +108,8 @@ LIFT_TASK = Task(
         Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "quantiles", TIME_TABLE),
     ),
     figures={"causes": draw_causes},
-    reached=f"the object's lowest point is {HEIGHT:g} m above the table for {HOLD:g} s, and the object touches both "
-    "fingers and nothing that stands around",
+    reached=f"the object's lowest point is {lift_task.HEIGHT:g} m above the table for {lift_task.HOLD:g} s, "
+    "and the object touches both fingers and nothing that stands around",
     terms={
         "goal": "an object that lies on the table, free, under MuJoCo's dynamics: its place uniform on the table area, "
         "turned anyhow; a red ball of 25 mm radius and 50 g, friction 1, unless the options say otherwise",

@@ -27,7 +27,7 @@ from kinreach.compare._error_budget import (
 )
 from kinreach.compare._methods import policy_method, solver_method
 from kinreach.compare._task import SEEDED, Draw, Method, Task, common_columns, resets_to
-from kinreach.envs.inside import PRESS_RADIUS
+from kinreach.envs.inside import button_task
 from kinreach.errors import InputError
 from kinreach.kinematics import Tolerance
 from kinreach.kinematics.inside import SOLVERS, new_solver
@@ -197,7 +197,7 @@ ARM3_TASK = Task(
     resets=_reachable_resets,
     methods=METHODS,
     columns=[column for column in COLUMNS if column.key != "posture_error"],
-    figures=_figures(1e3 * PRESS_RADIUS),
+    figures=_figures(1e3 * button_task.PRESS_RADIUS),
     reached="the tip ends within 50 mm of the goal, the press radius",
     terms={
         "goal": "point in the world, uniform in the button task's four quadrants, kept if some posture reaches it",

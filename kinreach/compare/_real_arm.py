@@ -18,7 +18,7 @@ from kinreach.compare._methods.models import ALL_PARAMETERS, JOINT_TERMS, REGIST
 from kinreach.compare._methods.practice import Learner, LookingPolicy
 from kinreach.compare._methods.tuned_policies import Informed, Trained, Tuned
 from kinreach.compare._task import Method, Task, episode_seed
-from kinreach.envs.inside import BUDGETS, REACHED_WITHIN, RealArmOptions
+from kinreach.envs.inside import real_arm
 from kinreach.sim.inside import PosedScene
 
 #: Kinds of methods.
@@ -83,7 +83,7 @@ def _heading(budget: int, again: int) -> str:
 
 
 def _columns() -> tuple[Column, ...]:
-    shown = {(budget, 0) for budget in BUDGETS} | {(0, 1), (0, 2), (20, 1)}
+    shown = {(budget, 0) for budget in real_arm.BUDGETS} | {(0, 1), (0, 2), (20, 1)}
     return tuple(
         Column(
             f"{errors}.looks_{budget}_{again}",
@@ -94,14 +94,14 @@ def _columns() -> tuple[Column, ...]:
             title,
         )
         for errors, title in ((ALL, ""), *ALONE.items())
-        for budget in BUDGETS
-        for again in range(RealArmOptions().again + 1)
+        for budget in real_arm.BUDGETS
+        for again in range(real_arm.RealArmOptions().again + 1)
     )
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
     """Return resets with all errors of the first robot, of the next, and so on with other draws."""
-    options: RealArmOptions = env.unwrapped.options  # type: ignore[attr-defined]
+    options: real_arm.RealArmOptions = env.unwrapped.options  # type: ignore[attr-defined]
     errors, robots = options.errors, options.calibrations
     return [
         {
@@ -134,8 +134,8 @@ REAL_ARM_TASK = Task(
         Column("distance_mm", thousandfold("distance"), QUANTILES),
         Column("solve_ms", thousandfold("solve_s"), QUANTILES, "decisions of\na workplace, ms", "median", TIME_TABLE),
     ),
-    figures={"looks": draw_looks(BUDGETS, partial(error_mm, ALL))},
-    reached=f"the tip ends within {1e3 * REACHED_WITHIN:g} mm of half of the balls after the last look",
+    figures={"looks": draw_looks(real_arm.BUDGETS, partial(error_mm, ALL))},
+    reached=f"the tip ends within {1e3 * real_arm.REACHED_WITHIN:g} mm of half of the balls after the last look",
     terms={
         "goal": "a workplace: a true UR5, the directions of what is off, 50 balls uniform on the table area, and noise",
         "look": "the arm goes to a posture, the cameras measure the tip: 0.14 mm off in the median, as the ball",

@@ -35,7 +35,7 @@ from kinreach.compare import _report as report
 from kinreach.compare._methods import colours, resolve_methods
 from kinreach.compare._motion import MotionRecorder, check_motion, with_motion
 from kinreach.compare._task import GIVEN, SOLVER, Draw, Method, Task, arm_in, arm_version, get_task
-from kinreach.envs.inside import layout_of, with_goals
+from kinreach.envs.inside import reach_task, with_goals
 from kinreach.errors import InputError, InstallationError, KinreachError, MethodError, OtherResultsError, OutputError
 from kinreach.robots import ArmDescription, get_arm
 
@@ -196,7 +196,7 @@ def prepare(
         if not task.arm:
             raise InputError(f"the task {task.name!r} takes no other arm, got {description.name!r}")
         chosen["arm"] = description if isinstance(arm, ArmDescription) else arm
-        if description.name != task.arm or layout_of(description) != layout_of(get_arm(task.arm)):
+        if description.name != task.arm or reach_task.layout_of(description) != reach_task.layout_of(get_arm(task.arm)):
             solvers = {name: method for name, method in task.methods.items() if method.kind == SOLVER}
             own = task.arm_methods.get(description.name, {})
             task = replace(task, title=f"{description.title}: {task.arm_title}", methods={**solvers, **own})

@@ -26,7 +26,7 @@ from kinreach.envs._options import (
     options_from,
     with_options,
 )
-from kinreach.envs._reach.task import (
+from kinreach.envs._reach.reach_task import (
     TOOL_DOWN,
     UR5_LAYOUT,
     action_range,

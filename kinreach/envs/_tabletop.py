@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 from kinreach._checks import Floats, as_array, as_floats, check_count, check_flag, check_known, check_number, shown
 from kinreach._objects import load_object
 from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, RowStreams, check_batch
-from kinreach.envs._lift.task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
+from kinreach.envs._lift.lift_task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
 from kinreach.envs._options import INFOS, RENDER_MODES, check_not_over, option_rows
-from kinreach.envs._reach.task import CAMERA_RANGE, GOAL_RANGE, joint_limits
+from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, joint_limits
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics

@@ -22,8 +22,8 @@ from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_count, check
 from kinreach._registration import MAX_EPISODE_STEPS, MOVING
 from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch
 from kinreach.envs._options import about, check_not_over, given_options, options_from, with_options
-from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.envs._single import SingleEnv
+from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.kinematics.inside import MARGIN

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinreach.demo.inside import playable
-from kinreach.envs.inside import BACKENDS, OBSERVATION_KINDS
+from kinreach.envs.inside import reach_task
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.view import _html as html
@@ -120,11 +120,11 @@ class EpisodesPanel(Panel):
             )
             self._file = gui.add_text("or a file", self._setup.policy or "", hint="policy.safetensors")
             self._observation = gui.add_dropdown(
-                "observation", OBSERVATION_KINDS, hint="What cameras measure, what perfect ones would, or pictures",
-                initial_value="geometric",
+                "observation", reach_task.OBSERVATION_KINDS, initial_value="geometric",
+                hint="What cameras measure, what perfect ones would, or pictures",
             )  # fmt: skip
             self._backend = gui.add_dropdown(
-                "backend", BACKENDS, hint="With dynamics or without", initial_value="mujoco"
+                "backend", reach_task.BACKENDS, hint="With dynamics or without", initial_value="mujoco"
             )
             self._seed = gui.add_number("seed", 0, min=0, max=MAX_SEED, step=1)
             self._button = gui.add_button("Play this episode", icon="player-play")

@@ -22,7 +22,7 @@ from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import read_policy, save_policy
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._training import train
-from kinreach.envs._reach.task import SINGLE_STEP, ReachOptions, ReachTask
+from kinreach.envs._reach.reach_task import SINGLE_STEP, ReachOptions, ReachTask
 from kinreach.errors import InputError
 
 SIZE = {"width": 48, "height": 32}

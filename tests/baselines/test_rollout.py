@@ -15,7 +15,7 @@ from kinreach.baselines import _loop, _solver_policy, evaluate, load_policy
 from kinreach.baselines._loop import FunctionPolicy, RandomPolicy, as_policy, flat, rollout, rollout_batch
 from kinreach.baselines._solver_policy import SolverPolicy
 from kinreach.compare._methods.grasp import GraspPolicy
-from kinreach.envs._lift.task import FACES, IS_CUBE, SEEN, SIZE
+from kinreach.envs._lift.lift_task import FACES, IS_CUBE, SEEN, SIZE
 from kinreach.errors import InputError
 from kinreach.kinematics import IKResult
 

@@ -18,7 +18,7 @@ from kinreach.baselines._ranked_ppo import AdaptiveRate, Exploration, TriesVecEn
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import REWARDS
 from kinreach.baselines._training import _end_segment
-from kinreach.envs._reach.task import STEP_SIZE, action_range, layout_of
+from kinreach.envs._reach.reach_task import STEP_SIZE, action_range, layout_of
 from kinreach.errors import InputError
 from kinreach.robots import get_arm
 

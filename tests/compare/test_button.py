@@ -11,7 +11,7 @@ from kinreach.compare import compare
 from kinreach.compare._button import SPACING
 from kinreach.compare._runner import MAX_GOALS, MAX_SEED
 from kinreach.compare._task import get_task
-from kinreach.envs._button.task import action_space
+from kinreach.envs._button.button_task import action_space
 from kinreach.envs._button.world import ButtonDrawing, ButtonState
 
 

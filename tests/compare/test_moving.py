@@ -14,8 +14,8 @@ from kinreach.compare._cli import main
 from kinreach.compare._methods.interception import Interception
 from kinreach.compare._methods.turn_rate import TurnRateFit
 from kinreach.compare._task import get_task
-from kinreach.envs._real_arm import MEDIAN_LENGTH
 from kinreach.envs.moving import moved, travel_times
+from kinreach.envs.real_arm import MEDIAN_LENGTH
 from kinreach.errors import InputError
 
 METHODS = ["interception", "last-sight", "first-sight", "gradient-moving"]

@@ -7,7 +7,7 @@ import pytest
 
 from kinreach._registration import SINGLE
 from kinreach.compare._options import OptionFlags, options_class
-from kinreach.envs._reach.task import ReachOptions
+from kinreach.envs._reach.reach_task import ReachOptions
 from kinreach.errors import InputError
 from tests.compare.conftest import TOY, ToyEnv
 

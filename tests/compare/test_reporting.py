@@ -23,8 +23,8 @@ from kinreach.compare._ranking import finding
 from kinreach.compare._real_arm import ALL, ALONE
 from kinreach.compare._runner import Comparison, notes, results_of
 from kinreach.compare._task import _OWN, SOLVER, Method, get_task
-from kinreach.envs._real_arm import BUDGETS
 from kinreach.envs.moving import PATHS, SPEEDS
+from kinreach.envs.real_arm import BUDGETS
 from tests.cases import slow
 from tests.kept import KEEP
 

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
 from kinreach.envs._button.world import BatchTorqueWorld
-from kinreach.envs._reach.task import check_cameras
+from kinreach.envs._reach.reach_task import check_cameras
 from kinreach.envs._reach.worlds import BatchDynamicWorld
 from kinreach.errors import InputError
 from kinreach.sim import BatchSimulation

@@ -15,7 +15,7 @@ from kinreach.baselines.expert import tool_down_postures
 from kinreach.compare._methods.grasp import GraspPolicy
 from kinreach.envs._lift.episodes import CAUSES
 from kinreach.envs._lift.geometry import closes
-from kinreach.envs._lift.task import HEIGHT, HOLD
+from kinreach.envs._lift.lift_task import HEIGHT, HOLD
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import CollisionChecker
 from kinreach.kinematics._collision import MARGIN

@@ -12,7 +12,7 @@ import pytest
 import kinreach  # noqa: F401
 from kinreach._registration import REAL_ARM
 from kinreach.baselines.expert import tool_down_postures
-from kinreach.envs._real_arm import (
+from kinreach.envs.real_arm import (
     BASE_TURN,
     BUDGET,
     CAMERAS_OFF,
@@ -231,7 +231,7 @@ def test_noise_is_as_said():
 @pytest.mark.parametrize("errors", RIGID)
 def test_the_scene_is_the_true_arm(errors, monkeypatch):
     """Its tip is where looks are taken; who watches sees every look and every ball, and the arm at it in the end."""
-    monkeypatch.setattr("kinreach.envs._real_arm.build_scene", partial(build_scene, visual=False))
+    monkeypatch.setattr("kinreach.envs.real_arm.build_scene", partial(build_scene, visual=False))
     _true_model.cache_clear()
     env = make(balls=2, budgets=(5,), again=0).unwrapped
     with pytest.raises(InputError, match="reset the environment"):

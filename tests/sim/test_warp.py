@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kinreach.cli import main
-from kinreach.envs._reach.task import TOOL_DOWN
+from kinreach.envs._reach.reach_task import TOOL_DOWN
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.kinematics import URKinematics
 from kinreach.sim import BatchSimulation

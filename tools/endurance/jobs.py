@@ -10,7 +10,7 @@ import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.baselines._policies import load_policy
-from kinreach.envs._reach.task import TOOL_DOWN
+from kinreach.envs._reach.reach_task import TOOL_DOWN
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, CollisionChecker, PositionGoal, URKinematics
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation

@@ -16,7 +16,7 @@ from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.tables import rate_row, samples, short_of_cores
 from kinreach._checks import Floats
 from kinreach._registration import SINGLE
-from kinreach.envs._reach.task import TOOL_DOWN
+from kinreach.envs._reach.reach_task import TOOL_DOWN
 from kinreach.errors import KinreachError
 from kinreach.kinematics import URKinematics
 from kinreach.sim import ArmSimulation, BatchSimulation

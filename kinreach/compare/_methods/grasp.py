@@ -11,7 +11,7 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach._rotations import turn
-from kinreach.envs.inside import FACES, IS_CUBE, SEEN, SIZE, face_angle
+from kinreach.envs.inside import lift_task
 from kinreach.kinematics import PoseGoal, Solver
 
 #: How much narrower than the object the fingers are set [m], so that each presses with its whole force, 120 N.
@@ -53,24 +53,28 @@ class GraspPolicy:
         env: Any = self._env
         iterations = poses = 0
         self.reason = "no camera found the object"
-        if observation[SEEN].any():
+        if observation[lift_task.SEEN].any():
             for T in self._poses(observation):
                 found: Any = self._solver.solve(PoseGoal(T), self._home, accept=env.accept)
                 iterations, poses, self.reason = iterations + found.iterations, poses + 1, found.reason
                 if found.success:
                     self.diagnostics = {"iterations": iterations, "poses": poses}
-                    return env.grasp_action(found.q, max(0.0, 2.0 * observation[SIZE] - SQUEEZE))
+                    return env.grasp_action(found.q, max(0.0, 2.0 * observation[lift_task.SIZE] - SQUEEZE))
         self.diagnostics = {"iterations": iterations, "poses": poses}
         return None
 
     def _poses(self, observation: Floats) -> Iterator[Floats]:
-        place, size = observation[SEEN].copy(), float(observation[SIZE])
+        place, size = observation[lift_task.SEEN].copy(), float(observation[lift_task.SIZE])
         place[2] += max(0.0, MIN_HEIGHT - size)
         outwards = math.atan2(place[1], place[0])
         step, first = math.pi / TURNS, 0.0
-        if observation[IS_CUBE]:
+        if observation[lift_task.IS_CUBE]:
             step = math.pi / 2
-            first = float(face_angle(observation[FACES] - math.atan2(self._upright[1, 1], self._upright[0, 1])))
+            first = float(
+                lift_task.face_angle(
+                    observation[lift_task.FACES] - math.atan2(self._upright[1, 1], self._upright[0, 1])
+                )
+            )
         for count in range(round(2 * math.pi / step)):
             T = np.eye(4)
             aside = (count + 1) // 2 * (-1) ** count * step

@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.envs.inside import BUDGET, MOVES, SEEN_BALL, SEEN_TIP
+from kinreach.envs.inside import real_arm
 
 
 class Learner(Protocol):
@@ -51,13 +51,13 @@ class LookingPolicy:
         self._offsets: list[Floats] = []
 
     def act(self, observation: Any) -> Floats:
-        balls = observation[:, SEEN_BALL]
-        if observation[0, MOVES] == 0.0:
-            self._practise(int(observation[0, BUDGET]))
+        balls = observation[:, real_arm.SEEN_BALL]
+        if observation[0, real_arm.MOVES] == 0.0:
+            self._practise(int(observation[0, real_arm.BUDGET]))
             self._points = balls
             self._offsets = []
         elif self._again:
-            self._offsets.append(self._points - observation[:, SEEN_TIP])
+            self._offsets.append(self._points - observation[:, real_arm.SEEN_TIP])
             # the error at a ball, from the learner (zero) and from what was seen, each by its variance
             doubt = self._learner.doubt(balls) ** 2
             share = doubt / (doubt + self._env.noise**2 / len(self._offsets))

@@ -24,7 +24,7 @@ from kinreach.baselines.inside import (
     run_name,
 )
 from kinreach.compare._task import POLICY, SOLVER, Method, Task
-from kinreach.envs.inside import CAMERA
+from kinreach.envs.inside import reach_task
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import Solver
 from kinreach.plots.inside import method_colours
@@ -156,7 +156,7 @@ def _from_file(task: Task, path: str) -> Method:
     name = arm.name if isinstance(arm, ArmDescription) else arm
     if task.arm and name != trained:
         raise InputError(f"the policy {path} was trained on the arm {trained!r}, not on {name!r}")
-    if policy.needed_options.get("goal_in", CAMERA) != CAMERA:
+    if policy.needed_options.get("goal_in", reach_task.CAMERA) != reach_task.CAMERA:
         raise InputError(f"the policy {path} takes goals in pictures, the methods of a comparison take them in metres")
     return Method(lambda env: policy, POLICY, environment, policy_version(path), options=_form(policy))
 

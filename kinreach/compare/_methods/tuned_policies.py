@@ -14,7 +14,7 @@ from kinreach.baselines.inside import LearnedPolicy
 from kinreach.baselines.inside import random_arms as arms
 from kinreach.compare._methods.models import DataSheet, Modelled
 from kinreach.compare._methods.practice import LookingPolicy
-from kinreach.envs.inside import BUDGET, MOVES, POSTURE, SEEN_BALL, SEEN_TIP, TOOL_DOWN, goal_block
+from kinreach.envs.inside import reach_task, real_arm
 
 
 class Trained(DataSheet):
@@ -73,20 +73,25 @@ class Informed(LookingPolicy):
         self._policy = policy
 
     def act(self, observation: Any) -> Floats:
-        if observation[0, MOVES] == 0.0:
-            budget = int(observation[0, BUDGET])
+        if observation[0, real_arm.MOVES] == 0.0:
+            budget = int(observation[0, real_arm.BUDGET])
             self._practise(budget)
             places = arms.ur5().chain.positions(self._q)
             self._observation = np.zeros((len(observation), arms.SIZE))
-            self._observation[:, arms.BALL], self._observation[:, arms.LOOKED] = observation[:, SEEN_BALL], budget
+            self._observation[:, arms.BALL], self._observation[:, arms.LOOKED] = (
+                observation[:, real_arm.SEEN_BALL],
+                budget,
+            )
             self._observation[:, arms.SUMMARY] = arms.summary(places, self._seen - places)
         else:
-            self._observation = arms.after_move(self._observation, observation[:, POSTURE], observation[:, SEEN_TIP])
+            self._observation = arms.after_move(
+                self._observation, observation[:, real_arm.POSTURE], observation[:, real_arm.SEEN_TIP]
+            )
         return np.asarray(self._policy.act(self._observation))
 
 
 def _observed(points: Floats) -> Floats:
     """Return observations of balls at points (n, 3), with the tool straight down."""
     arm = arms.ur5().arm
-    rest = np.array([*TOOL_DOWN, *arm.home, 0.0 if arm.gripper is None else arm.gripper.opening])
-    return np.column_stack([goal_block(arm, points), np.tile(rest, (len(points), 1))])
+    rest = np.array([*reach_task.TOOL_DOWN, *arm.home, 0.0 if arm.gripper is None else arm.gripper.opening])
+    return np.column_stack([reach_task.goal_block(arm, points), np.tile(rest, (len(points), 1))])

@@ -12,7 +12,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.baselines import load_policy
 from kinreach.baselines.inside import Policy
-from kinreach.envs.inside import MULTI_STEP, ObstaclesEnv
+from kinreach.envs.inside import ObstaclesEnv, reach_task
 from kinreach.errors import PathError
 from kinreach.kinematics import joint_line, plan_path
 
@@ -61,7 +61,7 @@ class Steps:
 
     def act(self, observation: Any) -> Any:
         """Return the action that asks for the changed posture, within the joint limits."""
-        change = MULTI_STEP.scale * np.clip(self._policy.act(observation), -1.0, 1.0)
+        change = reach_task.MULTI_STEP.scale * np.clip(self._policy.act(observation), -1.0, 1.0)
         return np.clip(self._env.action_for(observation[6:12] + change), -1.0, 1.0)
 
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
 from kinreach.envs._batch import Outcome
+from kinreach.envs._button.button_task import action_space, check_actions
 from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
-from kinreach.envs._button.task import action_space, check_actions
 from kinreach.envs._button.world import ButtonState, SingleTorqueWorld
 from kinreach.envs._options import RENDER_MODES, options_from, with_options
 from kinreach.envs._single import DrawnEnv

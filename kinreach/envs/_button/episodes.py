@@ -11,7 +11,7 @@ from gymnasium import spaces
 
 from kinreach._checks import MAX_DISTANCE, Floats, as_vector, check_count, check_flag, check_known
 from kinreach.envs._batch import Outcome, RowStreams
-from kinreach.envs._button.task import (
+from kinreach.envs._button.button_task import (
     ACTUATIONS,
     CONTROL_LIMIT,
     JOINTS,

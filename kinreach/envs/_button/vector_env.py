@@ -10,8 +10,8 @@ from gymnasium.vector import AutoresetMode
 
 from kinreach._registration import BUTTON, MAX_EPISODE_STEPS
 from kinreach.envs._batch import BatchPicture, NativeVectorEnv, check_batch
+from kinreach.envs._button.button_task import action_space, check_actions
 from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
-from kinreach.envs._button.task import action_space, check_actions
 from kinreach.envs._button.world import BatchTorqueWorld, SingleTorqueWorld
 from kinreach.envs._options import options_from
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.envs._button.task import CONTROL_LIMIT, Actuation
+from kinreach.envs._button.button_task import CONTROL_LIMIT, Actuation
 from kinreach.robots import ArmDescription, CameraMount
 from kinreach.sim.inside import BALL, CAMERA, DRAWN_ONLY, add_camera, build_scene, mujoco
 

@@ -15,7 +15,7 @@ from kinreach._checks import Floats
 from kinreach._registration import LIFT, MAX_EPISODE_STEPS
 from kinreach.envs._batch import NativeVectorEnv, Outcome, check_batch
 from kinreach.envs._lift.episodes import LiftEpisodes
-from kinreach.envs._lift.task import LiftOptions, LiftStart, LiftTask
+from kinreach.envs._lift.lift_task import LiftOptions, LiftStart, LiftTask
 from kinreach.envs._options import RENDER_MODES, check_not_over, check_started, options_from, with_options
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from kinreach._checks import Floats
 from kinreach.envs._batch import Flags, Ids, Outcome, RowStreams, texts
 from kinreach.envs._lift.geometry import closes
-from kinreach.envs._lift.task import (
+from kinreach.envs._lift.lift_task import (
     CLOSING,
     HEIGHT,
     HOLD,
@@ -26,7 +26,7 @@ from kinreach.envs._lift.task import (
     face_angle,
 )
 from kinreach.envs._reach.observers import CameraObserver, PixelObserver
-from kinreach.envs._reach.task import CAMERA, joint_limits
+from kinreach.envs._reach.reach_task import CAMERA, joint_limits
 from kinreach.sim.inside import CUBE, SHAPES, Grasping, MoveStatus, Objects
 from kinreach.vision.inside import GoalMeasurement
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.envs._lift.task import face_angle
+from kinreach.envs._lift.lift_task import face_angle
 from kinreach.sim.inside import CUBE, SHAPES, Objects
 
 #: Along the width of a finger the object's middle may be so far from the tip, and along the tool so far behind it or

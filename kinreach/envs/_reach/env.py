@@ -13,8 +13,7 @@ from kinreach._checks import Floats, as_vector
 from kinreach.envs._batch import Outcome
 from kinreach.envs._options import RENDER_MODES, check_started, options_from, with_options
 from kinreach.envs._reach.episodes import ReachEpisodes
-from kinreach.envs._reach.space import SpaceOptions, SpaceTask
-from kinreach.envs._reach.task import (
+from kinreach.envs._reach.reach_task import (
     MULTI_STEP,
     SINGLE_STEP,
     ReachOptions,
@@ -24,6 +23,7 @@ from kinreach.envs._reach.task import (
     check_actions,
     tool_goal,
 )
+from kinreach.envs._reach.space import SpaceOptions, SpaceTask
 from kinreach.envs._reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError

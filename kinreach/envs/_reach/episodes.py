@@ -12,8 +12,8 @@ from kinreach._checks import Floats
 from kinreach._tensors import copied, flags_like, like, namespace, on_host
 from kinreach.envs._batch import Outcome, texts
 from kinreach.envs._reach.observers import PixelObserver, goal_observer, measured
+from kinreach.envs._reach.reach_task import CAMERA_RANGE, IMAGE, TOOL_DOWN, ReachTask, Start, joint_limits
 from kinreach.envs._reach.rewards import Score, term_names
-from kinreach.envs._reach.task import CAMERA_RANGE, IMAGE, TOOL_DOWN, ReachTask, Start, joint_limits
 from kinreach.envs._reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
 from kinreach.vision.inside import GoalMeasurement, in_image
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from kinreach._checks import Floats
-from kinreach.envs._reach.task import CAMERA_RANGE, ReachOptions, ReachTask, goal_block, joint_limits, opening_of
+from kinreach.envs._reach.reach_task import CAMERA_RANGE, ReachOptions, ReachTask, goal_block, joint_limits, opening_of
 from kinreach.envs._reach.worlds import Ids
 from kinreach.robots import ArmDescription
 from kinreach.sim import ArmSimulation
@@ -21,7 +21,7 @@ from kinreach.vision import CameraGoalView, RGBDCamera
 from kinreach.vision.inside import GoalMeasurement, goals_in_world
 
 if TYPE_CHECKING:
-    from kinreach.envs._lift.task import LiftOptions
+    from kinreach.envs._lift.lift_task import LiftOptions
 
 Flags = NDArray[np.bool_]
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.envs._reach.task import tool_goal
+from kinreach.envs._reach.reach_task import tool_goal
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, LevenbergMarquardtSolver
 from kinreach.robots import ArmDescription

@@ -18,8 +18,16 @@ from kinreach._checks import Floats, check_known, check_number
 from kinreach._tensors import namespace
 from kinreach.envs._batch import RowStreams
 from kinreach.envs._options import about, options_from
+from kinreach.envs._reach.reach_task import (
+    JOINTS,
+    MULTI_STEP,
+    SINGLE_STEP,
+    ReachOptions,
+    ReachTask,
+    ReachVariant,
+    Start,
+)
 from kinreach.envs._reach.rewards import DirectedReward, Score
-from kinreach.envs._reach.task import JOINTS, MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant, Start
 from kinreach.errors import InputError
 from kinreach.robots import BoxRegion, get_arm
 from kinreach.thesis import REACHED_DISTANCE

@@ -13,8 +13,7 @@ from kinreach._registration import MAX_EPISODE_STEPS, MULTI
 from kinreach.envs._batch import BatchPicture, NativeVectorEnv, check_batch
 from kinreach.envs._options import options_from
 from kinreach.envs._reach.episodes import ReachEpisodes
-from kinreach.envs._reach.space import SpaceTask
-from kinreach.envs._reach.task import (
+from kinreach.envs._reach.reach_task import (
     MULTI_STEP,
     SINGLE_STEP,
     ReachOptions,
@@ -23,6 +22,7 @@ from kinreach.envs._reach.task import (
     action_space,
     check_actions,
 )
+from kinreach.envs._reach.space import SpaceTask
 from kinreach.envs._reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
 from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import as_imperfections

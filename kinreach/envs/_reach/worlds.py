@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach._tensors import as_device, on_device
-from kinreach.envs._reach.task import ReachTask
+from kinreach.envs._reach.reach_task import ReachTask
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription
 from kinreach.sim import ArmSimulation, BatchSimulation

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from kinreach.envs._button import ACTUATIONS, ButtonPressEnv
+from kinreach.envs._button.button_task import ACTIONS, INCREMENTS, PRESS_RADIUS, ButtonReward
 from kinreach.envs._button.episodes import ButtonStarts
-from kinreach.envs._button.task import ACTIONS, INCREMENTS, PRESS_RADIUS, ButtonReward
 from kinreach.robots import get_arm
 
 

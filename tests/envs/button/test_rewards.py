@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from kinreach._registration import BUTTON
-from kinreach.envs._button.task import PRESS_RADIUS
+from kinreach.envs._button.button_task import PRESS_RADIUS
 from kinreach.errors import InputError
 
 STILL, PRESS = 13, 40

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinreach.envs._button.task import (
+from kinreach.envs._button.button_task import (
     ACTIONS,
     INCREMENTS,
     action_of,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from kinreach.envs._reach.task import action_range, layout_of
+from kinreach.envs._reach.reach_task import action_range, layout_of
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, PositionGoal
 from kinreach.robots import _registry, get_arm

@@ -13,7 +13,7 @@ from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.compare._methods import resolve_methods
 from kinreach.compare._reach import UR5_TASK
-from kinreach.envs._reach.task import CAMERA_RANGE
+from kinreach.envs._reach.reach_task import CAMERA_RANGE
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
 from kinreach.vision._goal_view import geometric_goal_view, in_image

@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.envs._reach.task import layout_of
+from kinreach.envs._reach.reach_task import layout_of
 from kinreach.robots import get_arm
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import ks_2samp
 
 from kinreach.envs._reach.observers import CameraObserver, RememberedObserver, goal_observer
-from kinreach.envs._reach.task import SINGLE_STEP, ReachOptions, ReachTask, goal_block
+from kinreach.envs._reach.reach_task import SINGLE_STEP, ReachOptions, ReachTask, goal_block
 
 #: Small and noisy pictures, in which the thesis's pipeline is 3 mm off and misses one ball in seven.
 PICTURES = {"pipeline": "thesis", "width": 160, "height": 90, "rgb_noise": 60.0}

@@ -24,7 +24,7 @@ from kinreach._checks import (
     shown,
 )
 from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, given_options, option_rows
-from kinreach.envs._reach.task import (
+from kinreach.envs._reach.reach_task import (
     CAMERA,
     CAMERA_RANGE,
     GOAL_RANGE,
