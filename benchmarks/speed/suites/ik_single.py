@@ -63,7 +63,7 @@ def _all_branches(options: Options, progress: Progress) -> Section:
             FORMULAS,
             _formulas(),
             [doubles(pose) for pose in poses],
-            "kr_solutions(KR_UR, ur, arm, T, NULL, 1, tol, rows, NULL)",
+            "kr_solutions(KR_UR, ur, arm, T, NULL, 1, tol, rows)",
         ),
         EachContender(PUBLIC, FLANGE.all_solutions, poses, "all_solutions(T)"),
         EachContender(ARRAY, lambda pose: FLANGE.all_solutions(pose).q, poses, "all_solutions(T).q"),
@@ -112,7 +112,7 @@ def _text(timings: Timings, poses: int) -> str:
 
 def _formulas() -> Callable[[Any], int]:
     arguments, rows, solve = FLANGE._arguments, new_rows(8), lib.kr_solutions
-    return lambda T: solve(*arguments, T, NULL, 1, 1e-7, rows, NULL)
+    return lambda T: solve(*arguments, T, NULL, 1, 1e-7, rows)
 
 
 TOLERANCE = Tolerance()
