@@ -104,7 +104,7 @@ class SingleEnv(WithModel, gym.Env[Any, Any]):
         """Check an action and convert it for the episodes."""
 
     def _follow(self) -> None:
-        """Update the drawn scene after a reset."""
+        """Update the drawn scene after a reset; of an `ArmEnv` after a step, too."""
 
     def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])
@@ -190,6 +190,12 @@ class ArmEnv(DrawnEnv):
     def home(self) -> Floats:
         """The start posture [rad], shape (n,)."""
         return np.array(self._task.home)
+
+    def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        self._follow()
+        if self.render_mode == "human":
+            self.render()
+        return super()._answer(outcome)
 
 
 class RecordMotion(RecordVideo):

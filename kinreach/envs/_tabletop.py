@@ -387,11 +387,6 @@ class TabletopEnv(ArmEnv):
         if self._task.task.goal_size == 3:
             self._simulation.place_ball(self._episodes.goals[0])
 
-    def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        if self.render_mode == "human":
-            self.render()
-        return super()._answer(outcome)
-
 
 class TabletopVectorEnv(NativeVectorEnv):
     """A batch of `TabletopEnv`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...

@@ -25,7 +25,6 @@ from kinreach.robots._urdf import (
     UrdfArm,
     check_home,
     check_urdf,
-    link_at,
     link_before,
     links_below,
     named,
@@ -262,7 +261,7 @@ class ArmDescription:
         found |= {key: value for key, value in facts.items() if key != "notes"}
         return cls(
             name=name or source.name,
-            build_urdf=CheckedUrdf.of(source.robot, root),
+            build_urdf=CheckedUrdf.of(name or source.name, source.robot, root),
             package_root=no_package if root is None else partial(str, root),
             joints=source.joints,
             home=() if home is None else tuple(home),
@@ -407,7 +406,7 @@ class ArmDescription:
         self._check_fit()
         return self._checked()
 
-    @property
+    @cached_property
     def robot(self) -> ET.Element:
         """The `<robot>` element of `urdf`; only to be read."""
         self._check_fit()
@@ -422,10 +421,7 @@ class ArmDescription:
     def _checked(self) -> CheckedUrdf:
         if isinstance(self.build_urdf, CheckedUrdf):
             return self.build_urdf
-        checked = CheckedUrdf.of(self.build_urdf(), self.package_root())
-        if any(link_at(joint, "child") == WORLD for joint in checked.robot.findall("joint")):
-            raise InputError(f"arm {self.name!r}: the link {WORLD!r} must carry all others, and hang on none")
-        return checked
+        return CheckedUrdf.of(self.name, self.build_urdf(), self.package_root())
 
     @property
     def goal_cameras(self) -> tuple[CameraMount, ...]:

@@ -315,14 +315,17 @@ class CheckedUrdf:
         self.robot, self._text = robot, text
 
     @classmethod
-    def of(cls, urdf: object, package_root: str | None) -> CheckedUrdf:
-        """Check a URDF, its text or its element.
+    def of(cls, name: str, urdf: object, package_root: str | None) -> CheckedUrdf:
+        """Check the URDF of an arm with this name, its text or its element.
 
         Raises:
-            InputError: As `check_urdf`; or a joint that moves has a `<limit>` without the numbers that engines need.
+            InputError: As `check_urdf`; a joint that moves has a `<limit>` without the numbers that engines need; or
+                the link `world` hangs on another.
         """
         robot = check_urdf(urdf, package_root)
         check_limits_complete(robot)
+        if any(link_at(joint, "child") == WORLD for joint in robot.findall("joint")):
+            raise InputError(f"arm {name!r}: the link {WORLD!r} must carry all others, and hang on none")
         return cls(robot, urdf if isinstance(urdf, str) else None)
 
     def copy(self) -> ET.Element:

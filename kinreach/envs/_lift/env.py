@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
 from kinreach._registration import LIFT, MAX_EPISODE_STEPS
-from kinreach.envs._batch import NativeVectorEnv, Outcome, check_batch
+from kinreach.envs._batch import NativeVectorEnv, check_batch
 from kinreach.envs._lift.episodes import LiftEpisodes
 from kinreach.envs._lift.lift_task import LiftOptions, LiftStart, LiftTask
 from kinreach.envs._options import RENDER_MODES, check_not_over, check_started, options_from, with_options
@@ -168,12 +168,6 @@ class LiftEnv(ArmEnv):
             self._grasping.reset(only, np.clip(episodes.q, limits.lower, limits.upper))
             places = episodes.goals - np.outer(episodes.kinds.size, (0.0, 0.0, 1.0))
             self._grasping.put(only, 0, episodes.kinds, places, episodes.yaws)
-
-    def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        self._follow()
-        if self.render_mode == "human":
-            self.render()
-        return super()._answer(outcome)
 
 
 class LiftVectorEnv(NativeVectorEnv):

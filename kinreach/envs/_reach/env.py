@@ -10,7 +10,6 @@ from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, as_vector
-from kinreach.envs._batch import Outcome
 from kinreach.envs._options import RENDER_MODES, check_started, options_from, with_options
 from kinreach.envs._reach.episodes import ReachEpisodes
 from kinreach.envs._reach.reach_task import (
@@ -170,12 +169,6 @@ class ReachEnv(ArmEnv):
 
     def _check_action(self, action: ArrayLike) -> Floats:
         return check_actions(action, None, len(self.arm.joints))[None]
-
-    def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        self._follow()
-        if self.render_mode == "human":
-            self.render()
-        return super()._answer(outcome)
 
     def _follow(self) -> None:
         """Update the drawn scene where the world has no scene of its own."""

@@ -92,12 +92,12 @@ class SelfMotionTracer:
         if surfaces:
             away = self.off_surfaces(q, surfaces)
             q, singular, surface, twists = q[away], singular[away], surface[away], twists[away]
-        if not surfaces:  # what looked like one is on a boundary that the elbow leaves slowly
-            surface = surface & (np.count_nonzero(singular) < BOUNDARY * len(q))
+        elif np.count_nonzero(singular) >= BOUNDARY * len(q):
+            # what looks like a surface is on a boundary that the elbow leaves slowly
+            surface, points = np.zeros_like(surface), points[:0]
         along = singular & ~surface
         if along.any() and np.count_nonzero(along) >= BOUNDARY * len(q):
             T, q = self._beside_boundary(T, q, twists[np.argmax(along)], seeds)
-            points = points[:0] if not surfaces else points
         else:
             q = q[~surface]
         q = q[self.off_surfaces(q, surfaces)]
