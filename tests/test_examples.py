@@ -190,7 +190,7 @@ def test_stable_baselines3(run, tmp_path):
 
 @pytest.mark.slow
 def test_pytorch_loop(run):
-    text = run("08_pytorch_loop", "17_search")
+    text = run("08_pytorch_loop")
     distances = numbers(r"distance +(\d+) mm", text)
     assert len(distances) == 13
     assert distances[-1] < distances[0] / 3
