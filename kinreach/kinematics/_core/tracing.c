@@ -281,20 +281,34 @@ static int traced(const motion_t *m, int me, int first, int *shortness, int room
     return size + back - 1;
 }
 
+/* Whether a start is on one of the first `curves` curves that was not left. */
+static int on_any(const motion_t *m, int start, int curves, const double *samples, const double *tangents,
+                  const int *ends) {
+    for (int c = 0; c < curves; c++) {
+        const int begin = c ? ends[c - 1] : 0;
+        if (m->closed[c] != LEFT
+            && on_curve(m->A, m->T, samples + N * begin, tangents + N * begin, ends[c] - begin, m->closed[c],
+                        m->starts + N * start))
+            return 1;
+    }
+    return 0;
+}
+
+/* Whether curve `me`, the last one, is a part of others: all starts that it passes are on them. */
+static int part_of_others(const motion_t *m, int me, const double *samples, const double *tangents, const int *ends) {
+    for (int k = 0; k < m->count; k++)
+        if (m->mark[k] == me && !on_any(m, k, me, samples, tangents, ends)) return 0;
+    return 1;
+}
+
 int kr_self_motion(const double A[96], const double T[12], const double *starts, int count, int room, double *samples,
                    double *tangents, int *ends, int *closed, int *marks) {
     const motion_t m = {A, T, starts, count, marks, marks + count, closed};
     int *shortness = marks + 2 * count, curves = 0, total = 0;
     for (int k = 0; k < count; k++) m.mark[k] = NONE;
     for (int first = 0; first < count && curves < 2 * count && total < room;) {
-        int known = m.mark[first] != NONE, met[2], again = 0;
-        for (int c = 0; c < curves && !known; c++) {
-            const int begin = c ? ends[c - 1] : 0;
-            known = closed[c] != LEFT
-                    && on_curve(A, T, samples + N * begin, tangents + N * begin, ends[c] - begin, closed[c],
-                                starts + N * first);
-        }
-        if (known) {
+        int met[2], again = 0;
+        if (m.mark[first] != NONE || on_any(&m, first, curves, samples, tangents, ends)) {
             first++;
             continue;
         }
@@ -312,7 +326,8 @@ int kr_self_motion(const double A[96], const double T[12], const double *starts,
                 }
             if (!changed) break;
         }
-        if (met[0] != NONE && met[1] != NONE) closed[curves] = LEFT;  /* a part of others */
+        if (met[0] != NONE && met[1] != NONE && part_of_others(&m, curves, samples, tangents, ends))
+            closed[curves] = LEFT;
         total = ends[curves++];
         first = again ? 0 : first + 1;
     }
