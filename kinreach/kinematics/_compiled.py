@@ -8,7 +8,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -18,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach._checks import MAX_THREADS, Floats, as_floats, as_pose, check_count, check_tolerance, is_tensor
 from kinreach.errors import InputError
 from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics
-from kinreach.kinematics._core import NULL, ROW, Struct, doubles, ffi, lib, new_rows
+from kinreach.kinematics._core import NULL, ROW, Struct, doubles, ffi, flags, lib, longs, new_rows
 from kinreach.kinematics._goals import rigid_poses
 from kinreach.kinematics._solutions import Accept, IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
 
@@ -85,18 +84,18 @@ class CompiledKinematics(ClosedFormKinematics):
             threads: Each takes a share of the poses; the results have the same bits. A tensor has one, and so has an
                 arm that is solved by Newton's method from a closed form.
         """
-        check_count("threads", threads, most=MAX_THREADS)
+        if threads != 1:
+            check_count("threads", threads, most=MAX_THREADS)
         if is_tensor(T) or not self._is_compiled:
             return super().batch(T, limits=limits, tol=tol)
         T, tol = _as_poses(T), check_tolerance(tol)
         q, valid = np.empty((len(T), self.branches, self.n)), np.empty((len(T), self.branches), dtype=np.bool_)
 
-        def solve(poses: Floats, rows: slice) -> int:
-            there = ffi.from_buffer("unsigned char[]", valid[rows])
-            found = limits, tol, self.branches, doubles(q[rows]), there
-            return int(lib.kr_solutions_of_each(*self._arguments, doubles(poses[rows]), len(poses[rows]), *found))
+        def solve(poses: Floats, q: Floats, valid: NDArray[np.bool_]) -> int:
+            found = limits, tol, self.branches, doubles(q), flags(valid)
+            return int(lib.kr_solutions_of_each(*self._arguments, doubles(poses), len(poses), *found))
 
-        _over(T, solve, threads)
+        _over(solve, threads, T, q, valid)
         return IKBatch(q, valid)
 
     def nearest_batch(
@@ -110,37 +109,42 @@ class CompiledKinematics(ClosedFormKinematics):
             tol: As there.
             threads: As in `batch`.
         """
-        check_count("threads", threads, most=MAX_THREADS)
+        if threads != 1:
+            check_count("threads", threads, most=MAX_THREADS)
         if not self._is_compiled:
             return super().nearest_batch(T, seeds, tol=tol)
         T, tol = _as_poses(T), check_tolerance(tol)
         start = np.ascontiguousarray(self._as_seeds(seeds, len(T)))
         q, branch = np.empty((len(T), self.n)), np.empty(len(T), dtype=np.int64)
 
-        def solve(poses: Floats, rows: slice) -> int:
-            found = tol, doubles(q[rows]), ffi.from_buffer("long long[]", branch[rows])
-            given = doubles(poses[rows]), doubles(start[rows]), len(poses[rows])
+        def solve(poses: Floats, start: Floats, q: Floats, branch: NDArray[np.int64]) -> int:
+            given, found = (doubles(poses), doubles(start), len(poses)), (tol, doubles(q), longs(branch))
             return int(lib.kr_nearest_of_each(*self._arguments, *given, *found))
 
-        _over(T, solve, threads)
+        _over(solve, threads, T, start, q, branch)
         return IKBatchNearest(q, branch, branch >= 0)
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         raise NotImplementedError  # batches go to the core
 
 
-def _over(T: Floats, solve: Callable[[Floats, slice], int], threads: int) -> None:
-    """Solve poses in parts; once more with exact rotations if one has none: `solve` returns its row, else -1."""
-    parts = [slice(None)]
-    if threads > 1 and len(T) > 1:
-        cuts = np.linspace(0, len(T), min(threads, len(T)) + 1).astype(int).tolist()
-        parts = [slice(*ends) for ends in pairwise(cuts)]
+def _over(solve: Callable[..., int], threads: int, T: Floats, *arrays: NDArray[Any]) -> None:
+    """Solve poses in parts; once more with exact rotations if one has none: `solve` returns its row, else -1.
 
-    def run(poses: Floats) -> int:
-        if len(parts) == 1:
-            return solve(poses, parts[0])
+    Args:
+        solve: Takes rows of the poses and the same rows of the other arrays.
+        threads: In which the parts are solved.
+        T: Poses, shape (count, 4, 4).
+        arrays: What else `solve` reads and fills in, a row for each pose.
+    """
+
+    def run(T: Floats) -> int:
+        if threads == 1 or len(T) < 2:
+            return solve(T, *arrays)
+        cuts = np.linspace(0, len(T), min(threads, len(T)) + 1).astype(int).tolist()
+        parts = [[each[slice(*ends)] for each in (T, *arrays)] for ends in pairwise(cuts)]
         with ThreadPoolExecutor(len(parts)) as pool:  # the core is called without Python's lock
-            return max(pool.map(partial(solve, poses), parts))
+            return max(pool.map(lambda part: solve(*part), parts))
 
     if run(T) >= 0:
         run(np.ascontiguousarray(rigid_poses(T)))

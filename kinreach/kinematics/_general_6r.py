@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach._rotations import turns_about_z, wrapped
-from kinreach.kinematics._core import Struct, doubles, ffi, lib
+from kinreach.kinematics._core import Struct, doubles, ffi, ints, lib, longs
 
 #: A posture is a solution if its error is less [m, rad].
 EXACT = 1e-10
@@ -37,7 +37,6 @@ SPURIOUS_SHARE = 0.9
 #: Largest number of postures of a six-joint arm for a pose.
 MAX_POSTURES = 16
 _JOINTS = 6
-_INTS, _LONGS = ffi.typeof("int[]"), ffi.typeof("long long[]")
 #: Three angles at which functions that are linear in cosine and sine are sampled [rad].
 SAMPLES = 2 * np.pi / 3 * np.arange(3)
 #: Coefficients of 1, cos and sin of a function that is linear in them, from its values at `SAMPLES`.
@@ -223,9 +222,7 @@ class General6R:
     def postures(self, T: Floats, *, tol: float = EXACT) -> tuple[Floats, NDArray[np.int32]]:
         """As `solve`: postures (count, 16, 6), NaN where there is none, and how many each pose has (count,)."""
         q, counts, T = np.full((len(T), MAX_POSTURES, _JOINTS), np.nan), np.empty(len(T), np.int32), _contiguous(T)
-        lib.kr_elimination_postures(
-            self.arm.pointer, doubles(T), len(T), tol, doubles(q), ffi.from_buffer(_INTS, counts), ffi.NULL
-        )
+        lib.kr_elimination_postures(self.arm.pointer, doubles(T), len(T), tol, doubles(q), ints(counts), ffi.NULL)
         return q, counts
 
     def tried(self, q: Floats) -> float:
@@ -274,7 +271,7 @@ class General6R:
         q, imaginary, pose = np.empty((room, _JOINTS)), np.empty(room), np.empty(room, dtype=np.int64)
         count = lib.kr_elimination_starts(
             self.arm.pointer, doubles(T), len(T), most, doubles(q), doubles(imaginary),
-            ffi.from_buffer(_LONGS, pose),
+            longs(pose),
         )  # fmt: skip
         return q[:count], pose[:count]
 

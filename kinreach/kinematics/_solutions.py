@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -237,8 +237,7 @@ def _known(errors: Floats, rows: Floats) -> Floats:
     return errors
 
 
-@dataclass(frozen=True)
-class IKBatch:
+class IKBatch(NamedTuple):
     """All postures of many poses.
 
     Attributes:

@@ -26,7 +26,7 @@ except OSError as error:
     raise KinreachError(
         f"the compiled core does not load ({error}); `pip install` builds it, and in a checkout `python hatch_build.py`"
     ) from error
-_DOUBLES = ffi.typeof("double[]")
+_DOUBLES, _FLAGS, _INTS, _LONGS = (ffi.typeof(f"{kind}[]") for kind in ("double", "unsigned char", "int", "long long"))
 NULL = ffi.NULL
 #: Numbers in a row of a six-joint arm's posture: branch, flags, angles.
 ROW = 8
@@ -68,3 +68,18 @@ def _restored(kind: str, content: bytes) -> Struct:
 def doubles(array: Any) -> Any:
     """Return the pointer to an array of doubles in the order of C; the array has to live as long as it is used."""
     return ffi.from_buffer(_DOUBLES, array)
+
+
+def flags(array: Any) -> Any:
+    """Return the pointer to truth values; as `doubles`."""
+    return ffi.from_buffer(_FLAGS, array)
+
+
+def ints(array: Any) -> Any:
+    """Return the pointer to integers of 32 bits; as `doubles`."""
+    return ffi.from_buffer(_INTS, array)
+
+
+def longs(array: Any) -> Any:
+    """Return the pointer to integers of 64 bits; as `doubles`."""
+    return ffi.from_buffer(_LONGS, array)

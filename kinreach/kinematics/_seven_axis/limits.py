@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import MAX_ANGLE, Floats
 from kinreach._rotations import TURN, wrapped
-from kinreach.kinematics._core import doubles, ffi, lib
+from kinreach.kinematics._core import doubles, flags, ints, lib
 from kinreach.kinematics._seven_axis.tracing import MISSED, ON_CURVE, SAME, Curve, SelfMotionTracer
 from kinreach.kinematics._solutions import SLACK
 
@@ -130,7 +130,7 @@ def _crossings(
     which, limits, shares = np.empty(6 * begin.size, np.int32), np.empty(6 * begin.size), np.empty(6 * begin.size)
     count = lib.kr_crossings(
         *begin.shape, doubles(begin), doubles(away), doubles(out), doubles(into), doubles(lower), doubles(upper),
-        ffi.from_buffer("unsigned char[]", limited), ffi.from_buffer("int[]", which), doubles(limits), doubles(shares),
+        flags(limited), ints(which), doubles(limits), doubles(shares),
     )  # fmt: skip
     piece, joint = np.divmod(which[:count].astype(np.int64), begin.shape[1])
     return piece, joint, limits[:count], shares[:count]

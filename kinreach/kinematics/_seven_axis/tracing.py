@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach._rotations import wrapped
 from kinreach.kinematics._chain import SerialChain
-from kinreach.kinematics._core import doubles, ffi, lib
+from kinreach.kinematics._core import doubles, flags, ints, lib
 from kinreach.kinematics._general_6r import Chain, first_of_each
 from kinreach.kinematics._seven_axis.starts import JOINTS, Starts
 from kinreach.kinematics._seven_axis.surfaces import FREE, moved_onto, on_cover, surfaces_through
@@ -36,8 +36,6 @@ SAME = 1e-5
 BESIDE = 1e-4
 #: How far a curve is beside its tangent at most, in shares of a step.
 ASIDE = 0.15
-
-_BYTES, _INTS = ffi.typeof("unsigned char[]"), ffi.typeof("int[]")
 
 
 class Curve(NamedTuple):
@@ -154,7 +152,7 @@ class SelfMotionTracer:
             here = np.empty(len(q), dtype=np.bool_)
             lib.kr_on_curve(
                 self._A, doubles(T), doubles(curve.q), doubles(curve.tangents), len(curve.q), curve.closed, doubles(q),
-                len(q), ffi.from_buffer(_BYTES, here),
+                len(q), flags(here),
             )  # fmt: skip
             on |= here
         return q[~on]
@@ -234,8 +232,8 @@ class SelfMotionTracer:
         samples, tangents = np.empty((2, SAMPLES, JOINTS))
         (ends, closed), marks = np.empty((2, 2 * count), np.int32), np.empty(4 * count, np.int32)
         found = lib.kr_self_motion(
-            self._A, doubles(T), doubles(q), count, SAMPLES, doubles(samples), doubles(tangents), _ints(ends),
-            _ints(closed), _ints(marks),
+            self._A, doubles(T), doubles(q), count, SAMPLES, doubles(samples), doubles(tangents), ints(ends),
+            ints(closed), ints(marks),
         )  # fmt: skip
         curves, alone = [], [q[:0]]
         for begin, end, back in zip([0, *ends[: found - 1]], ends[:found], closed[:found].tolist(), strict=False):
@@ -258,7 +256,3 @@ def _apart(points: Floats, curves: list[Curve]) -> Floats:
 
 def _length(q: Floats) -> float:
     return float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum())
-
-
-def _ints(array: NDArray[np.int32]) -> Any:
-    return ffi.from_buffer(_INTS, array)

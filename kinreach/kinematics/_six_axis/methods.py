@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import sqrt
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach._rotations import wrapped
-from kinreach.kinematics._core import Struct, doubles, ffi, lib
+from kinreach.kinematics._core import Struct, doubles, flags, ints, lib, longs
 from kinreach.kinematics._general_6r import (
     EXACT,
     MAX_POSTURES,
@@ -113,7 +113,7 @@ class ClosedForm:
         q, valid = np.empty((len(T), BRANCHES, _JOINTS)), np.empty((len(T), BRANCHES), dtype=np.bool_)
         poses, starts = np.ascontiguousarray(T), np.ascontiguousarray(seeds)
         lib.kr_decoupled_postures_of_each(
-            self._arm.core.pointer, doubles(poses), doubles(starts), len(T), tol, doubles(q), _flags(valid)
+            self._arm.core.pointer, doubles(poses), doubles(starts), len(T), tol, doubles(q), flags(valid)
         )
         return q.T, valid.T
 
@@ -147,8 +147,8 @@ class NearlyDecoupled:
         doubtful = np.empty(len(T), dtype=np.bool_)
         poses, starts = np.ascontiguousarray(T), np.ascontiguousarray(seeds)
         lib.kr_nearly_decoupled_of_each(
-            self._arm.core.pointer, self._off, doubles(poses), doubles(starts), len(T), doubles(q), _flags(valid),
-            _flags(doubtful),
+            self._arm.core.pointer, self._off, doubles(poses), doubles(starts), len(T), doubles(q), flags(valid),
+            flags(doubtful),
         )  # fmt: skip
         rows = np.flatnonzero(doubtful)
         if len(rows):
@@ -332,7 +332,7 @@ def by_elimination(placements: Floats) -> tuple[Method, float]:
 def _families(chain: Chain, q: Floats, T: Floats) -> NDArray[np.bool_]:
     """Which of the postures (m, 6) of a pose (4, 4) are the first of those from which the arm moves to one another."""
     first, postures, pose = np.empty(len(q), dtype=np.int32), np.ascontiguousarray(q), np.ascontiguousarray(T)
-    lib.kr_families(doubles(chain.rows), doubles(pose), doubles(postures), len(q), ffi.from_buffer("int[]", first))
+    lib.kr_families(doubles(chain.rows), doubles(pose), doubles(postures), len(q), ints(first))
     return first == np.arange(len(q))
 
 
@@ -348,14 +348,8 @@ def _starts(arm: DecoupledArm, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """`Method.starts` of a closed form: its postures; and those of a wide tolerance, where a branch has none."""
     room, poses = 2 * ROWS * len(T), np.ascontiguousarray(T)
     q, pose = np.empty((room, _JOINTS)), np.empty(room, dtype=np.int64)
-    count = lib.kr_decoupled_starts(
-        arm.core.pointer, doubles(poses), len(T), doubles(q), ffi.from_buffer("long long[]", pose)
-    )
+    count = lib.kr_decoupled_starts(arm.core.pointer, doubles(poses), len(T), doubles(q), longs(pose))
     return q[:count], pose[:count]
-
-
-def _flags(array: NDArray[np.bool_]) -> Any:
-    return ffi.from_buffer("unsigned char[]", array)
 
 
 def _apart(dh: DenavitHartenberg, chain: Chain) -> float:
