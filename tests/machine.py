@@ -11,7 +11,7 @@ import pytest
 
 from kinreach.errors import InstallationError
 from kinreach.sim import _rendering as rendering
-from kinreach.sim._engine import mujoco
+from kinreach.sim.inside import mujoco
 
 #: The shared libraries that draw, or open a window.
 GRAPHICS = ("EGL", "GL", "OSMesa", "X11")

@@ -5,18 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from kinreach.envs._button.episodes import ButtonOptions
 from kinreach.envs._lift.lift_task import LiftOptions
-from kinreach.envs._obstacles import ObstaclesOptions
 from kinreach.envs._reach.reach_task import ReachOptions
 from kinreach.envs._reach.space import SpaceOptions
+from kinreach.envs.inside import ButtonOptions, ObstaclesOptions
 from kinreach.envs.moving import MovingOptions
 from kinreach.envs.real_arm import RealArmOptions
 from kinreach.errors import InputError
 from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim._imperfections import Imperfections
-from kinreach.vision import Intrinsics, SensorNoise, circle_votes
-from kinreach.vision._ball_finder import find_ball
+from kinreach.sim.inside import Imperfections
+from kinreach.vision import Intrinsics, SensorNoise, circle_votes, find_ball
 
 CAMERA = Intrinsics(16, 16, 10.0, 10.0, 8.0, 8.0)
 

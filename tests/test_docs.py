@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from kinreach.baselines import load_policy
 from kinreach.baselines._onnx_export import export_onnx
-from kinreach.baselines._policies import load_policy
 from kinreach.cli import main
 from kinreach.robots._grippers import PARALLEL_GRIPPER
 from notebooks import figures

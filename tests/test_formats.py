@@ -11,10 +11,8 @@ import pytest
 from safetensors import safe_open
 
 from benchmarks import speed as bench
-from kinreach.baselines._evaluation import evaluate
-from kinreach.baselines._policies import load_policy
+from kinreach.baselines import evaluate, load_policy, train
 from kinreach.baselines._policy_file import FORMAT, PolicyCard
-from kinreach.baselines._training import train
 from tests.baselines.small_runs import small
 
 PAGE = (Path(__file__).parents[1] / "docs" / "reference/files.md").read_text(encoding="utf-8")

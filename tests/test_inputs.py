@@ -10,7 +10,7 @@ from kinreach._checks import check_count, check_flag, check_number, printable, s
 from kinreach.errors import InputError, PathError, UnknownNameError, raise_unknown
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.sim import ArmSimulation
-from kinreach.vision._cameras import Intrinsics, SensorNoise
+from kinreach.vision import Intrinsics, SensorNoise
 
 NO_NUMBERS = [True, False, np.True_, np.False_, np.array(True), None, "1", 1j, [1.0], Decimal(1), np.array([1.0])]
 

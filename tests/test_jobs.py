@@ -14,7 +14,7 @@ import pytest
 
 from kinreach import _jobs as jobs
 from kinreach._jobs import Serial, open_engine
-from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines import get_recipe
 from kinreach.cli import main
 from kinreach.compare import compare
 from kinreach.errors import ClusterError, InputError, InstallationError, UnknownNameError

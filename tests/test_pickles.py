@@ -15,22 +15,21 @@ from kinreach.kinematics import (
     Arm3Kinematics,
     ArmKinematics,
     AxisGoal,
+    CalibratedURKinematics,
     MotionLimits,
     PoseGoal,
     PositionGoal,
+    SevenAxisKinematics,
+    SixAxisKinematics,
     Tolerance,
+    Trajectory,
     URKinematics,
 )
-from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
-from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
-from kinreach.kinematics._trajectory import Trajectory
-from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, PosePairs, QuadrantRegion, Tool, calibrate, get_arm
 from kinreach.robots._urdf import Solid
 from kinreach.vision import Intrinsics, SensorNoise
-from kinreach.vision._ball_finder import BallFix
 from kinreach.vision._cameras import RGBDImage
-from kinreach.vision._goal_view import GoalMeasurement
+from kinreach.vision.inside import BallFix, GoalMeasurement
 
 #: Packages whose exported dataclasses are tried.
 FACES = ("kinreach.deploy", "kinreach.kinematics", "kinreach.robots", "kinreach.vision")

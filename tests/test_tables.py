@@ -14,7 +14,7 @@ from kinreach._tables import read_table, table_of
 from kinreach.deploy import read_trajectory
 from kinreach.deploy._ik_cli import read_poses
 from kinreach.errors import InputError
-from kinreach.robots._pairs import PosePairs
+from kinreach.robots import PosePairs
 
 HEADER = ["x", "y", "z", "rx", "ry", "rz"]
 POSES = np.array(

@@ -7,9 +7,8 @@ import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 from kinreach.baselines import _training as training
-from kinreach.baselines._policies import load_policy
-from kinreach.baselines._recipes import RECIPES, get_recipe
-from kinreach.baselines._training import train
+from kinreach.baselines import get_recipe, load_policy, train
+from kinreach.baselines._recipes import RECIPES
 
 #: Small versions of one on-policy, one ranked and one off-policy recipe, of three segments each.
 SMALL = {

@@ -10,18 +10,17 @@ import pytest
 pytest.importorskip("stable_baselines3")
 import torch
 
+from kinreach.baselines import evaluate, get_recipe, train
 from kinreach.baselines._descent import DOWN, GRIPPER_CLEARANCE, LEVER, WAY
-from kinreach.baselines._evaluation import VALIDATION, evaluate
+from kinreach.baselines._evaluation import VALIDATION
 from kinreach.baselines._models import build
-from kinreach.baselines._recipes import get_recipe
-from kinreach.baselines._training import train
 from kinreach.baselines.expert import table_top, tool_down_postures
 from kinreach.baselines.random_arms import ur5
-from kinreach.envs._reach.space import SpaceTask
+from kinreach.envs.inside import SpaceTask
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
-from kinreach.vision._goal_view import goal_in_world
+from kinreach.vision import goal_in_world
 
 RECIPE = get_recipe("space-single")
 SMALL = replace(RECIPE, num_envs=256, window=2560, settings={**RECIPE.settings, "n_epochs": 4, "minibatches": 2})

@@ -7,9 +7,9 @@ import pytest
 
 import kinreach
 from benchmarks.studies.button_actuation import analytic
-from kinreach.baselines._button_controller import AnalyticButtonPolicy, ButtonController
-from kinreach.envs._button import ACTUATIONS
-from kinreach.envs._button.world import torque_model
+from kinreach.baselines import AnalyticButtonPolicy
+from kinreach.baselines._button_controller import ButtonController
+from kinreach.envs.inside import ACTUATIONS, torque_model
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import get_arm

@@ -9,16 +9,12 @@ import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 from kinreach._registration import BUTTON
+from kinreach.baselines import SB3VecEnv, evaluate, get_recipe, load_policy, train
 from kinreach.baselines import _training as training
-from kinreach.baselines._evaluation import evaluate
 from kinreach.baselines._learning_curve import LearningCurve
 from kinreach.baselines._models import build
-from kinreach.baselines._policies import load_policy
-from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import BRANCH_ORDER, POSTURE_WEIGHT, REWARDS, SCALE, goal_postures
 from kinreach.baselines._sb3_export import actor_network
-from kinreach.baselines._training import train
-from kinreach.baselines._vec_envs import SB3VecEnv
 from kinreach.kinematics import Arm3Kinematics
 from tests.baselines.small_runs import weights
 from tests.cases import slow

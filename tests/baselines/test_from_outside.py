@@ -7,12 +7,19 @@ import numpy as np
 import pytest
 import torch
 
+from kinreach.baselines import (
+    Algorithm,
+    Networks,
+    Recipe,
+    get_recipe,
+    load_policy,
+    register_algorithm,
+    register_recipe,
+    train,
+)
 from kinreach.baselines import _algorithms as algorithms
-from kinreach.baselines._algorithms import Algorithm, register_algorithm
 from kinreach.baselines._models import build
-from kinreach.baselines._policies import load_policy
-from kinreach.baselines._recipes import RECIPES, Networks, Recipe, get_recipe, register_recipe
-from kinreach.baselines._training import train
+from kinreach.baselines._recipes import RECIPES
 from kinreach.cli import main
 from kinreach.errors import InputError, UnknownNameError
 from tests.cases import slow

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
-from kinreach.baselines._evaluation import evaluate
-from kinreach.baselines._learning_curve import read_curve
-from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines import evaluate, get_recipe, read_curve, train
 from kinreach.baselines._rewards import REWARDS
-from kinreach.baselines._training import train
 
 pytestmark = pytest.mark.slow
 

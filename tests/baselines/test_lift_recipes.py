@@ -8,9 +8,9 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import LIFT
+from kinreach.baselines import get_recipe
 from kinreach.baselines._algorithms import FIRST_OPENING, _fixed
 from kinreach.baselines._models import build
-from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import training_reward
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.kinematics import URKinematics

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("stable_baselines3")
+from kinreach.baselines import get_recipe
 from kinreach.baselines._models import build
-from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import REWARDS
 from kinreach.kinematics import URKinematics
 

@@ -9,7 +9,8 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 from kinreach.baselines import _rewards as rewards
-from kinreach.baselines._training import CHECKPOINT, POLICY, RUN, train
+from kinreach.baselines import train
+from kinreach.baselines._training import CHECKPOINT, POLICY, RUN
 from kinreach.cli import main
 from kinreach.errors import OutputError, TrainingError
 from tests.baselines.small_runs import small

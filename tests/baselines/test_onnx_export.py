@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kinreach.baselines import load_policy
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._onnx_export import export_onnx
-from kinreach.baselines._policies import LearnedPolicy, load_policy, pretrained_names
 from kinreach.baselines._policy_file import ACTIVATIONS, Network
+from kinreach.baselines.inside import LearnedPolicy, pretrained_names
 from kinreach.cli import main
 from kinreach.errors import InputError
 

@@ -13,15 +13,13 @@ pytest.importorskip("stable_baselines3")
 import torch
 
 from kinreach._registration import SINGLE
+from kinreach.baselines import evaluate, get_recipe, load_policy, train
 from kinreach.baselines._batch import make_batch
-from kinreach.baselines._evaluation import VALIDATION, evaluate
+from kinreach.baselines._evaluation import VALIDATION
 from kinreach.baselines._eyes import MIDDLE
 from kinreach.baselines._looks import Looks
 from kinreach.baselines._networks import TorchEye
-from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import read_policy, save_policy
-from kinreach.baselines._recipes import get_recipe
-from kinreach.baselines._training import train
 from kinreach.envs._reach.reach_task import SINGLE_STEP, ReachOptions, ReachTask
 from kinreach.errors import InputError
 

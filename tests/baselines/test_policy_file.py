@@ -13,8 +13,9 @@ from gymnasium import spaces
 from safetensors.numpy import save_file
 
 from kinreach._registration import MULTI, MULTI_KINEMATIC, SINGLE, SPACE
-from kinreach.baselines._policies import LearnedPolicy, load_policy, pretrained_names
+from kinreach.baselines import load_policy
 from kinreach.baselines._policy_file import ACTIVATIONS, OUTPUTS, Network, PolicyCard, read_policy, save_policy
+from kinreach.baselines.inside import LearnedPolicy, pretrained_names
 from kinreach.envs._reach.env import ReachEnv
 from kinreach.errors import InputError, OutputError, UnknownNameError
 

@@ -15,11 +15,11 @@ import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.logs import log_names, logged_policies
 from kinreach._registration import BUTTON
 from kinreach._statistics import wilson_interval
+from kinreach.baselines import HELD_OUT, evaluate, load_policy
 from kinreach.baselines._evaluate_cli import main
-from kinreach.baselines._evaluation import HELD_OUT, evaluate
-from kinreach.baselines._policies import load_policy, pretrained_names
 from kinreach.baselines._recipes import RECIPES
 from kinreach.baselines._training import goal_seeds
+from kinreach.baselines.inside import pretrained_names
 from kinreach.errors import InputError
 
 CARDS = {name: load_policy(name).card for name in pretrained_names()}

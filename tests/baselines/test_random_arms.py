@@ -10,9 +10,9 @@ pytest.importorskip("stable_baselines3")
 import torch
 
 from kinreach._registration import RANDOM_ARM
+from kinreach.baselines import get_recipe
 from kinreach.baselines import random_arms as arms
 from kinreach.baselines._models import build
-from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.cli import main
 from kinreach.errors import InputError

@@ -9,9 +9,9 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 
+from kinreach.baselines import get_recipe
 from kinreach.baselines._models import build
 from kinreach.baselines._ranked_ppo import ScheduledLearner, normal_scores, sample_pairs
-from kinreach.baselines._recipes import get_recipe
 from kinreach.errors import InputError
 from tests.baselines.small_runs import small
 

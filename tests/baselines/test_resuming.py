@@ -17,7 +17,7 @@ import torch
 from kinreach import _provenance as provenance
 from kinreach._provenance import source_digest
 from kinreach.baselines import _training as training
-from kinreach.baselines._training import train
+from kinreach.baselines import train
 from kinreach.errors import InputError, OutputError
 from tests.baselines.small_runs import SMALL, interrupted, small, weights
 from tests.cases import slow

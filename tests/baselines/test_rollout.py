@@ -11,9 +11,9 @@ from gymnasium.vector import AutoresetMode
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach._registration import MOVING, SINGLE
 from kinreach._statistics import success_columns
-from kinreach.baselines import _loop, _solver_policy, evaluate, load_policy
-from kinreach.baselines._loop import FunctionPolicy, RandomPolicy, as_policy, flat, rollout, rollout_batch
-from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.baselines import RandomPolicy, _loop, _solver_policy, evaluate, load_policy, rollout
+from kinreach.baselines._loop import FunctionPolicy, flat, rollout_batch
+from kinreach.baselines.inside import SolverPolicy, as_policy
 from kinreach.compare._methods.grasp import GraspPolicy
 from kinreach.envs._lift.lift_task import FACES, IS_CUBE, SEEN, SIZE
 from kinreach.errors import InputError

@@ -11,7 +11,7 @@ pytest.importorskip("stable_baselines3")
 
 from stable_baselines3 import PPO
 
-from kinreach.baselines._vec_envs import SB3VecEnv
+from kinreach.baselines import SB3VecEnv
 
 
 def batch(name, count):

@@ -9,8 +9,7 @@ import pytest
 
 from kinreach._jobs import Serial
 from kinreach.baselines import _seeds as seeds
-from kinreach.baselines._recipes import register_recipe
-from kinreach.baselines._training import train
+from kinreach.baselines import register_recipe, train
 from kinreach.errors import InputError
 from tests.baselines.small_runs import SMALL, interrupted, small, weights
 

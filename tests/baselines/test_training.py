@@ -14,14 +14,13 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from kinreach._registration import MULTI
 from kinreach._statistics import wilson_interval
 from kinreach.baselines import _evaluation as evaluation
-from kinreach.baselines._evaluation import evaluate
-from kinreach.baselines._learning_curve import COLUMNS, read_curve
+from kinreach.baselines import evaluate, get_recipe, load_policy, read_curve, train
+from kinreach.baselines._learning_curve import COLUMNS
 from kinreach.baselines._models import build
-from kinreach.baselines._policies import LearnedPolicy, load_policy
-from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import REWARDS
 from kinreach.baselines._sb3_export import actor_network
-from kinreach.baselines._training import _begin_segment, goal_seeds, train
+from kinreach.baselines._training import _begin_segment, goal_seeds
+from kinreach.baselines.inside import LearnedPolicy
 from kinreach.errors import InputError, UnknownNameError
 from tests.baselines.small_runs import SMALL, small
 

@@ -9,13 +9,12 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from scipy.stats import norm, rankdata
 
-from kinreach.baselines import _batch
+from kinreach.baselines import _batch, get_recipe, read_curve
 from kinreach.baselines._batch import last_value
-from kinreach.baselines._learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv, read_curve
+from kinreach.baselines._learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv
 from kinreach.baselines._models import build
 from kinreach.baselines._policies import paced
 from kinreach.baselines._ranked_ppo import AdaptiveRate, Exploration, TriesVecEnv, normal_scores
-from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import REWARDS
 from kinreach.baselines._training import _end_segment
 from kinreach.envs._reach.reach_task import STEP_SIZE, action_range, layout_of

@@ -6,8 +6,8 @@ import pytest
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.logs import EPISODE, REWARDS, discounted_returns, load_logs, log_names, logged_policies
 from benchmarks.logs.build import POLICIES
+from kinreach.baselines import get_recipe
 from kinreach.baselines._learning_curve import COLUMNS
-from kinreach.baselines._recipes import get_recipe
 from kinreach.errors import InputError, UnknownNameError
 
 

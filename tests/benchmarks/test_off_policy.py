@@ -11,8 +11,8 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.logger import configure
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
+from kinreach.baselines import get_recipe
 from kinreach.baselines._models import build
-from kinreach.baselines._recipes import get_recipe
 from kinreach.robots import get_arm
 
 SINGLE, MULTI = ("sac-single", "td3-single", "ddpg-single"), ("sac-multi", "td3-multi", "ddpg-multi")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinreach._registration import MULTI, SINGLE
-from kinreach.baselines._learning_curve import read_curve
+from kinreach.baselines import read_curve
 
 pytest.importorskip("stable_baselines3")
 
@@ -29,8 +29,7 @@ from benchmarks.studies.ppo2 import (
 )
 from benchmarks.studies.side_by_side import Networks
 from benchmarks.studies.tables import DATA, as_csv
-from kinreach.baselines._evaluation import HELD_OUT
-from kinreach.baselines._policies import load_policy
+from kinreach.baselines import HELD_OUT, load_policy
 
 
 def published(name):

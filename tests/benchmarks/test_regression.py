@@ -8,9 +8,9 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 from benchmarks.learners import ik_net
-from kinreach.baselines._evaluation import VALIDATION, evaluate
+from kinreach.baselines import evaluate, train
+from kinreach.baselines._evaluation import VALIDATION
 from kinreach.baselines._models import build
-from kinreach.baselines._training import train
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics

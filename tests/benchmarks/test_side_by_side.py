@@ -15,8 +15,8 @@ from stable_baselines3.common.logger import Logger
 from benchmarks.studies import side_by_side
 from benchmarks.studies.side_by_side import Batch, Networks, Stack, Trained, advantages, learn, train_stack
 from kinreach._registration import MULTI, SINGLE
+from kinreach.baselines import get_recipe
 from kinreach.baselines._models import build
-from kinreach.baselines._recipes import get_recipe
 
 STEPS, SPREAD = 64, 3.0
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.logs import FOLDER
-from kinreach.baselines._learning_curve import read_curve
+from kinreach.baselines import read_curve
 
 pytest.importorskip("stable_baselines3")
 

@@ -7,16 +7,15 @@ import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.logs import FOLDER
-from kinreach.baselines._learning_curve import read_curve
+from kinreach.baselines import read_curve
 
 pytest.importorskip("stable_baselines3")
 
 from benchmarks.studies import ppo2, thesis_world
 from benchmarks.studies.tables import DATA, as_csv
 from benchmarks.studies.thesis_world import COLUMNS, TASKS, WORLDS, table, trained
-from kinreach.baselines._evaluation import HELD_OUT
-from kinreach.baselines._recipes import get_recipe
-from kinreach.vision._goal_view import geometric_goal_view
+from kinreach.baselines import HELD_OUT, get_recipe
+from kinreach.vision import geometric_goal_view
 
 FILE = FOLDER / "thesis-ppo-single" / "worlds.csv"
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.logs import trace
-from kinreach.baselines._policies import LearnedPolicy, load_policy
+from kinreach.baselines import load_policy
+from kinreach.baselines.inside import LearnedPolicy
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, URKinematics
 from kinreach.robots import get_arm

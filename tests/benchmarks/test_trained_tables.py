@@ -11,7 +11,7 @@ import pytest
 from benchmarks.studies import button_actuation, button_failures, button_policies, button_waiting, loitering, trained
 from benchmarks.studies.trainings import ONE_SEED, Trainings, finished, trainings_interval, with_interval
 from kinreach.baselines._evaluation import Evaluation
-from kinreach.envs._button import ACTUATIONS
+from kinreach.envs.inside import ACTUATIONS
 from kinreach.errors import InputError
 
 PRETRAINED = resources.files("kinreach.baselines") / "pretrained"

@@ -8,10 +8,10 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from kinreach.baselines._policies import pretrained_names
-from kinreach.compare import compare, register_task
-from kinreach.compare._methods import resolve_methods
-from kinreach.compare._task import POLICY, SOLVER, Method, get_task
+from kinreach.baselines.inside import pretrained_names
+from kinreach.compare import Method, compare, register_task
+from kinreach.compare._task import POLICY, SOLVER, get_task
+from kinreach.compare.inside import resolve_methods
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
 

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.baselines._loop import rollout
+from kinreach.baselines import rollout
 from kinreach.compare import compare
 from kinreach.compare._cli import main
 from kinreach.compare._methods.interception import Interception

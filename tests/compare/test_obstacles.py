@@ -10,8 +10,7 @@ from kinreach.compare._methods.waypoints import free_way
 from kinreach.compare._motion import peaks
 from kinreach.compare._task import get_task
 from kinreach.errors import InputError
-from kinreach.kinematics import MotionLimits
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics import MotionLimits, Trajectory
 
 METHODS = ["closed-form", "from-above", "free-way", "path", "ranked-multi"]
 

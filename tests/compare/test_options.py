@@ -6,7 +6,8 @@ import gymnasium as gym
 import pytest
 
 from kinreach._registration import SINGLE
-from kinreach.compare._options import OptionFlags, options_class
+from kinreach.compare._options import options_class
+from kinreach.compare.inside import OptionFlags
 from kinreach.envs._reach.reach_task import ReachOptions
 from kinreach.errors import InputError
 from tests.compare.conftest import TOY, ToyEnv

@@ -10,20 +10,20 @@ import pytest
 
 import kinreach
 from kinreach._registration import SINGLE
-from kinreach.baselines._loop import rollout
-from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.baselines import rollout
+from kinreach.baselines.inside import SolverPolicy
 from kinreach.compare import _curves as curves
 from kinreach.compare import _figures as figures
-from kinreach.compare import compare
+from kinreach.compare import compare, resets_to
 from kinreach.compare._cli import main
 from kinreach.compare._error_budget import Budget, budget
 from kinreach.compare._reach import goals_of
 from kinreach.compare._runner import WARM_UP_GOALS
-from kinreach.compare._task import get_task, resets_to
+from kinreach.compare._task import get_task
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import BoxRegion, get_arm
-from kinreach.vision._goal_view import CameraGoalView
+from kinreach.vision import CameraGoalView
 
 PRETRAINED = Path(kinreach.__file__).parent / "baselines/pretrained"
 SOLVERS = ["closed-form", "lm", "qp"]

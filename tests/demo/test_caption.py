@@ -10,10 +10,9 @@ from kinreach.demo import _caption, _cli
 from kinreach.demo._caption import Caption, Moment
 from kinreach.robots import get_arm
 from kinreach.sim._scene import scene_model
-from kinreach.vision._ball_finder import BallFix
 from kinreach.vision._cameras import RGBDImage
 from kinreach.vision._circles import Circle
-from kinreach.vision._goal_view import GoalMeasurement
+from kinreach.vision.inside import BallFix, GoalMeasurement
 
 #: The strokes for a distance, in order.
 BOX = "rounded_rectangle (18, 18, 318, {bottom}) 8 white"

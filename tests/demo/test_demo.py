@@ -10,7 +10,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from kinreach.baselines._policies import load_policy
+from kinreach.baselines import load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
 from kinreach.demo._caption import FOUND, MISSED, REACHED, Caption, Moment

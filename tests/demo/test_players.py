@@ -6,9 +6,9 @@ import pytest
 import kinreach  # noqa: F401
 from kinreach._registration import BUTTON, MOVING, REAL_ARM, SINGLE, SINGLE_KINEMATIC, TRAINING_ENVIRONMENTS
 from kinreach.compare._task import get_task, task_names
-from kinreach.demo._players import new_player, playable, playable_names
+from kinreach.demo.inside import new_player, playable, playable_names
 from kinreach.errors import InputError
-from kinreach.kinematics._solvers import SOLVERS
+from kinreach.kinematics.inside import SOLVERS
 from kinreach.robots import get_arm
 from kinreach.view._episodes import EpisodeRequest
 from tests.cases import slow

@@ -14,10 +14,9 @@ from kinreach.deploy._connection import LostError
 from kinreach.deploy._rtde import NOT_FOUND, Kind, package
 from kinreach.deploy._script_port import ScriptPort
 from kinreach.errors import InputError, RobotError
-from kinreach.kinematics import ArmKinematics, pose
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics import ArmKinematics, Trajectory, pose
 from kinreach.robots import get_arm
-from kinreach.robots._ur import JOINTS
+from kinreach.robots.inside import JOINTS
 from tests.cases import slow
 from tests.deploy.conftest import CALIBRATION, connected
 

@@ -12,10 +12,9 @@ from kinreach.deploy._controller import Controller, rate_of, tcp_of
 from kinreach.deploy._motion import LineError, StraightLine
 from kinreach.deploy._program import motion_of
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
 from kinreach.robots import Workcell, get_arm
-from kinreach.robots._ur import JOINTS
+from kinreach.robots.inside import JOINTS
 from tests.cases import slow
 
 ARM = replace(get_arm("ur5e").with_tool([0, 0.01, 0.15, 0.1, 0, 0]), workcell=Workcell())

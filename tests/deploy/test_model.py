@@ -23,7 +23,7 @@ from kinreach.deploy._primary import figures_package, news_in
 from kinreach.errors import RobotError
 from kinreach.kinematics import ArmKinematics, pose_vector
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
-from kinreach.robots._ur import UR_LENGTHS
+from kinreach.robots.inside import UR_LENGTHS
 from tests.cases import slow
 
 #: Models of the same lengths under two names, which no kinematics can tell apart.

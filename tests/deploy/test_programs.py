@@ -13,10 +13,9 @@ from kinreach.deploy._controller import FINISHED, NOT_AT_START, Controller
 from kinreach.deploy._model import MAX_OFF, MAX_OFF_CALIBRATED, ModelCheck
 from kinreach.deploy._urscript import FUNCTIONS, ScriptError, number_text, parse
 from kinreach.errors import InputError, KinreachError
-from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Tool, get_arm
-from kinreach.robots._ur import JOINTS
+from kinreach.robots.inside import JOINTS
 
 KIN = ArmKinematics.of("ur5e", tool=[0, 0.01, 0.15, 0.1, 0, 0], base="base")
 HOME = np.array(KIN.arm.home)

@@ -8,10 +8,9 @@ import pytest
 from kinreach.deploy import Move, Program, SimulatedUR, _server
 from kinreach.deploy._rtde import NOT_FOUND
 from kinreach.errors import RobotError
-from kinreach.kinematics import ArmKinematics, pose_vector
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics import ArmKinematics, Trajectory, pose_vector
 from kinreach.robots import get_arm
-from kinreach.robots._ur import JOINTS
+from kinreach.robots.inside import JOINTS
 from tests.deploy.conftest import connected
 
 ARM = get_arm("ur5e")

@@ -18,10 +18,9 @@ from kinreach.envs._lift.geometry import closes
 from kinreach.envs._lift.lift_task import HEIGHT, HOLD
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import CollisionChecker
-from kinreach.kinematics._collision import MARGIN
-from kinreach.kinematics._solvers import new_solver
+from kinreach.kinematics.inside import MARGIN, new_solver
 from kinreach.robots import get_arm
-from kinreach.sim._free_objects import Objects
+from kinreach.sim.inside import Objects
 
 RANGE = {
     "shapes": ("ball", "cube", "cylinder"),

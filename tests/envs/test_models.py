@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.envs._button.button_task import ACTUATIONS
-from kinreach.envs._button.world import torque_model
+from kinreach.envs.inside import ACTUATIONS, torque_model
 from kinreach.errors import KinreachError
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation, BatchSimulation

@@ -40,7 +40,7 @@ from kinreach.envs.real_arm import (
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, URKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
-from kinreach.sim._scene import build_scene
+from kinreach.sim.inside import build_scene
 
 RIGID = (*GEOMETRIC, "all")
 

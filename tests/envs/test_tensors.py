@@ -10,8 +10,8 @@ from kinreach._tensors import on_device, on_host
 from kinreach.envs._reach.episodes import ReachEpisodes
 from kinreach.envs._reach.reach_task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask
 from kinreach.envs._reach.rewards import DirectedReward, DistanceReward, ThesisReward
-from kinreach.envs._reach.space import SpaceTask
 from kinreach.envs._reach.worlds import BatchDynamicWorld
+from kinreach.envs.inside import SpaceTask
 from kinreach.errors import InputError, InstallationError
 from kinreach.thesis import pentagon_angles, reach_reward
 

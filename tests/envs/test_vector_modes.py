@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.envs._batch import Outcome
+from kinreach.envs.inside import Outcome
 from kinreach.errors import InputError
 from tests.cases import slow
 

@@ -19,11 +19,9 @@ from benchmarks.ik_arms.random_arms import (
     some_arm,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics import ArmKinematics, SevenAxisKinematics, SixAxisKinematics
 from kinreach.kinematics._general_6r import Chain
-from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._seven_axis.tracing import Curve
-from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._solutions import IKSolutions
 from tests.cases import slow
 from tests.kinematics.test_six_axis_closed_form import eliminated

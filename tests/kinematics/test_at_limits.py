@@ -8,12 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal
-from kinreach.kinematics._closed_form import ClosedFormKinematics
-from kinreach.kinematics._solutions import SLACK
-from kinreach.kinematics._solvers import LevenbergMarquardtSolver, Tolerance
+from kinreach.kinematics import (
+    ArmKinematics,
+    ClosedFormKinematics,
+    CollisionChecker,
+    LevenbergMarquardtSolver,
+    PoseGoal,
+    Tolerance,
+)
+from kinreach.kinematics.inside import SLACK
 from kinreach.robots import ArmDescription, arm_names, get_arm
-from kinreach.sim._simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
 from tests.cases import slow
 
 ROBOTS = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots"

@@ -14,8 +14,8 @@ from kinreach.deploy._check_cli import main
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
-from kinreach.robots._urdf import without_shapes
-from kinreach.view._target import TargetModel
+from kinreach.robots.inside import without_shapes
+from kinreach.view import TargetModel
 from tests import kept
 
 ROOT = Path(__file__).parents[2]

@@ -9,12 +9,9 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._collision import CollisionChecker
-from kinreach.kinematics._goals import AxisGoal
-from kinreach.kinematics._solvers.levenberg_marquardt import LevenbergMarquardtSolver
+from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, LevenbergMarquardtSolver
 from kinreach.robots import ArmDescription, Box, get_arm
-from kinreach.sim._scene import build_scene
+from kinreach.sim.inside import build_scene
 
 arms = pytest.mark.parametrize("name", ["ur5-thesis", "arm3"])
 FOLDED = (0.0, -np.pi / 2, 3.0, -np.pi / 2, -np.pi / 2, 0.0)

@@ -12,12 +12,19 @@ import pytest
 
 from kinreach._rotations import turns_about_z
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, PoseGoal, URKinematics
-from kinreach.kinematics._collision import Cause, CollisionChecker
+from kinreach.kinematics import (
+    ArmKinematics,
+    CollisionChecker,
+    LevenbergMarquardtSolver,
+    PoseGoal,
+    QPSolver,
+    URKinematics,
+)
+from kinreach.kinematics._collision import Cause
 from kinreach.kinematics._core import Struct, doubles, lib
-from kinreach.kinematics._solutions import Status, nearest_windings
-from kinreach.kinematics._solvers import LevenbergMarquardtSolver, QPSolver
+from kinreach.kinematics._solutions import Status
 from kinreach.kinematics._ur.geometry import Singularity
+from kinreach.kinematics.inside import nearest_windings
 from kinreach.robots import get_arm
 
 FLANGE = URKinematics("ur5-thesis")

@@ -10,8 +10,7 @@ from benchmarks.ik_arms.random_arms import kinematics, motion
 from kinreach._rotations import pose_error
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics, URKinematics
-from kinreach.robots import get_arm
-from kinreach.robots._grippers import Gripper
+from kinreach.robots import Gripper, get_arm
 
 ARMS = [("ur5", "tool0"), ("ur5", "tcp"), ("arm3", "end_effector")]
 

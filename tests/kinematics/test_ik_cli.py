@@ -10,8 +10,8 @@ import pytest
 from kinreach._engines import load
 from kinreach.cli import main
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics, pose, pose_vector
-from kinreach.kinematics._solvers import ClosedFormSolver, new_solver
+from kinreach.kinematics import ArmKinematics, ClosedFormSolver, CollisionChecker, URKinematics, pose, pose_vector
+from kinreach.kinematics.inside import new_solver
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, Tool
 from tests.robots import peoples_files
 

@@ -9,15 +9,17 @@ from scipy.optimize import least_squares
 from kinreach.errors import InputError
 from kinreach.kinematics import (
     ArmKinematics,
+    ClosedFormSolver,
     CollisionChecker,
     IKResult,
+    LevenbergMarquardtSolver,
     PoseGoal,
     PositionGoal,
     URKinematics,
     _solvers,
 )
 from kinreach.kinematics._solutions import Status
-from kinreach.kinematics._solvers import SOLVERS, ClosedFormSolver, LevenbergMarquardtSolver, new_solver
+from kinreach.kinematics.inside import SOLVERS, new_solver
 from tests.cases import slow
 
 HIDDEN = """

@@ -10,8 +10,14 @@ from example_robot_data.robots_loader import getModelPath
 from benchmarks.ik_arms.random_arms import RIGHT, apart, kinematics, motion, random_motion
 from benchmarks.ik_arms.self_motions import ARMS, checked, faultless
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, AxisGoal, ClosedFormSolver, CollisionChecker, PositionGoal
-from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
+from kinreach.kinematics import (
+    ArmKinematics,
+    AxisGoal,
+    ClosedFormSolver,
+    CollisionChecker,
+    PositionGoal,
+    SevenAxisKinematics,
+)
 from kinreach.kinematics._seven_axis.tracing import SelfMotionTracer
 from kinreach.kinematics._solutions import Status
 from kinreach.robots import ArmDescription

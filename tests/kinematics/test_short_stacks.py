@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, URKinematics
 from kinreach.kinematics._arm import FEW
 from kinreach.kinematics._closed_form import FEW_POSES
-from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.robots import get_arm
 
 NARROW = get_arm("ur5e").with_limits({"wrist_3_joint": (-1.0, 1.0)})

@@ -15,9 +15,8 @@ from benchmarks.ik_arms.random_arms import (
     some_arm,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics import ClosedFormKinematics, SixAxisKinematics
 from kinreach.kinematics._general_6r import Chain, General6R
-from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._six_axis.methods import Backwards, ClosedForm, Elimination, NearlyDecoupled, method_of
 from tests.cases import slow
 

@@ -6,12 +6,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
-from kinreach.kinematics._solvers.base import Tolerance
-from kinreach.kinematics._solvers.levenberg_marquardt import LevenbergMarquardtSolver
-from kinreach.kinematics._solvers.placo_solver import PlacoSolver
-from kinreach.kinematics._solvers.qp_solver import QPSolver
+from kinreach.kinematics import (
+    ArmKinematics,
+    AxisGoal,
+    LevenbergMarquardtSolver,
+    PlacoSolver,
+    PoseGoal,
+    PositionGoal,
+    QPSolver,
+    Tolerance,
+)
 from kinreach.robots import get_arm
 
 SOLVERS = (PlacoSolver, LevenbergMarquardtSolver, QPSolver)

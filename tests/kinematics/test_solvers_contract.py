@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._arm3 import Arm3Kinematics
-from kinreach.kinematics._collision import CollisionChecker
-from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
+from kinreach.kinematics import (
+    Arm3Kinematics,
+    ArmKinematics,
+    AxisGoal,
+    CollisionChecker,
+    LevenbergMarquardtSolver,
+    PlacoSolver,
+    PoseGoal,
+    PositionGoal,
+    QPSolver,
+    Tolerance,
+)
 from kinreach.kinematics._solutions import Status
-from kinreach.kinematics._solvers.base import Tolerance
 from kinreach.kinematics._solvers.iterative import Descent, GoalTask, IterativeSolver, JointSpace
-from kinreach.kinematics._solvers.levenberg_marquardt import LevenbergMarquardtSolver
-from kinreach.kinematics._solvers.placo_solver import PlacoSolver
-from kinreach.kinematics._solvers.qp_solver import QPSolver
 
 SOLVERS = (PlacoSolver, LevenbergMarquardtSolver, QPSolver)
 GOALS = (PoseGoal, AxisGoal, PositionGoal)

@@ -9,7 +9,7 @@ import pytest
 from kinreach.errors import InputError, InstallationError
 from kinreach.kinematics import MotionLimits, time_path, time_waypoints
 from kinreach.robots import arm_names
-from kinreach.robots._ur import UR_LENGTHS
+from kinreach.robots.inside import UR_LENGTHS
 
 ruckig = pytest.importorskip("ruckig")
 pytest.importorskip("toppra")

@@ -10,13 +10,18 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics, pose, pose_vector
-from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
-from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
+from kinreach.kinematics import (
+    ArmKinematics,
+    CalibratedURKinematics,
+    CollisionChecker,
+    SixAxisKinematics,
+    URKinematics,
+    pose,
+    pose_vector,
+)
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Tool, arm_names, get_arm
-from kinreach.robots._shapes import link_shapes
-from kinreach.robots._ur import UR_LENGTHS
 from kinreach.robots._urdf import Solid
+from kinreach.robots.inside import UR_LENGTHS, link_shapes
 from kinreach.sim import ArmSimulation
 from tests.cases import slow
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from kinreach.errors import InputError
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics import Trajectory
 
 JOINTS = ("one", "two", "three")
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from kinreach._rotations import TURN
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics, URKinematics
-from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, UR5Kinematics, URKinematics
 
 #: Postures nearer to each other than this are the same [rad].
 SAME = 1e-6

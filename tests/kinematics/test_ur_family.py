@@ -19,15 +19,15 @@ from benchmarks.speed.suites.ik_edge_cases import judge
 from benchmarks.studies import ur_family
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics, URKinematics
-from kinreach.kinematics._arm import link_frame
 from kinreach.kinematics._ur.geometry import URGeometry
 from kinreach.kinematics._ur.kinematics import FLIP
+from kinreach.kinematics.inside import link_frame
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names, get_arm
-from kinreach.robots._shapes import link_shapes
-from kinreach.robots._ur import UR_LENGTHS, nominal_robot
-from kinreach.robots._urdf import add_joint, add_link, origin_of
+from kinreach.robots._ur import nominal_robot
+from kinreach.robots._urdf import add_joint, add_link
+from kinreach.robots.inside import UR_LENGTHS, link_shapes, origin_of
 from kinreach.sim import ArmSimulation
-from kinreach.sim._controller import MoveStatus
+from kinreach.sim.inside import MoveStatus
 from tests.cases import slow
 
 WITH_MESHES = ("ur3", "ur5", "ur10")

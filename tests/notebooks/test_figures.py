@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle
 
-from kinreach.plots._colours import PALETTE
+from kinreach.plots import PALETTE
 from kinreach.thesis import reach_reward
-from kinreach.thesis._reward import IMPOSSIBLE_REWARD
+from kinreach.thesis.inside import IMPOSSIBLE_REWARD
 from notebooks import figures
 from notebooks.figures import Success, moving_mean, seed_band
 

@@ -9,7 +9,7 @@ import pytest
 
 from kinreach.kinematics import URKinematics
 from kinreach.thesis import posture_error
-from kinreach.vision._cameras import Intrinsics
+from kinreach.vision import Intrinsics
 from notebooks.figures import draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
 
 GROUND = -0.20

@@ -10,11 +10,9 @@ from matplotlib.text import Text
 from matplotlib.ticker import ScalarFormatter
 
 from kinreach.deploy._move_cli import draw_motion
-from kinreach.kinematics import URKinematics
-from kinreach.kinematics._trajectory import Trajectory
-from kinreach.plots._maps import draw_error_maps
-from kinreach.plots._style import key, label_ends, new_figure
-from kinreach.plots._workspace import draw_workspace
+from kinreach.kinematics import Trajectory, URKinematics
+from kinreach.plots import draw_error_maps, key, label_ends, new_figure
+from kinreach.plots.inside import draw_workspace
 from tests import kept
 
 #: Kind of artist -> what is kept of it.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from kinreach.deploy._move_cli import draw_motion
-from kinreach.kinematics._trajectory import Trajectory
+from kinreach.kinematics import Trajectory
 
 
 def test_joints_are_drawn_and_named_at_their_ends():

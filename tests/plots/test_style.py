@@ -10,9 +10,10 @@ from matplotlib.colors import to_rgb
 
 from kinreach.compare._methods import colours as task_colours
 from kinreach.compare._task import get_task, task_names
-from kinreach.plots._colours import OTHERS, PALETTE, RULES, colours_of, method_colours, own_colour
-from kinreach.plots._maps import draw_error_maps
-from kinreach.plots._style import FAINT, GRID, INK, LEADER, label_ends, new_figure, plain, spread, text_colour
+from kinreach.plots import FAINT, INK, PALETTE, colours_of, draw_error_maps, label_ends, new_figure
+from kinreach.plots._colours import OTHERS, RULES, own_colour
+from kinreach.plots._style import GRID, LEADER, plain, spread
+from kinreach.plots.inside import method_colours, text_colour
 from tests.cases import slow
 
 #: What colours look like to people without red, green or blue cones (Machado, Oliveira, Fernandes 2009, severity 1).

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kinreach.kinematics import URKinematics, check
-from kinreach.plots._workspace import draw_workspace
+from kinreach.plots.inside import draw_workspace
 
 
 @pytest.mark.parametrize("seed", [0, 7])

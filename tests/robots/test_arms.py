@@ -22,7 +22,7 @@ from kinreach.robots import (
 )
 from kinreach.robots._registry import _arms, arm_named
 from kinreach.robots._ur_arms import example_robot_data
-from kinreach.sim._simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
 from kinreach.thesis import posture_error
 from kinreach.vision._goal_view import goal_camera_poses
 

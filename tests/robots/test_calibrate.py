@@ -13,9 +13,8 @@ from kinreach.kinematics import ArmKinematics, pose, pose_vector
 from kinreach.robots import PUBLISHED_CALIBRATIONS, PosePairs, _calibration, calibrate, get_arm, read_calibration
 from kinreach.robots._calibration import nominal_dh, nominal_placements
 from kinreach.robots._calibration_fit import calibration_from
-from kinreach.robots._identification import frames_of, moved_frames
-from kinreach.robots._ur import UR_LENGTHS
 from kinreach.robots._urdf_chain import UrdfChain
+from kinreach.robots.inside import UR_LENGTHS, frames_of, moved_frames
 from tests.cases import slow
 
 TCP = pose([0.02, -0.01, 0.15, 0.1, 0.0, 0.3])

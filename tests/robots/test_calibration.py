@@ -11,9 +11,9 @@ import yaml
 
 from kinreach.errors import InputError, KinreachError, UnknownNameError
 from kinreach.kinematics import ArmKinematics
-from kinreach.robots import get_arm
-from kinreach.robots._calibration import LINKS, PUBLISHED_CALIBRATIONS, nominal_placements, read_calibration
-from kinreach.robots._ur import JOINTS, UR_LENGTHS
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm, read_calibration
+from kinreach.robots._calibration import LINKS, nominal_placements
+from kinreach.robots.inside import JOINTS, UR_LENGTHS
 from tests.cases import slow
 
 FILES = Path(__file__).parents[1] / "data" / "calibrations"

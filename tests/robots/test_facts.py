@@ -10,10 +10,9 @@ import pytest
 
 from kinreach.errors import InputError, UnknownOptionError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.robots import ArmDescription, Box, CameraMount, Workcell, get_arm
+from kinreach.robots import ArmDescription, Box, CameraMount, Gripper, Workcell, get_arm
 from kinreach.robots._description import FROM_FILE, no_package
-from kinreach.robots._grippers import Gripper
-from kinreach.sim._simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
 
 PANDA = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots/panda_description/urdf/panda.urdf"
 HAND = Gripper("panda_finger_joint1", "panda_finger_joint2", stroke=0.08, opening=0.05, force=70.0)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.robots._flags import ArmFlags
 from kinreach.robots._tools import TOOLS
+from kinreach.robots.inside import ArmFlags
 
 CENTRE = "0.01,-0.02 0.15,0,0,1.5"
 

@@ -5,7 +5,7 @@ import pytest
 
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
-from kinreach.robots._identification import IdentifiedArm, JointTerms, Prior, frames_of, joint_slopes, slopes
+from kinreach.robots.inside import IdentifiedArm, JointTerms, Prior, frames_of, joint_slopes, slopes
 
 PRIOR = Prior(base=(0.02, 0.02), links=(1e-3, 2e-3), tool=(0.01, 0.0))
 UR5S = [name for name in PUBLISHED_CALIBRATIONS if name.startswith("ur5_")]

@@ -18,7 +18,8 @@ from kinreach.kinematics import (
     URKinematics,
 )
 from kinreach.robots import PUBLISHED_CALIBRATIONS, THESIS_ARM, arm_names, get_arm
-from kinreach.robots._ur import ENDLESS, JOINTS, UR_MODELS, ur_model
+from kinreach.robots._ur import ENDLESS, UR_MODELS
+from kinreach.robots.inside import JOINTS, ur_model
 from kinreach.sim import ArmSimulation
 
 TURN = 2.0 * math.pi

@@ -13,8 +13,8 @@ from kinreach.errors import NoShapesError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots._mesh_units import FAR, FITS, arm_length
-from kinreach.robots._shapes import link_shapes
 from kinreach.robots._urdf import parse_urdf
+from kinreach.robots.inside import link_shapes
 from tests.robots.peoples_files import MASS, arm, shape
 
 #: Of the arm of these tests, from its root to its last link [m].

@@ -16,9 +16,9 @@ import trimesh
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots._meshes import MAX_BYTES, MIN_THICKNESS, _collision_mesh, collision_mesh
-from kinreach.robots._shapes import link_shapes
-from kinreach.sim._scene import build_scene
+from kinreach.robots._meshes import MAX_BYTES, MIN_THICKNESS, _collision_mesh
+from kinreach.robots.inside import collision_mesh, link_shapes
+from kinreach.sim.inside import build_scene
 
 ARM3 = get_arm("arm3")
 WIDE = np.array([(-0.1, -0.1, 0.5), (0.1, -0.1, 0.5), (0.1, 0.1, 0.5), (-0.1, 0.1, 0.5)])  # across the last link

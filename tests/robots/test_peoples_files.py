@@ -19,8 +19,8 @@ from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import ArmDescription
 from kinreach.robots._flags import held_of
-from kinreach.robots._shapes import link_shapes
-from kinreach.sim._scene import build_scene
+from kinreach.robots.inside import link_shapes
+from kinreach.sim.inside import build_scene
 from tests.robots.peoples_files import LIMIT, MASS, arm, joint, limits, shape
 
 XACRO = '<robot name="a" xmlns:xacro="http://www.ros.org/wiki/xacro">'

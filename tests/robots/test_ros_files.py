@@ -15,8 +15,8 @@ from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots._registry import arm_named
-from kinreach.robots._shapes import link_shapes
-from kinreach.sim._scene import build_scene
+from kinreach.robots.inside import link_shapes
+from kinreach.sim.inside import build_scene
 from kinreach.view._cli import setup_of
 from kinreach.view._figure import Figure
 from tests.cases import slow

@@ -8,7 +8,8 @@ import trimesh
 
 from kinreach._rotations import placement
 from kinreach.robots import ArmDescription
-from kinreach.robots._shapes import GREY, link_shapes
+from kinreach.robots._shapes import GREY
+from kinreach.robots.inside import link_shapes
 
 URDF = """<robot name="r"><material name="named"><color rgba="0.1 0.2 0.3 0.4"/></material>
   <link name="base">

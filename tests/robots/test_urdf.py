@@ -12,7 +12,8 @@ import trimesh
 
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots._urdf import MAX_LINKS, MAX_NUMBER, Solid, UrdfArm, add_link, check_urdf, origin_of
+from kinreach.robots._urdf import MAX_LINKS, MAX_NUMBER, Solid, UrdfArm, add_link, check_urdf
+from kinreach.robots.inside import origin_of
 
 #: A robot with every attribute that is a number, each with a value that no other number in it has.
 ROBOT = """<robot name="r">

@@ -15,11 +15,19 @@ import pytest
 from kinreach import cli
 from kinreach.deploy._check_cli import Subject, report
 from kinreach.errors import InputError, NoShapesError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, PositionGoal
-from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.kinematics import (
+    ArmKinematics,
+    ClosedFormSolver,
+    CollisionChecker,
+    LevenbergMarquardtSolver,
+    PlacoSolver,
+    PoseGoal,
+    PositionGoal,
+    QPSolver,
+)
 from kinreach.robots import ArmDescription, BoxRegion, Workcell, arm_names, get_arm, register_arm
 from kinreach.robots._urdf import MAX_DEPTH, parse_urdf
-from kinreach.sim._simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
 
 SHARE = Path(str(get_arm("ur5").package_root()))
 PANDA = SHARE / "example-robot-data/robots/panda_description/urdf/panda.urdf"

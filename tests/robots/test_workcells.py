@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.robots import Box, BoxRegion, CameraMount, Workcell
-from kinreach.robots._workcell import QuadrantRegion
+from kinreach.robots import Box, BoxRegion, CameraMount, QuadrantRegion, Workcell
 
 
 @pytest.mark.parametrize("bad", [(0.5, 0.3), (np.nan, 0.3), (0.3,), (0.1, 0.2, 0.3), "ab", None, (-np.inf, 0.0)])

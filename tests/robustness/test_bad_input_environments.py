@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.envs._button.episodes import ButtonOptions
 from kinreach.envs._reach.reach_task import ReachOptions
+from kinreach.envs.inside import ButtonOptions
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 REACH, BUTTON = ("kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"), "kinreach/ButtonPress-v0"

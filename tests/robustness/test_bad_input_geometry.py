@@ -12,7 +12,7 @@ from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.kinematics._collision import Cause
 from kinreach.robots import Box
 from kinreach.thesis import distance_reward, pentagon_angles, posture_error, reach_reward
-from kinreach.vision._goal_view import geometric_goal_view, goal_in_world
+from kinreach.vision import geometric_goal_view, goal_in_world
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 CHECKERS = {arm: CollisionChecker(arm) for arm in ("ur5-thesis", "arm3")}

@@ -8,14 +8,12 @@ from hypothesis.extra.numpy import arrays
 from benchmarks.logs import trace
 from kinreach._statistics import bootstrap_intervals, median, wilson_interval
 from kinreach.baselines import _training as training
+from kinreach.baselines import evaluate, get_recipe, load_policy, read_curve
 from kinreach.baselines._batch import make_batch
-from kinreach.baselines._evaluation import evaluate
-from kinreach.baselines._learning_curve import read_curve
-from kinreach.baselines._policies import load_policy, pretrained_names
-from kinreach.baselines._recipes import get_recipe
-from kinreach.compare._methods import resolve_methods
+from kinreach.baselines.inside import pretrained_names
 from kinreach.compare._runner import _check_numbers, _check_observation
 from kinreach.compare._task import get_task
+from kinreach.compare.inside import resolve_methods
 from kinreach.errors import InputError
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 

@@ -6,9 +6,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kinreach.errors import InputError
-from kinreach.sim import ArmSimulation
-from kinreach.sim._controller import MoveStatus
-from kinreach.sim._simulation import BatchSimulation
+from kinreach.sim import ArmSimulation, BatchSimulation
+from kinreach.sim.inside import MoveStatus
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 SIZES = {"arm3": 3, "ur5-thesis": 6}

@@ -6,8 +6,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kinreach.errors import InputError
-from kinreach.kinematics import Arm3Kinematics, AxisGoal, PoseGoal, PositionGoal, UR5Kinematics
-from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Tolerance
+from kinreach.kinematics import (
+    Arm3Kinematics,
+    AxisGoal,
+    ClosedFormSolver,
+    LevenbergMarquardtSolver,
+    PlacoSolver,
+    PoseGoal,
+    PositionGoal,
+    QPSolver,
+    Tolerance,
+    UR5Kinematics,
+)
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 UR5, ARM3 = UR5Kinematics(tip="tcp", base="world"), Arm3Kinematics()

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from kinreach.sim._rendering import FrameRenderer
-from kinreach.sim._simulation import ArmSimulation
-from kinreach.vision._ball_finder import PIPELINES, BallFix, find_ball
-from kinreach.vision._cameras import Intrinsics, RGBDCamera, RGBDImage, SensorNoise
-from kinreach.vision._circles import circle_votes, edge_steps
+from kinreach.sim import ArmSimulation
+from kinreach.sim.inside import FrameRenderer
+from kinreach.vision import Intrinsics, RGBDCamera, SensorNoise, circle_votes, edge_steps, find_ball
+from kinreach.vision._cameras import RGBDImage
+from kinreach.vision.inside import PIPELINES, BallFix
 from tests.robustness.fuzzing import NUMBERS, THINGS, bad_arrays, dressed, things
 
 WIDTH, HEIGHT, RADIUS = 96, 64, 0.025

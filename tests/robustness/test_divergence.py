@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.sim._controller import MoveStatus
+from kinreach.sim import ArmSimulation, BatchSimulation
 from kinreach.sim._setpoints import ARRIVED
-from kinreach.sim._simulation import ArmSimulation, BatchSimulation
+from kinreach.sim.inside import MoveStatus
 from tests.cases import slow
 
 SPEEDS = [np.nan, np.inf, -np.inf, 1e5, 1e8, 1e12]

@@ -5,7 +5,7 @@ import subprocess
 import pytest
 
 from kinreach._checks import printable
-from kinreach.baselines._policies import load_policy
+from kinreach.baselines import load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main, quoted
 

@@ -9,7 +9,7 @@ import kinreach  # noqa: F401 (registers the environments)
 from kinreach.compare import compare
 from kinreach.errors import DrawingError, KinreachError
 from kinreach.sim import ArmSimulation, render
-from kinreach.sim._rendering import FrameRenderer
+from kinreach.sim.inside import FrameRenderer
 from tests.cases import slow
 
 pytestmark = pytest.mark.usefixtures("needs_gl")

@@ -11,9 +11,7 @@ import pytest
 
 from kinreach._files import UNFINISHED, make_writable, write_text
 from kinreach.baselines import _training as training
-from kinreach.baselines._learning_curve import read_curve
-from kinreach.baselines._recipes import get_recipe
-from kinreach.baselines._training import train
+from kinreach.baselines import get_recipe, read_curve, train
 from tests.cases import slow
 from tools.endurance import kills
 from tools.endurance.outcome import BrokenPromiseError

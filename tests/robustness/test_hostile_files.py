@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from kinreach.baselines._policies import LearnedPolicy, load_policy
+from kinreach.baselines import load_policy
 from kinreach.baselines._policy_file import read_policy, save_policy
+from kinreach.baselines.inside import LearnedPolicy
 from kinreach.cli import main
 from kinreach.compare._runner import Records, prepare
 from kinreach.errors import InputError, KinreachError
@@ -149,7 +150,7 @@ def test_pickles_under_any_name_are_not_executed(tmp_path, capsys):
         (tmp_path / name).write_bytes(content)
     torch = pytest.importorskip("torch")
     torch.save({"identity": Bomb(mark), "segment": 0}, tmp_path / "zipped.pt")
-    from kinreach.baselines._learning_curve import read_curve
+    from kinreach.baselines import read_curve
     from kinreach.baselines._training import read_checkpoint
 
     with pytest.raises(InputError):

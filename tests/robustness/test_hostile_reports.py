@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from kinreach.baselines._policies import load_policy
+from kinreach.baselines import load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
 from kinreach.compare import compare

@@ -11,11 +11,10 @@ import pytest
 from hypothesis import strategies as st
 
 from kinreach.errors import InputError, KinreachError
-from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.kinematics._solvers import PlacoSolver
+from kinreach.kinematics import ArmKinematics, CollisionChecker, PlacoSolver
 from kinreach.robots import get_arm
 from kinreach.robots._urdf import check_urdf
-from kinreach.sim._scene import build_scene
+from kinreach.sim.inside import build_scene
 from tests.robustness.fuzzing import things
 
 ARM3, UR5 = get_arm("arm3"), get_arm("ur5")

@@ -10,16 +10,16 @@ from contextlib import contextmanager
 import pytest
 
 from kinreach import _files as files
-from kinreach.baselines._learning_curve import read_curve
-from kinreach.baselines._policies import load_policy, policy_version
+from kinreach.baselines import load_policy, read_curve
 from kinreach.baselines._policy_file import read_policy
+from kinreach.baselines.inside import policy_version
 from kinreach.cli import main
 from kinreach.compare import compare
 from kinreach.deploy import read_trajectory
 from kinreach.errors import InputError, KinreachError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import ArmDescription
-from kinreach.view._results import read_results
+from kinreach.view import read_results
 
 #: A reader that waits for a FIFO would wait for ever [s].
 LIMIT = 60

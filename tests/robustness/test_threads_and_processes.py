@@ -10,12 +10,21 @@ import cloudpickle
 import numpy as np
 import pytest
 
-from kinreach.baselines._policies import LearnedPolicy
-from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics, URKinematics
-from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
-from kinreach.kinematics._solvers.base import Solver, Tolerance
-from kinreach.sim._simulation import ArmSimulation, BatchSimulation
+from kinreach.baselines.inside import LearnedPolicy
+from kinreach.kinematics import (
+    Arm3Kinematics,
+    ArmKinematics,
+    ClosedFormSolver,
+    CollisionChecker,
+    LevenbergMarquardtSolver,
+    PlacoSolver,
+    QPSolver,
+    Solver,
+    Tolerance,
+    UR5Kinematics,
+    URKinematics,
+)
+from kinreach.sim import ArmSimulation, BatchSimulation
 from tests.cases import slow
 from tools.endurance import workers
 from tools.endurance.jobs import JOBS, SHARED, UNPICKLED

@@ -4,7 +4,7 @@ import pytest
 
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim._controller import MoveStatus
+from kinreach.sim.inside import MoveStatus
 
 COUNT = 66
 

@@ -6,7 +6,7 @@ import numpy as np
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
-from kinreach.sim._simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
 
 FILE = PUBLISHED_CALIBRATIONS["ur5_a"]
 GOAL, DOWN = np.array([0.45, 0.1, -0.15]), (0.0, 0.0, -1.0)

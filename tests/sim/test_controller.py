@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics._collision import CollisionChecker
+from kinreach.kinematics import CollisionChecker
 from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim._controller import JointController, MoveStatus
+from kinreach.sim._controller import JointController
 from kinreach.sim._plants import SinglePlant
 from kinreach.sim._scene import TIMESTEP
+from kinreach.sim.inside import MoveStatus
 
 TABLE_TOP = -0.20
 TIP_TO_FINGERTIP = 0.01

@@ -6,9 +6,7 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim._controller import MoveStatus
-from kinreach.sim._free_objects import SHAPES, Objects
-from kinreach.sim._grasping import Grasping
+from kinreach.sim.inside import SHAPES, Grasping, MoveStatus, Objects
 
 ONE = np.zeros(1, dtype=np.intp)
 KINDS = [("ball", 0.015, 0.02, 0.3), ("cube", 0.03, 0.3, 1.5), ("cylinder", 0.02, 0.1, 1.0)]

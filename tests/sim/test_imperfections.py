@@ -8,9 +8,9 @@ import kinreach  # noqa: F401 (registers the environments)
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import get_arm
-from kinreach.sim._imperfections import IDEAL, Imperfections, as_imperfections
+from kinreach.sim import ArmSimulation, BatchSimulation
 from kinreach.sim._scene import _compiled
-from kinreach.sim._simulation import ArmSimulation, BatchSimulation
+from kinreach.sim.inside import IDEAL, Imperfections, as_imperfections
 
 GRAVITY = 9.81
 COUNT = 12

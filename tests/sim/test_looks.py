@@ -8,11 +8,10 @@ import os
 import mujoco
 import numpy as np
 
-from kinreach.envs._button import ACTUATIONS
-from kinreach.envs._button.world import torque_model
+from kinreach.envs.inside import ACTUATIONS, torque_model
 from kinreach.robots import get_arm
-from kinreach.sim._free_objects import OBJECTS
 from kinreach.sim._scene import scene_model
+from kinreach.sim.inside import OBJECTS
 
 ARM3 = get_arm("arm3")
 SCENES = {

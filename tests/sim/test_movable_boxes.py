@@ -8,7 +8,7 @@ import pytest
 from kinreach.errors import InputError
 from kinreach.robots import Box, get_arm
 from kinreach.sim import ArmSimulation
-from kinreach.sim._movable_boxes import box_names, spare_boxes
+from kinreach.sim.inside import box_names, spare_boxes
 
 ARM = get_arm("ur5-thesis")
 COUNT = 6

@@ -6,9 +6,9 @@ import pytest
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import get_arm
-from kinreach.sim._engine import mujoco
-from kinreach.sim._posed import PERIOD, PosedScene
+from kinreach.sim._posed import PERIOD
 from kinreach.sim._scene import scene_model
+from kinreach.sim.inside import PosedScene, mujoco
 
 ARM = get_arm("ur5-thesis")
 BALL = (0.4, 0.1, -0.1)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from kinreach.sim._setpoints import TrapezoidalProfile
+from kinreach.sim.inside import TrapezoidalProfile
 
 SPEED, ACCELERATION = 3.0, 10.0
 WAYS = np.array([2.0, 0.3, 12.0, 0.9, 1e-6, 0.0])

@@ -12,9 +12,7 @@ from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation, render
 from kinreach.sim import _rendering as rendering
-from kinreach.sim._rendering import FrameRenderer
-from kinreach.sim._scene import BALL_GROUP
-from kinreach.sim._visuals import camera_rotation
+from kinreach.sim.inside import BALL_GROUP, FrameRenderer, camera_rotation
 from tests.cases import slow
 
 WIDTH, HEIGHT = 320, 180

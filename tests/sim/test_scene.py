@@ -5,12 +5,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._collision import CollisionChecker
+from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation
 from kinreach.sim import _scene as scene_module
-from kinreach.sim._scene import TIMESTEP, build_scene, scene_model
+from kinreach.sim._scene import TIMESTEP, scene_model
+from kinreach.sim.inside import build_scene
 from tests.cases import slow
 
 ARMS = ("arm3", "ur10-thesis", "ur3-thesis", "ur5-thesis")

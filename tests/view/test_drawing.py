@@ -6,7 +6,7 @@ import mujoco
 
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots._urdf import without_shapes
+from kinreach.robots.inside import without_shapes
 from kinreach.view._figure import Figure
 from kinreach.view._mujoco_scene import MujocoScene
 from tests import kept

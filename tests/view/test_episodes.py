@@ -7,7 +7,7 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import BUTTON, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
-from kinreach.demo._players import new_player
+from kinreach.demo.inside import new_player
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
@@ -81,7 +81,7 @@ def test_frames_end_where_the_arm_ends(episodes):
 def test_taking_a_frame_leaves_the_simulation_as_it_is():
     """The same episode with and without frames, to the bit."""
     asked = EpisodeRequest(SINGLE, "closed-form", get_arm("ur5-thesis"), seed=5)
-    from kinreach.baselines._loop import rollout
+    from kinreach.baselines import rollout
 
     env = gym.make(SINGLE, arm=get_arm("ur5-thesis"))
     (plain,) = rollout(env, new_player("closed-form", env), [{"seed": 5}])

@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach._registration import SINGLE
-from kinreach.baselines._policies import load_policy
+from kinreach.baselines import load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.kinematics import AxisGoal, URKinematics
 from kinreach.view._policy_solver import PolicySolver

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.plots._colours import method_colours
+from kinreach.plots.inside import method_colours
 from kinreach.view import _html as html
-from kinreach.view._results import read_results
+from kinreach.view import read_results
 from kinreach.view._snippet import results_program
 
 

@@ -11,17 +11,18 @@ from example_robot_data.robots_loader import getModelPath
 
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, URKinematics
-from kinreach.kinematics._solvers import SOLVERS
+from kinreach.kinematics.inside import SOLVERS
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
-from kinreach.robots._shapes import link_shapes
-from kinreach.robots._urdf import parse_urdf, without_shapes
+from kinreach.robots._urdf import parse_urdf
+from kinreach.robots.inside import link_shapes, without_shapes
+from kinreach.view import TargetModel
 from kinreach.view import _html as html
 from kinreach.view._cli import setup_of
 from kinreach.view._figure import Figure
 from kinreach.view._names import branch_name
 from kinreach.view._real_arm import RealArm
 from kinreach.view._snippet import program, real_arm_program
-from kinreach.view._target import AXIS, POINT, POSE, State, TargetModel
+from kinreach.view._target import AXIS, POINT, POSE, State
 
 CALIBRATION = PUBLISHED_CALIBRATIONS["ur5_a"]
 

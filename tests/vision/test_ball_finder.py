@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.vision._ball_finder import PIPELINES, find_ball
-from kinreach.vision._cameras import Intrinsics
+from kinreach.vision import Intrinsics, find_ball
+from kinreach.vision.inside import PIPELINES
 
 CAMERA = Intrinsics.from_fovy(58.0, 640, 360)
 RADIUS = 0.025

@@ -8,7 +8,8 @@ import pytest
 from scipy import ndimage
 
 from kinreach.errors import InputError
-from kinreach.vision._circles import CANNY, SMOOTHING, circle_votes, edge_steps
+from kinreach.vision import circle_votes, edge_steps
+from kinreach.vision._circles import CANNY, SMOOTHING
 
 
 def disk(u: float, v: float, r: float) -> np.ndarray:

@@ -8,14 +8,16 @@ from benchmarks.studies import ball_detection, light_and_clutter
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation
-from kinreach.vision._ball_finder import find_ball
-from kinreach.vision._cameras import Intrinsics, RGBDCamera, SensorNoise
-from kinreach.vision._goal_view import (
+from kinreach.vision import (
     CameraGoalView,
+    Intrinsics,
+    RGBDCamera,
+    SensorNoise,
+    find_ball,
     geometric_goal_view,
-    goal_camera_poses,
     goal_in_world,
 )
+from kinreach.vision._goal_view import goal_camera_poses
 
 NOWHERE = (0.0, 0.0, -5.0)
 NOISE = SensorNoise(rgb_sigma=6.0, depth_sigma=0.002)

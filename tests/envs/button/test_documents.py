@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks.studies.button_actuation import column
-from kinreach.envs._button import ACTUATIONS
+from kinreach.envs.inside import ACTUATIONS
 
 MEASURED_ON = 20  # targets; enough to see that the command works
 SAME_EVERYWHERE = ("gears [N m]", "time of a step", "joint 1 after one action from rest", "analytic: pressed")

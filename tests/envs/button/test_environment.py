@@ -9,9 +9,10 @@ import pytest
 from gymnasium.utils.env_checker import data_equivalence
 
 import kinreach
-from kinreach.envs._button import ACTUATIONS, ButtonPressEnv
-from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
+from kinreach.envs._button import ButtonPressEnv
+from kinreach.envs._button.episodes import ButtonEpisodes
 from kinreach.envs._button.world import SingleTorqueWorld
+from kinreach.envs.inside import ACTUATIONS, ButtonOptions
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 

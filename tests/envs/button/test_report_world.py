@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from kinreach._registration import BUTTON
-from kinreach.envs._button import ACTUATIONS
-from kinreach.envs._button.world import torque_model
+from kinreach.envs.inside import ACTUATIONS, torque_model
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import get_arm
 

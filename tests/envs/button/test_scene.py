@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 import kinreach
-from kinreach.envs._button import ACTUATIONS
-from kinreach.envs._button.world import AWAY, ButtonState, torque_model
+from kinreach.envs._button.world import AWAY
+from kinreach.envs.inside import ACTUATIONS, ButtonState, torque_model
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import get_arm
 

@@ -7,7 +7,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import kinreach
-from kinreach.envs._button import ACTUATIONS
+from kinreach.envs.inside import ACTUATIONS
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 

@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 
 from kinreach._registration import MULTI, SINGLE, SPACE
-from kinreach.baselines._policies import LearnedPolicy, load_policy
+from kinreach.baselines import load_policy
 from kinreach.baselines._policy_file import save_policy
-from kinreach.compare._methods import resolve_methods
+from kinreach.baselines.inside import LearnedPolicy
 from kinreach.compare._reach import UR5_TASK
+from kinreach.compare.inside import resolve_methods
 from kinreach.envs._reach.reach_task import CAMERA_RANGE
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
-from kinreach.vision._goal_view import geometric_goal_view, in_image
+from kinreach.vision import geometric_goal_view
+from kinreach.vision.inside import in_image
 
 IMAGE = {"backend": "kinematic", "goal_in": "image"}
 GOALS = get_arm("ur5-thesis").workcell.draw_goals(np.random.default_rng(3), 200)
@@ -98,8 +100,7 @@ def test_a_policy_that_learned_so_is_given_goals_so(tmp_path):
 def test_learners_that_read_metres_refuse(tmp_path):
     pytest.importorskip("stable_baselines3")
     import benchmarks.learners  # noqa: F401 (registers its recipes)
-    from kinreach.baselines._recipes import get_recipe
-    from kinreach.baselines._training import train
+    from kinreach.baselines import get_recipe, train
 
     for name in ("ranked-single", "ik-net", "space-single"):
         recipe = get_recipe(name)

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from kinreach.envs._reach.goals import GoalStreams, goal_streams
-from kinreach.envs._reach.reachable_goals import with_goals
+from kinreach.envs.inside import with_goals
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker
-from kinreach.kinematics._solvers import QPSolver
+from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, QPSolver
 from kinreach.robots import ArmDescription, Box, Workcell, get_arm
 
 REGION = get_arm("ur5-thesis").workcell.goals

@@ -10,7 +10,7 @@ from kinreach.envs._reach.episodes import ReachEpisodes
 from kinreach.envs._reach.worlds import STATUSES, KinematicWorld, Status
 from kinreach.errors import InputError
 from kinreach.robots import get_arm
-from kinreach.vision._goal_view import geometric_goal_view
+from kinreach.vision import geometric_goal_view
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 BACKENDS = ["kinematic", "mujoco"]

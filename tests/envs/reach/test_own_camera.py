@@ -9,7 +9,8 @@ from gymnasium.utils.env_checker import check_env
 
 from kinreach.errors import InputError
 from kinreach.robots import CameraMount, get_arm
-from kinreach.vision._goal_view import geometric_goal_view, goal_camera_poses, goal_in_world
+from kinreach.vision import geometric_goal_view, goal_in_world
+from kinreach.vision._goal_view import goal_camera_poses
 
 SINGLE = "kinreach/UR5SingleStep-v0"
 UR5 = get_arm("ur5-thesis")

@@ -11,18 +11,15 @@ import pytest
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach._registration import SPACE
-from kinreach.baselines._evaluation import evaluate
-from kinreach.baselines._loop import rollout
+from kinreach.baselines import evaluate, get_recipe, rollout, train
 from kinreach.baselines._models import build
-from kinreach.baselines._recipes import get_recipe
-from kinreach.baselines._solver_policy import SolverPolicy
-from kinreach.baselines._training import train
+from kinreach.baselines.inside import SolverPolicy
 from kinreach.compare import compare
 from kinreach.envs._reach.rewards import DirectedReward, ThesisReward
-from kinreach.envs._reach.space import SpaceOptions, SpaceTask
+from kinreach.envs._reach.space import SpaceOptions
+from kinreach.envs.inside import SpaceTask
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import CollisionChecker, URKinematics
-from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver
+from kinreach.kinematics import ClosedFormSolver, CollisionChecker, LevenbergMarquardtSolver, URKinematics
 from kinreach.robots import get_arm
 
 #: One arm takes the URDF's angles as they are written, many take right angles where almost right ones are written.
