@@ -21,7 +21,8 @@ from kinreach.baselines._recipes.button import BUTTON_RECIPES
 from kinreach.baselines._recipes.lift import LIFT_RECIPES
 from kinreach.baselines._recipes.reach import REACH_RECIPES
 from kinreach.cli import COMMANDS
-from kinreach.compare._task import _OWN, get_task
+from kinreach.compare import get_task
+from kinreach.compare._task import _OWN
 
 KEPT = Path(__file__).parent / "data" / "declared"
 FACES = sorted(f"kinreach.{each.name}" for each in pkgutil.iter_modules(kinreach.__path__) if each.name[0] != "_")

@@ -27,8 +27,7 @@ from kinreach.kinematics import (
 )
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, PosePairs, QuadrantRegion, Tool, calibrate, get_arm
 from kinreach.robots._urdf import Solid
-from kinreach.vision import Intrinsics, SensorNoise
-from kinreach.vision._cameras import RGBDImage
+from kinreach.vision import Intrinsics, RGBDImage, SensorNoise
 from kinreach.vision.inside import BallFix, GoalMeasurement
 
 #: Packages whose exported dataclasses are tried.

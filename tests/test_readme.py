@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kinreach.compare import get_task
 from kinreach.compare._cli import main as compare
-from kinreach.compare._task import get_task
 from kinreach.kinematics import URKinematics
 
 ROOT = Path(__file__).parents[1]

@@ -2,6 +2,7 @@ from ._algorithms import Algorithm as Algorithm
 from ._algorithms import register_algorithm as register_algorithm
 from ._button_controller import AnalyticButtonPolicy as AnalyticButtonPolicy
 from ._evaluation import HELD_OUT as HELD_OUT
+from ._evaluation import VALIDATION as VALIDATION
 from ._evaluation import evaluate as evaluate
 from ._learning_curve import read_curve as read_curve
 from ._loop import RandomPolicy as RandomPolicy

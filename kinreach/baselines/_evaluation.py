@@ -18,8 +18,9 @@ from kinreach.baselines._policies import LearnedPolicy
 
 Array = np.ndarray[Any, Any]
 
-#: Seeds of goals, above those of trainings (below 2**31); the first for choices of settings, the second for results.
+#: Seed of goals to choose settings by, above those of trainings (below 2**31).
 VALIDATION = 2**40
+#: Seed of goals for results, which no choice was made by.
 HELD_OUT = 2**41
 #: The same by the names that the command line uses.
 SPLITS: Mapping[str, int] = {"held-out": HELD_OUT, "validation": VALIDATION}

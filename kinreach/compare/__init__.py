@@ -6,8 +6,9 @@
     methods = ["closed-form", "placo", MySolver()]
     results = compare("ur5", methods=methods, goals=50, out="results/mine")
 
-A task is data (`Task`): an environment, goals, methods, columns and figures. `register_task` adds one. A method makes a
-policy for the environment; it is passed to `compare` or part of a task. The loop is `kinreach.baselines.rollout`.
+A task is data (`Task`): an environment, goals, methods, columns and figures. `get_task` gives one by its name,
+`register_task` adds one. A method makes a policy for the environment; it is passed to `compare` or part of a task. The
+loop is `kinreach.baselines.rollout`.
 """
 
 from kinreach._statistics import Column, wilson_interval
@@ -17,6 +18,7 @@ from kinreach.compare._task import (
     Method,
     Task,
     common_columns,
+    get_task,
     register_task,
     resets_to,
 )
@@ -27,6 +29,7 @@ __all__ = [
     "Task",
     "common_columns",
     "compare",
+    "get_task",
     "register_task",
     "resets_to",
     "solver_method",

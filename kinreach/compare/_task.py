@@ -165,6 +165,11 @@ def register_task(task: Task) -> Task:
 
 
 def get_task(name: str) -> Task:
+    """The task of a name, registered ones included.
+
+    Raises:
+        InputError: For another name; the message lists all.
+    """
     check_known("task", name, task_names())
     if name not in _TASKS:
         _TASKS.update({task.name: task for task in importlib.import_module(f"kinreach.compare.{_OWN[name]}").TASKS})

@@ -3,11 +3,11 @@
 - `ArmKinematics.of`, `ArmKinematics.from_urdf`: the kinematics of an arm, of the class that lists all postures of
   a pose where there is one: `URKinematics` (`CalibratedURKinematics` of a calibrated one), `Arm3Kinematics`,
   `SixAxisKinematics`, all of them `ClosedFormKinematics`; and `SevenAxisKinematics`, whose `SelfMotions` are curves.
-- `PoseGoal`, `AxisGoal`, `PositionGoal`: goals of a solver, or your own `Goal`; `IKResult`: its result.
+- `PoseGoal`, `AxisGoal`, `PositionGoal`, or your own `Goal`: goals of a solver; `IKResult` with a `Status`: its result.
 - `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers with one interface,
   `Solver`, which stop within a `Tolerance`.
 - `pose`, `pose_vector`: poses as six numbers, as a UR's pendant writes them.
-- `CollisionChecker`: which links touch each other, or an obstacle.
+- `CollisionChecker`: which links touch each other, or an obstacle; `Cause`: why a posture is impossible.
 - `plan_path`, `joint_line`, `tool_line`: paths as waypoints, around obstacles, straight in joint space, and straight
   for the tool.
 - `time_waypoints`, `time_path`: motions along them within the `MotionLimits` of the arm: a `Trajectory`.

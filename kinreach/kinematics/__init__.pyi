@@ -2,6 +2,7 @@ from . import check as check
 from ._arm import ArmKinematics as ArmKinematics
 from ._arm3 import Arm3Kinematics as Arm3Kinematics
 from ._closed_form import ClosedFormKinematics as ClosedFormKinematics
+from ._collision import Cause as Cause
 from ._collision import CollisionChecker as CollisionChecker
 from ._goals import AxisGoal as AxisGoal
 from ._goals import Goal as Goal
@@ -16,6 +17,7 @@ from ._seven_axis.curves import SelfMotions as SelfMotions
 from ._seven_axis.kinematics import SevenAxisKinematics as SevenAxisKinematics
 from ._six_axis.kinematics import SixAxisKinematics as SixAxisKinematics
 from ._solutions import IKResult as IKResult
+from ._solutions import Status as Status
 from ._solvers import ClosedFormSolver as ClosedFormSolver
 from ._solvers import LevenbergMarquardtSolver as LevenbergMarquardtSolver
 from ._solvers import PlacoSolver as PlacoSolver

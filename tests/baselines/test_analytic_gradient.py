@@ -10,9 +10,8 @@ import pytest
 pytest.importorskip("stable_baselines3")
 import torch
 
-from kinreach.baselines import evaluate, get_recipe, train
+from kinreach.baselines import VALIDATION, evaluate, get_recipe, train
 from kinreach.baselines._descent import DOWN, GRIPPER_CLEARANCE, LEVER, WAY
-from kinreach.baselines._evaluation import VALIDATION
 from kinreach.baselines._models import build
 from kinreach.baselines.expert import table_top, tool_down_postures
 from kinreach.baselines.random_arms import ur5

@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 
 from kinreach import _provenance as provenance
-from kinreach.baselines import HELD_OUT, evaluate
+from kinreach.baselines import HELD_OUT, VALIDATION, evaluate
 from kinreach.baselines import _evaluate_cli as evaluate_cli
 from kinreach.baselines import _train_cli as train_cli
-from kinreach.baselines._evaluation import VALIDATION
 from kinreach.baselines._policy_file import read_policy, save_policy
 from kinreach.cli import main
 from kinreach.errors import InputError

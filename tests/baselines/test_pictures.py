@@ -13,9 +13,8 @@ pytest.importorskip("stable_baselines3")
 import torch
 
 from kinreach._registration import SINGLE
-from kinreach.baselines import evaluate, get_recipe, load_policy, train
+from kinreach.baselines import VALIDATION, evaluate, get_recipe, load_policy, train
 from kinreach.baselines._batch import make_batch
-from kinreach.baselines._evaluation import VALIDATION
 from kinreach.baselines._eyes import MIDDLE
 from kinreach.baselines._looks import Looks
 from kinreach.baselines._networks import TorchEye

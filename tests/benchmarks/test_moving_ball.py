@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("torch")
 from benchmarks.studies import moving_ball
-from kinreach.compare._task import get_task
+from kinreach.compare import get_task
 
 PRETRAINED = resources.files("kinreach.baselines") / "pretrained"
 

@@ -8,8 +8,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 from benchmarks.learners import ik_net
-from kinreach.baselines import evaluate, train
-from kinreach.baselines._evaluation import VALIDATION
+from kinreach.baselines import VALIDATION, evaluate, train
 from kinreach.baselines._models import build
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.errors import InputError

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from kinreach.baselines import RandomPolicy
-from kinreach.compare import compare
+from kinreach.compare import compare, get_task
 from kinreach.compare._button import SPACING
 from kinreach.compare._runner import MAX_GOALS, MAX_SEED
-from kinreach.compare._task import get_task
 from kinreach.envs._button.button_task import action_space
 from kinreach.envs.inside import ButtonDrawing, ButtonState
 

@@ -15,11 +15,10 @@ import pytest
 from kinreach import cli
 from kinreach.baselines import load_policy
 from kinreach.baselines._policy_file import save_policy
-from kinreach.compare import _cli
+from kinreach.compare import _cli, get_task
 from kinreach.compare import _runner as runner
 from kinreach.compare import _task as registry
 from kinreach.compare._runner import RECORDS
-from kinreach.compare._task import get_task
 from kinreach.compare.inside import OptionFlags
 
 pytestmark = pytest.mark.usefixtures("without_pictures")

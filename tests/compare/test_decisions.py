@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kinreach.compare import get_task
 from kinreach.compare._methods import correction
 from kinreach.compare._runner import _Environments, _resets
-from kinreach.compare._task import get_task
 
 KEPT = Path(__file__).parents[1] / "data" / "decisions.json"
 #: Options with which they are quick, how many steps are compared, and how exactly.

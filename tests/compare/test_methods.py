@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from kinreach.baselines.inside import pretrained_names
-from kinreach.compare import Method, compare, register_task
-from kinreach.compare._task import POLICY, SOLVER, get_task
+from kinreach.compare import Method, compare, get_task, register_task
+from kinreach.compare._task import POLICY, SOLVER
 from kinreach.compare.inside import resolve_methods
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from kinreach.baselines import rollout
-from kinreach.compare import compare
+from kinreach.compare import compare, get_task
 from kinreach.compare._cli import main
 from kinreach.compare._methods.interception import Interception
 from kinreach.compare._methods.turn_rate import TurnRateFit
-from kinreach.compare._task import get_task
 from kinreach.envs.moving import moved, travel_times
 from kinreach.envs.real_arm import MEDIAN_LENGTH
 from kinreach.errors import InputError

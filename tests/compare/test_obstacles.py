@@ -4,11 +4,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.compare import compare
+from kinreach.compare import compare, get_task
 from kinreach.compare._cli import main
 from kinreach.compare._methods.waypoints import free_way
 from kinreach.compare._motion import peaks
-from kinreach.compare._task import get_task
 from kinreach.errors import InputError
 from kinreach.kinematics import MotionLimits, Trajectory
 

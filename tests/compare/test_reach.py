@@ -14,12 +14,11 @@ from kinreach.baselines import rollout
 from kinreach.baselines.inside import SolverPolicy
 from kinreach.compare import _curves as curves
 from kinreach.compare import _figures as figures
-from kinreach.compare import compare, resets_to
+from kinreach.compare import compare, get_task, resets_to
 from kinreach.compare._cli import main
 from kinreach.compare._error_budget import Budget, budget
 from kinreach.compare._reach import goals_of
 from kinreach.compare._runner import WARM_UP_GOALS
-from kinreach.compare._task import get_task
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import BoxRegion, get_arm

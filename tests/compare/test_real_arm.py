@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.studies import corrections
-from kinreach.compare import compare
+from kinreach.compare import compare, get_task
 from kinreach.compare._cli import main
-from kinreach.compare._task import get_task
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 

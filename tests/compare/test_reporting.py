@@ -16,13 +16,13 @@ from matplotlib.colors import to_hex
 
 from kinreach._statistics import summarise, tables
 from kinreach._terminal import Console
-from kinreach.compare import Method, _report, _runner
+from kinreach.compare import Method, _report, _runner, get_task
 from kinreach.compare._lift import CAUSES
 from kinreach.compare._motion import with_motion
 from kinreach.compare._ranking import finding
 from kinreach.compare._real_arm import ALL, ALONE
 from kinreach.compare._runner import Comparison, notes, results_of
-from kinreach.compare._task import _OWN, SOLVER, get_task
+from kinreach.compare._task import _OWN, SOLVER
 from kinreach.envs.moving import PATHS, SPEEDS
 from kinreach.envs.real_arm import BUDGETS
 from tests.cases import slow

@@ -10,7 +10,7 @@ from kinreach.demo import _caption, _cli
 from kinreach.demo._caption import Caption, Moment
 from kinreach.robots import get_arm
 from kinreach.sim._scene import scene_model
-from kinreach.vision._cameras import RGBDImage
+from kinreach.vision import RGBDImage
 from kinreach.vision._circles import Circle
 from kinreach.vision.inside import BallFix, GoalMeasurement
 

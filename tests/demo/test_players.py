@@ -5,7 +5,8 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import BUTTON, MOVING, REAL_ARM, SINGLE, SINGLE_KINEMATIC, TRAINING_ENVIRONMENTS
-from kinreach.compare._task import get_task, task_names
+from kinreach.compare import get_task
+from kinreach.compare._task import task_names
 from kinreach.demo.inside import new_player, playable, playable_names
 from kinreach.errors import InputError
 from kinreach.kinematics.inside import SOLVERS

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, AxisGoal, PoseGoal, PositionGoal
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, AxisGoal, PoseGoal, PositionGoal, Status
 from kinreach.kinematics._arm3 import Singularity
-from kinreach.kinematics._solutions import Status
 from kinreach.robots import ArmDescription, get_arm
 
 KIN = Arm3Kinematics(base="world")

@@ -12,8 +12,7 @@ from benchmarks.studies.calibrated_arms import CASES as SINGULAR
 from benchmarks.studies.calibrated_arms import SAME, main, recall, singular_postures
 from kinreach._rotations import pose_error
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CalibratedURKinematics, URKinematics
-from kinreach.kinematics._solutions import Status
+from kinreach.kinematics import ArmKinematics, CalibratedURKinematics, Status, URKinematics
 from kinreach.kinematics._ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 from kinreach.robots._urdf import parse_urdf, set_origin

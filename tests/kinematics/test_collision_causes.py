@@ -16,8 +16,7 @@ import kinreach  # noqa: F401 (registers the environments)
 from benchmarks.studies.collision_agreement import edges, near_solutions
 from kinreach._registration import MULTI, SINGLE
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
-from kinreach.kinematics._collision import Cause
+from kinreach.kinematics import ArmKinematics, Cause, CollisionChecker, URKinematics
 from kinreach.robots import ArmDescription, Box, Workcell, get_arm
 
 ARMS = ("ur3-thesis", "ur5-thesis", "ur10-thesis", "panda", "arm3")

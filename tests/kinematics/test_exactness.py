@@ -14,15 +14,15 @@ from kinreach._rotations import turns_about_z
 from kinreach.errors import InputError
 from kinreach.kinematics import (
     ArmKinematics,
+    Cause,
     CollisionChecker,
     LevenbergMarquardtSolver,
     PoseGoal,
     QPSolver,
+    Status,
     URKinematics,
 )
-from kinreach.kinematics._collision import Cause
 from kinreach.kinematics._core import Struct, doubles, lib
-from kinreach.kinematics._solutions import Status
 from kinreach.kinematics._ur.geometry import Singularity
 from kinreach.kinematics.inside import nearest_windings
 from kinreach.robots import get_arm

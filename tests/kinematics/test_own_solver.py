@@ -15,10 +15,10 @@ from kinreach.kinematics import (
     LevenbergMarquardtSolver,
     PoseGoal,
     PositionGoal,
+    Status,
     URKinematics,
     _solvers,
 )
-from kinreach.kinematics._solutions import Status
 from kinreach.kinematics.inside import SOLVERS, new_solver
 from tests.cases import slow
 

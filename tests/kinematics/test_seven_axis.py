@@ -17,9 +17,9 @@ from kinreach.kinematics import (
     CollisionChecker,
     PositionGoal,
     SevenAxisKinematics,
+    Status,
 )
 from kinreach.kinematics._seven_axis.tracing import SelfMotionTracer
-from kinreach.kinematics._solutions import Status
 from kinreach.robots import ArmDescription
 from tests.cases import slow
 from tests.kinematics.test_six_axis_closed_form import of_ssik

@@ -11,8 +11,7 @@ from example_robot_data.robots_loader import getModelPath
 from benchmarks.speed.peers.analytic import eaik_of
 from kinreach._rotations import pose_error
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal, SixAxisKinematics
-from kinreach.kinematics._solutions import Status
+from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal, SixAxisKinematics, Status
 from kinreach.kinematics.check import random_postures
 from kinreach.robots import ArmDescription
 

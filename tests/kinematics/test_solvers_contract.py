@@ -16,9 +16,9 @@ from kinreach.kinematics import (
     PoseGoal,
     PositionGoal,
     QPSolver,
+    Status,
     Tolerance,
 )
-from kinreach.kinematics._solutions import Status
 from kinreach.kinematics._solvers.iterative import Descent, GoalTask, IterativeSolver, JointSpace
 
 SOLVERS = (PlacoSolver, LevenbergMarquardtSolver, QPSolver)

@@ -8,8 +8,7 @@ import pytest
 
 from kinreach._rotations import pose_error
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, PositionGoal, URKinematics
-from kinreach.kinematics._solutions import Status
+from kinreach.kinematics import ArmKinematics, PositionGoal, Status, URKinematics
 from kinreach.robots import get_arm
 
 FLANGE = URKinematics("ur5-thesis", tip="tool0")

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.kinematics._collision import Cause
+from kinreach.kinematics import ArmKinematics, Cause, CollisionChecker
 from kinreach.robots import Box
 from kinreach.thesis import distance_reward, pentagon_angles, posture_error, reach_reward
 from kinreach.vision import geometric_goal_view, goal_in_world

@@ -11,8 +11,8 @@ from kinreach.baselines import _training as training
 from kinreach.baselines import evaluate, get_recipe, load_policy, read_curve
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines.inside import pretrained_names
+from kinreach.compare import get_task
 from kinreach.compare._runner import _check_numbers, _check_observation
-from kinreach.compare._task import get_task
 from kinreach.compare.inside import resolve_methods
 from kinreach.errors import InputError
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things

@@ -9,8 +9,7 @@ from hypothesis.extra.numpy import arrays
 
 from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import FrameRenderer
-from kinreach.vision import Intrinsics, RGBDCamera, SensorNoise, circle_votes, edge_steps, find_ball
-from kinreach.vision._cameras import RGBDImage
+from kinreach.vision import Intrinsics, RGBDCamera, RGBDImage, SensorNoise, circle_votes, edge_steps, find_ball
 from kinreach.vision.inside import PIPELINES, BallFix
 from tests.robustness.fuzzing import NUMBERS, THINGS, bad_arrays, dressed, things
 

@@ -4,9 +4,8 @@ import pytest
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import FrameRenderer
-from kinreach.vision import Intrinsics, RGBDCamera, SensorNoise
+from kinreach.vision import Intrinsics, RGBDCamera, RGBDImage, SensorNoise
 from kinreach.vision import _cameras as rgbd
-from kinreach.vision._cameras import RGBDImage
 
 WIDTH, HEIGHT = 320, 180
 CAMERAS = ("front", "wrist")
