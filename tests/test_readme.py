@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kinreach.cli import main
 from kinreach.compare import get_task
-from kinreach.compare._cli import main as compare
 from kinreach.kinematics import URKinematics
 
 ROOT = Path(__file__).parents[1]
@@ -175,7 +175,7 @@ def test_the_comparison_commands_run(tmp_path, capsys):
     assert len(commands) >= 1
     for command in commands:
         arguments = re.sub(r"--goals \d+", "--goals 1", command).split()
-        assert compare([*arguments, "--methods", "closed-form", "--out", str(tmp_path)], prog="compare") == 0
+        assert main(["compare", *arguments, "--methods", "closed-form", "--out", str(tmp_path)]) == 0
     assert "closed-form" in capsys.readouterr().out
 
 
@@ -196,7 +196,7 @@ def test_the_table_is_what_its_command_measures(tmp_path):
     """All of it but the times to solve, and the intervals, which follow from the shares."""
     text = README.read_text()
     command = re.search(r"ten methods: `python -m kinreach\.compare ([^`]+)`", text).group(1)
-    assert compare([*command.split(), "--out", str(tmp_path)], prog="compare") == 0
+    assert main(["compare", *command.split(), "--out", str(tmp_path)]) == 0
     found = json.loads((tmp_path / "results.json").read_text())
     rows = [line.strip("| \n").split(" | ") for line in text.splitlines() if re.match(r"\| [a-z-]+ \| [\d.]+ \[", line)]
     checked = 0

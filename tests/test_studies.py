@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from kinreach.compare._cli import main as compare
+from kinreach.cli import main
 
 ROOT = Path(__file__).parents[1]
 STUDIES = ROOT / "docs" / "studies"
@@ -106,7 +106,7 @@ def test_the_table_is_what_its_command_measures(tmp_path):
     """All of it except the times to solve, and the intervals, which follow from the shares."""
     text = read("reach_without_learning")
     command = re.search(r"python -m kinreach\.compare (--task ur5 [^#\n]+)", text).group(1)
-    assert compare([*command.split(), "--out", str(tmp_path)], prog="compare") == 0
+    assert main(["compare", *command.split(), "--out", str(tmp_path)]) == 0
     found = json.loads((tmp_path / "results.json").read_text())
     measured = {method["name"]: method for method in found["methods"]}
     rows = [[row[0].strip("`"), *row[1:]] for row in cells(text.partition("\n## Goals in")[0]) if len(row) == 5]

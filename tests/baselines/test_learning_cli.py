@@ -4,21 +4,20 @@ import json
 import re
 import shlex
 import shutil
-from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
 import pytest
 
 from kinreach import _provenance as provenance
-from kinreach.baselines import HELD_OUT, VALIDATION, evaluate
+from kinreach.baselines import HELD_OUT, VALIDATION, evaluate, load_policy
 from kinreach.baselines import _evaluate_cli as evaluate_cli
 from kinreach.baselines import _train_cli as train_cli
-from kinreach.baselines._policy_file import read_policy, save_policy
 from kinreach.cli import main
 from kinreach.errors import InputError
 from tests.baselines.small_runs import interrupted, small
 from tests.cases import slow
+from tests.policy_files import copy_policy
 
 SHIPPED = Path(str(resources.files("kinreach.baselines"))) / "pretrained"
 
@@ -42,7 +41,7 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
     assert {summary["goals"] for summary in found["policies"].values()} == {20}
     assert written.read_text() == json.dumps(found, indent=2) + "\n"
     for name, policy in zip(("ranked-single/seed-0", "ranked-single/seed-1"), policies, strict=True):
-        assert read_policy(policy)[0].results == {found["command"]: found["policies"][name]}
+        assert load_policy(policy).card.results == {found["command"]: found["policies"][name]}
     assert main(["evaluate", policies[0], "--goals", "3", "--backend", "kinematic"]) == 0
 
 
@@ -160,7 +159,7 @@ def test_a_policy_of_the_button_task_is_evaluated_as_it_was_trained(monkeypatch,
         return evaluate(policy, options={**options, "max_episode_steps": 2}, **settings)
 
     monkeypatch.setattr(evaluate_cli, "evaluate", note)
-    card, network = read_policy(SHIPPED / "button.safetensors")
+    recipe = load_policy("button").card.recipe
     for options in (
         {"max_episode_steps": 100},
         {"actuation": "report", "max_episode_steps": 500, "end_on_reached": False},
@@ -168,7 +167,7 @@ def test_a_policy_of_the_button_task_is_evaluated_as_it_was_trained(monkeypatch,
         None,
     ):
         file = tmp_path / f"{len(played)}.safetensors"
-        save_policy(file, replace(card, recipe={**card.recipe, "options": options}), network)
+        copy_policy("button", file, recipe={**recipe, "options": options})
         assert main(["evaluate", str(file), "--goals", "1"]) == 0
         assert main(["evaluate", str(file), "--goals", "1", "--max-episode-steps", "7"]) == 0
     tuned, report = {"max_episode_steps": 100}, {"actuation": "report", "max_episode_steps": 500}
@@ -194,8 +193,7 @@ def test_the_collision_rule_is_that_of_training_unless_said(monkeypatch, capsys)
     "options", [{"max_episode_steps": "many"}, {"max_episode_steps": None}, {"actuation": ["report"]}]
 )
 def test_a_card_with_options_that_nothing_takes_is_one_line(options, tmp_path, capsys):
-    card, network = read_policy(SHIPPED / "button.safetensors")
-    save_policy(tmp_path / "odd.safetensors", replace(card, recipe={"options": options}), network)
+    copy_policy("button", tmp_path / "odd.safetensors", recipe={"options": options})
     assert main(["evaluate", str(tmp_path / "odd.safetensors"), "--goals", "1"]) == 2
     errors = capsys.readouterr().err
     assert errors.count("\n") == 1

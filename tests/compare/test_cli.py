@@ -13,13 +13,12 @@ import gymnasium as gym
 import pytest
 
 from kinreach import cli
-from kinreach.baselines import load_policy
-from kinreach.baselines._policy_file import save_policy
 from kinreach.compare import _cli, get_task
 from kinreach.compare import _runner as runner
 from kinreach.compare import _task as registry
 from kinreach.compare._runner import RECORDS
 from kinreach.compare.inside import OptionFlags
+from tests.policy_files import copy_policy
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -131,10 +130,9 @@ def test_no_default_folder_is_that_of_other_settings(tmp_path, monkeypatch, caps
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("kinreach.compare._cli.DEFAULT_GOALS", 1)  # 200 take a while
     (tmp_path / "mine.py").write_text("import numpy as np\n\ndef look(observation):\n    return np.zeros(6)\n")
-    policy = load_policy("ranked-single")
     for folder in ("other", "another"):
         (tmp_path / folder).mkdir()
-        save_policy(tmp_path / folder / "mine.safetensors", policy.card, policy.network)
+        copy_policy("ranked-single", tmp_path / folder / "mine.safetensors")
     results = tmp_path / "results"
     assert call() == 0
     assert (results / "compare-ur5" / "results.json").is_file()
@@ -169,8 +167,7 @@ def test_another_file_of_the_same_name_is_another_method(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     for name in ("ranked-single", "ppo-single"):
         (tmp_path / name).mkdir()
-        policy = load_policy(name)
-        save_policy(tmp_path / name / "p.safetensors", policy.card, policy.network)
+        copy_policy(name, tmp_path / name / "p.safetensors")
     assert call("--goals", "1", "--methods", "ranked-single/p.safetensors", "--out", "here") == 0
     assert call("--goals", "1", "--methods", "ppo-single/p.safetensors", "--out", "here") == cli.EXIT_ERROR
     assert "another comparison" in capsys.readouterr().err

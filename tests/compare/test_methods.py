@@ -8,12 +8,14 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from kinreach.baselines import load_policy
 from kinreach.baselines.inside import pretrained_names
 from kinreach.compare import Method, compare, get_task, register_task
 from kinreach.compare._task import POLICY, SOLVER
 from kinreach.compare.inside import resolve_methods
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
+from tests.policy_files import copy_policy
 
 
 def act(observation):
@@ -231,13 +233,8 @@ def test_a_task_must_give_as_many_goals_as_asked_for(toy):
 
 
 def test_a_policy_of_another_arm_is_refused(tmp_path):
-    from dataclasses import replace
-
-    from kinreach.baselines._policy_file import read_policy, save_policy
-
-    card, network = read_policy(files("kinreach.baselines") / "pretrained" / "ranked-single.safetensors")
-    recipe = {**card.recipe, "options": {"backend": "kinematic", "arm": "ur3-thesis"}}
-    save_policy(tmp_path / "mine.safetensors", replace(card, recipe=recipe), network)
+    recipe = {**load_policy("ranked-single").card.recipe, "options": {"backend": "kinematic", "arm": "ur3-thesis"}}
+    copy_policy("ranked-single", tmp_path / "mine.safetensors", recipe=recipe)
     with pytest.raises(InputError, match="was trained on the arm 'ur3-thesis', not on 'ur5-thesis'"):
         compare("ur5", [str(tmp_path / "mine.safetensors")], goals=1)
     (found,) = compare("ur5", [str(tmp_path / "mine.safetensors")], arm="ur3-thesis", goals=1)["methods"]

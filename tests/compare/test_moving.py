@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from kinreach.baselines import rollout
+from kinreach.cli import EXIT_ERROR, main
 from kinreach.compare import compare, get_task
-from kinreach.compare._cli import main
 from kinreach.compare._methods.interception import Interception
 from kinreach.compare._methods.turn_rate import TurnRateFit
 from kinreach.envs.moving import moved, travel_times
 from kinreach.envs.real_arm import MEDIAN_LENGTH
-from kinreach.errors import InputError
 
 METHODS = ["interception", "last-sight", "first-sight", "gradient-moving"]
 
@@ -210,7 +209,7 @@ def test_travel_times_are_those_of_the_arm():
 
 def test_on_disk(tmp_path, capsys):
     arguments = ["--task", "moving", "--goals", "3", "--speeds", "0.1,0.3", "--methods", "first-sight,last-sight"]
-    assert main([*arguments, "--out", str(tmp_path)], prog="compare") == 0
+    assert main(["compare", *arguments, "--out", str(tmp_path)]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "rolling ball" in said
     assert "No goal is left for balls at 0.3 m/s: give at least 6." in said
@@ -223,9 +222,9 @@ def test_on_disk(tmp_path, capsys):
     (["--speeds", "5"], "the arm's tip is no faster"),
     (["--speeds", "fast"], "--speeds must be numbers with commas between them, such as 0.05,0.1, got 'fast'"),
 ])  # fmt: skip
-def test_bad_input(arguments, said, tmp_path):
-    with pytest.raises(InputError, match=said):
-        main(["--task", "moving", *arguments, "--out", str(tmp_path)], prog="compare")
+def test_bad_input(arguments, said, tmp_path, capsys):
+    assert main(["compare", "--task", "moving", *arguments, "--out", str(tmp_path)]) == EXIT_ERROR
+    assert said in capsys.readouterr().err
 
 
 def test_the_fit_is_what_it_was_on_a_path_that_turns_left_and_right():

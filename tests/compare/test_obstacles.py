@@ -4,11 +4,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from kinreach.cli import EXIT_ERROR, main
 from kinreach.compare import compare, get_task
-from kinreach.compare._cli import main
 from kinreach.compare._methods.waypoints import free_way
 from kinreach.compare._motion import peaks
-from kinreach.errors import InputError
 from kinreach.kinematics import MotionLimits, Trajectory
 
 METHODS = ["closed-form", "from-above", "free-way", "path", "ranked-multi"]
@@ -85,14 +84,16 @@ def test_peaks_reach_from_rest_to_rest():
         np.testing.assert_allclose(list(peaks(moving, limits).values()), np.abs(speed) * np.array([0.25, 1.0, 1.0]))
 
 
-def test_a_task_without_postures_has_no_motion(tmp_path):
-    with pytest.raises(InputError, match="'moving' does not move its arm from posture to posture; leave out --motion"):
-        main(["--task", "moving", "--motion", "--goals", "1", "--out", str(tmp_path)], prog="compare")
+def test_a_task_without_postures_has_no_motion(tmp_path, capsys):
+    arguments = ["--task", "moving", "--motion", "--goals", "1"]
+    assert main(["compare", *arguments, "--out", str(tmp_path)]) == EXIT_ERROR
+    said = "'moving' does not move its arm from posture to posture; leave out --motion"
+    assert said in capsys.readouterr().err
 
 
 def test_on_disk(tmp_path, capsys):
     arguments = ["--task", "obstacles", "--goals", "2", "--clutter", "4", "--methods", "closed-form", "--motion"]
-    assert main([*arguments, "--out", str(tmp_path)], prog="compare") == 0
+    assert main(["compare", *arguments, "--out", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     assert "Motions within the arm's limits" in out
     assert "--seed 0 --motion --clutter 4 --out" in out
@@ -100,9 +101,9 @@ def test_on_disk(tmp_path, capsys):
         assert (tmp_path / f"{figure}.png").stat().st_size > 10_000
 
 
-def test_bad_input(tmp_path):
-    with pytest.raises(InputError, match="clutter must be at most 20"):
-        main(["--task", "obstacles", "--clutter", "40", "--out", str(tmp_path)], prog="compare")
+def test_bad_input(tmp_path, capsys):
+    assert main(["compare", "--task", "obstacles", "--clutter", "40", "--out", str(tmp_path)]) == EXIT_ERROR
+    assert "clutter must be at most 20" in capsys.readouterr().err
 
 
 def test_a_free_way_goes_to_the_posture_with_the_least_largest_change(monkeypatch):

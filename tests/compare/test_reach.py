@@ -12,10 +12,10 @@ import kinreach
 from kinreach._registration import SINGLE
 from kinreach.baselines import rollout
 from kinreach.baselines.inside import SolverPolicy
+from kinreach.cli import main
 from kinreach.compare import _curves as curves
 from kinreach.compare import _figures as figures
 from kinreach.compare import compare, get_task, resets_to
-from kinreach.compare._cli import main
 from kinreach.compare._error_budget import Budget, budget
 from kinreach.compare._reach import goals_of
 from kinreach.compare._runner import WARM_UP_GOALS
@@ -222,7 +222,7 @@ except InstallationError as error:
 def test_an_arm_from_its_urdf_file_on_the_command_line(tmp_path, capsys, without_pictures):
     file = f"{get_arm('ur5').package_root()}/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
     arguments = ["--arm", file, "--goals", "3", "--out", str(tmp_path)]
-    assert main(arguments, prog="compare") == 0
+    assert main(["compare", *arguments]) == 0
     found = json.loads((tmp_path / "results.json").read_text())
     assert [entry["name"] for entry in found["methods"]] == ["closed-form", "placo", "lm", "qp"]
     assert {entry["reached"] for entry in found["methods"]} == {1.0}

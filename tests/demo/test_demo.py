@@ -1,7 +1,6 @@
 """The demo: runs, prints, films; and says in one line what is wrong."""
 
 import re
-from dataclasses import replace
 from itertools import pairwise
 
 import gymnasium as gym
@@ -11,12 +10,12 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from kinreach.baselines import load_policy
-from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
 from kinreach.demo._caption import FOUND, MISSED, REACHED, Caption, Moment
 from kinreach.demo._drawn import Drawn
 from kinreach.plots._colours import own_colour
 from kinreach.robots import get_arm
+from tests.policy_files import copy_policy
 
 
 @pytest.fixture(autouse=True)
@@ -208,9 +207,8 @@ def test_it_films_what_does_not_draw_itself(env, policy, steps, least, tmp_path,
 
 
 def test_policies_get_what_they_learned_from(tmp_path, capsys):
-    policy = load_policy("thesis-ppo-single")
-    card = replace(policy.card, recipe={**policy.card.recipe, "options": {"goal_in": "image"}})
-    save_policy(tmp_path / "image.safetensors", card, policy.network)
+    recipe = {**load_policy("thesis-ppo-single").card.recipe, "options": {"goal_in": "image"}}
+    copy_policy("thesis-ppo-single", tmp_path / "image.safetensors", recipe=recipe)
     said = ["--backend", "kinematic", "--print", "observation", "--steps", "1", "--policy"]
     seen = []
     for name in ("thesis-ppo-single", str(tmp_path / "image.safetensors")):

@@ -5,8 +5,8 @@ import threading
 import numpy as np
 import pytest
 
-from kinreach.cli import finish
-from kinreach.deploy import SimulatedUR, URClient, _calibrate_cli, _check_cli
+from kinreach.cli import main
+from kinreach.deploy import SimulatedUR, URClient
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose_vector
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm, read_calibration
@@ -18,11 +18,11 @@ WORKSPACE = np.random.default_rng(1).uniform(-np.pi, np.pi, (300, 6))
 
 
 def calibrate(*arguments):
-    return finish(lambda: _calibrate_cli.main(list(map(str, arguments)), prog="it"), prog="it")
+    return main(["calibrate", *map(str, arguments)])
 
 
 def check(*arguments):
-    return finish(lambda: _check_cli.main(list(map(str, arguments)), prog="it"), prog="it")
+    return main(["check", *map(str, arguments)])
 
 
 @pytest.fixture

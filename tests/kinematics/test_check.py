@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kinreach.deploy._check_cli import main
+from kinreach.cli import EXIT_ERROR, main
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
@@ -110,12 +110,12 @@ def test_shapes_that_cannot_be_read_are_not_taken_for_none(tmp_path, capsys):
         check.collisions_of(ArmKinematics.from_urdf(file))
     with pytest.raises(InputError, match="has no triangles"):
         TargetModel(ArmDescription.from_urdf(file))
-    assert main([str(file), "--poses", "2"], prog="check") == 0
+    assert main(["check", str(file), "--poses", "2"]) == 0
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("collisions")]
     assert line.startswith("collisions   not known: the mesh 'package://link.stl' has no triangles")
     bare = tmp_path / "bare.urdf"
     bare.write_bytes(ET.tostring(without_shapes(get_arm("ur5e").robot, "visual", "collision")))
-    assert main([str(bare), "--poses", "2"], prog="check") == 0
+    assert main(["check", str(bare), "--poses", "2"]) == 0
     assert "collisions   not known: the arm has no shapes\n" in capsys.readouterr().out
 
 
@@ -144,7 +144,7 @@ def test_one_screen(tmp_path, capsys):
     printed = {}
     for arm, kind in said.items():
         picture = tmp_path / "workspace.png"
-        assert main([arm, "--poses", "10", "--picture", str(picture)], prog="check") == 0
+        assert main(["check", arm, "--poses", "10", "--picture", str(picture)]) == 0
         text = capsys.readouterr().out
         assert kind in text
         for head in ("class", "joints", "reach", "collisions", "singular", "IK", "picture"):
@@ -178,7 +178,7 @@ def test_names_are_drawn_as_they_are(tmp_path, capsys):
     file = arm_with_a_broken_mesh(tmp_path)
     file.write_text(file.read_text().replace('"broken"', r'"a $\frac{$"').replace('"end"', r'"b $\frac{$"'))
     picture = tmp_path / "workspace.png"
-    assert main([str(file), "--poses", "1", "--picture", str(picture)], prog="check") == 0
+    assert main(["check", str(file), "--poses", "1", "--picture", str(picture)]) == 0
     assert r"a $\frac{$" in capsys.readouterr().out
     assert picture.read_bytes().startswith(b"\x89PNG")
 
@@ -187,7 +187,7 @@ def test_names_are_drawn_as_they_are(tmp_path, capsys):
 def test_what_a_calibration_changes(tmp_path, capsys):
     picture = tmp_path / "error.png"
     file = PUBLISHED_CALIBRATIONS["ur5_a"]
-    assert main(["ur5", "--calibration", str(file), "--poses", "10", "--picture", str(picture)], prog="check") == 0
+    assert main(["check", "ur5", "--calibration", str(file), "--poses", "10", "--picture", str(picture)]) == 0
     text = capsys.readouterr().out
     kept.check("checks_calibrated.txt", {"printed": lines("ur5", text)})
     assert "UR with its calibration" in text
@@ -203,7 +203,7 @@ def test_what_a_calibration_changes(tmp_path, capsys):
     assert picture.stat().st_size > 10_000
 
 
-def test_bad_input():
+def test_bad_input(capsys):
     for arguments, said in (
         (["nothing"], "unknown arm 'nothing'; available: arm3"),
         (["nowhere.urdf"], "cannot read"),
@@ -214,5 +214,5 @@ def test_bad_input():
         (["ur5e", "--calibration", str(CALIBRATIONS / "ur5e_folded.yaml")], "folded at"),
         (["kinematics.yaml"], "name its UR too"),
     ):
-        with pytest.raises(InputError, match=said):
-            main(arguments, prog="check")
+        assert main(["check", *arguments]) == EXIT_ERROR
+        assert said in capsys.readouterr().err

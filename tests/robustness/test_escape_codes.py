@@ -5,9 +5,8 @@ import subprocess
 import pytest
 
 from kinreach._checks import printable
-from kinreach.baselines import load_policy
-from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main, quoted
+from tests.policy_files import copy_policy
 
 #: Clears the screen, sets the title, and turns text red; the second byte form of the same.
 NAME = "a\x1b[2J\x1b]0;owned\x07\x1b[31m\x9b31mb'\\c"
@@ -22,8 +21,7 @@ def clean(text):
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    policy = load_policy("ranked-single")
-    save_policy(tmp_path / f"{NAME}.safetensors", policy.card, policy.network)
+    copy_policy("ranked-single", tmp_path / f"{NAME}.safetensors")
     return tmp_path
 
 

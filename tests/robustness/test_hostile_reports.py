@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from kinreach.baselines import load_policy
-from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
 from kinreach.compare import compare
+from tests.policy_files import copy_policy
 
 NAMES = [
     "<script>alert(1)<",
@@ -49,10 +48,9 @@ class Elements(HTMLParser):
 
 def files(folder):
     """A policy under each of the names."""
-    policy = load_policy("ranked-single")
     for name in NAMES:
         path = folder / f"{name}.safetensors"
-        save_policy(path, policy.card, policy.network)
+        copy_policy("ranked-single", path)
         yield path
 
 
@@ -84,10 +82,9 @@ def test_every_name_is_a_name(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", [NAMES[0], NAMES[5], NAMES[6], NAMES[9], "/red"])
 def test_commands_print_names_and_give_a_line_that_can_be_copied(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    policy = load_policy("ranked-single")
     safe = name.replace("/", "")
     file = f"{safe}.safetensors"
-    save_policy(file, policy.card, policy.network)
+    copy_policy("ranked-single", file)
     assert main(["compare", "--methods", file, "--goals", "1", "--out", "[" + "out"]) == 0
     said = capsys.readouterr().out
     again = next(line for line in said.splitlines() if line.startswith("Again: "))
@@ -101,11 +98,10 @@ def test_commands_print_names_and_give_a_line_that_can_be_copied(name, tmp_path,
 
 
 def test_two_policies_of_one_name_are_both_reported(tmp_path, capsys):
-    policy = load_policy("ranked-single")
     paths = [tmp_path / folder / "p.safetensors" for folder in ("a", "b")]
     for path in paths:
         path.parent.mkdir()
-        save_policy(path, policy.card, policy.network)
+        copy_policy("ranked-single", path)
     out = tmp_path / "found.json"
     arguments = ["evaluate", *map(str, paths), "--goals", "2", "--backend", "kinematic", "--out", str(out)]
     assert main(arguments) == 0

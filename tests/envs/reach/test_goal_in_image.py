@@ -10,15 +10,14 @@ import pytest
 
 from kinreach._registration import MULTI, SINGLE, SPACE
 from kinreach.baselines import load_policy
-from kinreach.baselines._policy_file import save_policy
 from kinreach.baselines.inside import LearnedPolicy
-from kinreach.compare._reach import UR5_TASK
+from kinreach.compare import get_task
 from kinreach.compare.inside import resolve_methods
-from kinreach.envs._reach.reach_task import CAMERA_RANGE
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
 from kinreach.vision import geometric_goal_view
 from kinreach.vision.inside import in_image
+from tests.policy_files import copy_policy
 
 IMAGE = {"backend": "kinematic", "goal_in": "image"}
 GOALS = get_arm("ur5-thesis").workcell.draw_goals(np.random.default_rng(3), 200)
@@ -73,7 +72,8 @@ def test_what_is_not_in_a_picture_has_a_place_in_the_space():
     env = gym.make(SINGLE, **IMAGE)
     for view in views:
         observation, _ = env.reset(seed=0, options={"view": view})
-        np.testing.assert_array_equal(observation[:6], np.clip(in_image(view), -CAMERA_RANGE, CAMERA_RANGE))
+        space = env.observation_space
+        np.testing.assert_array_equal(observation[:6], np.clip(in_image(view), space.low[:6], space.high[:6]))
         assert env.observation_space.contains(observation)
 
 
@@ -92,9 +92,9 @@ def test_a_policy_that_learned_so_is_given_goals_so(tmp_path):
     assert policy.needed_options == {}
     assert LearnedPolicy(card, policy.network).needed_options == {"goal_in": "image"}
     file = tmp_path / "image.safetensors"
-    save_policy(file, card, policy.network)
+    copy_policy("thesis-ppo-single", file, recipe=card.recipe)
     with pytest.raises(InputError, match="takes goals in pictures"):
-        resolve_methods(UR5_TASK, [str(file)])
+        resolve_methods(get_task("ur5"), [str(file)])
 
 
 def test_learners_that_read_metres_refuse(tmp_path):
