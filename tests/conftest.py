@@ -22,7 +22,6 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from kinreach.envs._reach.reach_task import TOOL_DOWN
 from kinreach.errors import InstallationError
 from kinreach.kinematics import URKinematics
 from kinreach.sim import ArmSimulation, render
@@ -213,7 +212,7 @@ def tool_down():
     kinematics = URKinematics("ur5-thesis", tip="tcp", base="world")
 
     def posture(position):
-        result = kinematics.axis_goal(position, TOOL_DOWN, np.array(kinematics.arm.home))
+        result = kinematics.axis_goal(position, (0, 0, -1), np.array(kinematics.arm.home))
         assert result.success, result.reason
         return result.q
 

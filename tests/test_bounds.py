@@ -2,12 +2,11 @@
 
 import math
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.envs._lift.lift_task import LiftOptions
-from kinreach.envs._reach.reach_task import ReachOptions
-from kinreach.envs._reach.space import SpaceOptions
+from kinreach._registration import LIFT, SINGLE, SPACE
 from kinreach.envs.inside import ButtonOptions, ObstaclesOptions
 from kinreach.envs.moving import MovingOptions
 from kinreach.envs.real_arm import RealArmOptions
@@ -16,6 +15,9 @@ from kinreach.sim import ArmSimulation, BatchSimulation
 from kinreach.sim.inside import Imperfections
 from kinreach.vision import Intrinsics, SensorNoise, circle_votes, find_ball
 
+LiftOptions, ReachOptions, SpaceOptions = (
+    type(gym.make(name, backend="kinematic").unwrapped).Options for name in (LIFT, SINGLE, SPACE)
+)
 CAMERA = Intrinsics(16, 16, 10.0, 10.0, 8.0, 8.0)
 
 

@@ -16,10 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from kinreach.baselines import load_policy
-from kinreach.baselines._onnx_export import export_onnx
 from kinreach.cli import main
-from kinreach.robots._grippers import PARALLEL_GRIPPER
+from kinreach.robots import get_arm
 from notebooks import figures
 
 ROOT = Path(__file__).parents[1]
@@ -267,7 +265,7 @@ def test_names_in_the_points_exist():
 
 def test_sizes_of_the_thesiss_gripper_are_those_of_the_value():
     """Wherever prose gives one of them."""
-    gripper = PARALLEL_GRIPPER
+    gripper = get_arm("ur5-thesis").gripper
     stroke, half = f"{gripper.stroke:.2f} m", f"{gripper.stroke / 2:.2f} m"
     force, length = f"{gripper.force:.0f} N", f"{gripper.length:.2f} m"
     env, closing = read(ROOT / "kinreach/envs/_lift/env.py"), "opening to which the fingers close"
@@ -417,7 +415,7 @@ def test_the_code_of_the_page_on_seeing_runs(capsys):
 def test_the_code_of_the_page_on_training_runs(capsys, tmp_path, monkeypatch):
     pytest.importorskip("onnx"), pytest.importorskip("onnxruntime")
     monkeypatch.chdir(tmp_path)
-    export_onnx(load_policy("ranked-single"), "single.onnx", observations=13)  # as the command on the page
+    assert main(["evaluate", "ranked-single", "--export", "single.onnx"]) == 0  # as on the page
     exec(compile(blocks(DOCS / "guides/training.md"), "training", "exec"), {"__name__": "training"})
     assert "(1, 6) kinreach/UR5SingleStep-v0" in capsys.readouterr().out
 

@@ -132,6 +132,21 @@ def test_rooms_use_each_other_through_their_doors():
     assert len(asked) > 200
 
 
+#: A private module or name of a room, as code imports it or `monkeypatch` names it.
+INSIDE = re.compile(rf"\bkinreach\.({'|'.join(ROOMS)})(\.\w+)*?\._(?!_)\w")
+
+
+def test_tests_of_rooms_go_through_their_doors():
+    """At least half of the lines of the tests are in files that name nothing private of a room."""
+    lines = {True: 0, False: 0}
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        looks_inside = any(map(INSIDE.match, imports(path))) or INSIDE.search(text) is not None
+        lines[looks_inside] += text.count("\n")
+    assert lines[False] >= lines[True] > 0
+    assert sum(lines.values()) > 40_000
+
+
 def is_for_types(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
 

@@ -12,8 +12,8 @@ import pytest
 from kinreach import cli
 from kinreach._tables import read_table, table_of
 from kinreach.deploy import read_trajectory
-from kinreach.deploy._ik_cli import read_poses
 from kinreach.errors import InputError
+from kinreach.kinematics import URKinematics
 from kinreach.robots import PosePairs
 
 HEADER = ["x", "y", "z", "rx", "ry", "rz"]
@@ -198,7 +198,6 @@ SPREADSHEET = written([HEADER, *POSES[:2]], separator=";", comma=True, ends="\r\
 def test_every_reader_of_tables_reads_a_spreadsheets(tmp_path, capsys):
     poses, trajectory, pairs = (tmp_path / f"{name}.csv" for name in ("poses", "trajectory", "pairs"))
     poses.write_bytes(SPREADSHEET)
-    np.testing.assert_allclose(read_poses(poses)[:, :3, 3], POSES[:2, :3])
     rows = [["time", "a", "b", "a_velocity", "b_velocity"], [0.0, 0.1, 0.2, 0.0, 0.5], [0.5, 0.3, 0.4, 0.25, 0.75]]
     trajectory.write_bytes(written(rows, separator=";", comma=True, ends="\r\n", blanks=1).encode("utf-16"))
     read = read_trajectory(trajectory)
@@ -210,6 +209,8 @@ def test_every_reader_of_tables_reads_a_spreadsheets(tmp_path, capsys):
     np.testing.assert_allclose(PosePairs.read(pairs).q, q, atol=1e-14)
     out = tmp_path / "out.csv"
     assert cli.main(["ik", "--arm", "ur5e", "--poses", str(poses), "--out", str(out)]) == 0
+    solved = np.loadtxt(out, delimiter=",", skiprows=1, usecols=range(1, 7))
+    np.testing.assert_allclose(URKinematics("ur5e", base="base").fk(solved)[:, :3, 3], POSES[:2, :3], atol=1e-6)
     poses.write_bytes(SPREADSHEET.replace(b";", b","))
     assert cli.main(["ik", "--arm", "ur5e", "--poses", str(poses), "--out", str(out)]) == 2
     assert "a decimal comma needs another separator" in capsys.readouterr().err

@@ -20,7 +20,7 @@ from kinreach.baselines._models import build
 from kinreach.baselines._rewards import REWARDS
 from kinreach.baselines._sb3_export import actor_network
 from kinreach.baselines._training import _begin_segment, goal_seeds
-from kinreach.baselines.inside import LearnedPolicy
+from kinreach.baselines.inside import LearnedPolicy, pretrained_names
 from kinreach.errors import InputError, UnknownNameError
 from tests.baselines.small_runs import SMALL, small
 
@@ -211,6 +211,14 @@ def test_every_generator_follows_from_the_seed_and_the_segment(monkeypatch):
     goals = [goal_seeds(seed, 3)["training"] for seed in (3, 4)]
     assert seeded == [goals[0][1], goals[0][1], goals[1][1], goals[0][2]]
     assert trainee.model._last_obs is None
+
+
+def test_cards_name_the_goals_of_their_trainings():
+    names = pretrained_names()
+    for name in names:
+        card = load_policy(name).card
+        assert card.goal_seeds == goal_seeds(card.seed, get_recipe(card.recipe["name"]).segments)
+    assert len(names) >= 10
 
 
 @pytest.mark.parametrize("name", ["gradient-moving", "ppo-moving-clear", "random-arms"])

@@ -10,8 +10,7 @@ import pytest
 
 from kinreach.baselines import load_policy
 from kinreach.baselines.inside import pretrained_names
-from kinreach.compare import Method, compare, get_task, register_task
-from kinreach.compare._task import POLICY, SOLVER
+from kinreach.compare import Method, compare, get_task
 from kinreach.compare.inside import resolve_methods
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
@@ -142,7 +141,7 @@ def test_a_policys_file_acts_where_its_card_says(tmp_path):
         (tmp_path / f"mine-{name}.safetensors").write_bytes(content)
         (method,) = resolve_methods(task, [str(tmp_path / f"mine-{name}.safetensors")]).values()
         assert method.environment == task.variants[name]
-        assert method.kind == POLICY
+        assert method.kind == "policy"
         assert len(method.versions) == 1
     with pytest.raises(InputError, match="is for kinreach/UR5SingleStep-v0"):
         resolve_methods(get_task("button"), [str(tmp_path / "mine-single.safetensors")])
@@ -154,22 +153,6 @@ def test_shipped_policies_are_methods():
     )
 
 
-def test_a_task_from_outside_is_known_by_its_name(toy):
-    register_task(toy)
-    register_task(toy)  # the same again
-    try:
-        names = [entry["name"] for entry in compare("toy", goals=1)["methods"]]
-        assert names == ["right", "near", "wild"]
-        with pytest.raises(InputError, match="registered already"):
-            register_task(replace(toy, title="Another"))
-        with pytest.raises(InputError, match="a task must be a Task, got 'toy'"):
-            register_task("toy")
-    finally:
-        from kinreach.compare import _task as registry
-
-        registry._TASKS.pop("toy")
-
-
 def test_what_cannot_be_made_is_left_out_of_all_but_not_of_some(toy):
     from dataclasses import replace
 
@@ -178,7 +161,7 @@ def test_what_cannot_be_made_is_left_out_of_all_but_not_of_some(toy):
     def broken(env):
         raise InstallationError("placo is missing")
 
-    task = replace(toy, methods={**toy.methods, "broken": Method(broken, SOLVER)})
+    task = replace(toy, methods={**toy.methods, "broken": Method(broken, "solver")})
     results = compare(task, goals=1)
     assert [entry["name"] for entry in results["methods"]] == ["right", "near", "wild"]
     assert results["settings"]["left_out"] == {"broken": "placo is missing"}

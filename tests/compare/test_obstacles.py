@@ -1,14 +1,9 @@
 """Past obstacles: a path gets through where postures alone are blocked; and motions keep the arm's limits."""
 
-import gymnasium as gym
-import numpy as np
 import pytest
 
 from kinreach.cli import EXIT_ERROR, main
 from kinreach.compare import compare, get_task
-from kinreach.compare._methods.waypoints import free_way
-from kinreach.compare._motion import peaks
-from kinreach.kinematics import MotionLimits, Trajectory
 
 METHODS = ["closed-form", "from-above", "free-way", "path", "ranked-multi"]
 
@@ -53,37 +48,6 @@ def test_motions_keep_the_limits(results):
     assert results["ranked-multi"]["motion_s"]["median"] > 2.0 * results["closed-form"]["motion_s"]["median"]
 
 
-def test_peaks_are_those_of_a_known_motion():
-    """A minimum-jerk motion by one joint: its peaks are 15/8, 10/sqrt(3) and 60 of its length and duration."""
-    limits = MotionLimits(("a", "b"), np.full(2, 2.0), np.full(2, 5.0), np.full(2, 50.0))
-    for length, duration in ((1.0, 1.0), (0.3, 2.0)):
-        s = np.linspace(0.0, 1.0, 4001)
-        q, qd = (
-            length * (10 * s**3 - 15 * s**4 + 6 * s**5),
-            length / duration * (30 * s**2 - 60 * s**3 + 30 * s**4),
-        )
-        still = np.zeros_like(q)
-        found = peaks(
-            Trajectory(limits.joints, s * duration, np.stack([still, q], 1), np.stack([still, qd], 1)), limits
-        )
-        expected = (
-            length / duration * 15 / 8 / 2,
-            length / duration**2 * 10 / 3**0.5 / 5,
-            length / duration**3 * 60 / 50,
-        )
-        np.testing.assert_allclose(list(found.values()), expected, rtol=0.01)
-
-
-def test_peaks_reach_from_rest_to_rest():
-    """At a speed that begins and ends at once: what a sample's time makes of it, on both sides."""
-    limits = MotionLimits(("a",), np.full(1, 4.0), np.full(1, 500.0), np.full(1, 250_000.0))
-    for speed in (1.0, -2.0):
-        moving = Trajectory(
-            limits.joints, np.arange(5) / 500.0, speed * np.arange(5)[:, None] / 500.0, np.full((5, 1), speed)
-        )
-        np.testing.assert_allclose(list(peaks(moving, limits).values()), np.abs(speed) * np.array([0.25, 1.0, 1.0]))
-
-
 def test_a_task_without_postures_has_no_motion(tmp_path, capsys):
     arguments = ["--task", "moving", "--motion", "--goals", "1"]
     assert main(["compare", *arguments, "--out", str(tmp_path)]) == EXIT_ERROR
@@ -104,13 +68,3 @@ def test_on_disk(tmp_path, capsys):
 def test_bad_input(tmp_path, capsys):
     assert main(["compare", "--task", "obstacles", "--clutter", "40", "--out", str(tmp_path)]) == EXIT_ERROR
     assert "clutter must be at most 20" in capsys.readouterr().err
-
-
-def test_a_free_way_goes_to_the_posture_with_the_least_largest_change(monkeypatch):
-    env = gym.make("kinreach/Obstacles-v0", disable_env_checker=True)
-    env.reset(seed=0, options={"clutter": 0})
-    world = env.unwrapped
-    far, near = world.home + np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.9], [0.1, -0.1, 0.1, 0.1, 0.1, 0.3]])
-    for goals in ([far, near], [near, far]):
-        monkeypatch.setattr(world, "goal_postures", lambda goals=goals: np.array(goals))
-        np.testing.assert_array_equal(free_way(env)._waypoints(None)[-1], near)

@@ -9,6 +9,8 @@ import kinreach  # noqa: F401 (registers the environments)
 from kinreach._registration import BUTTON, MULTI, MULTI_KINEMATIC, SINGLE, SINGLE_KINEMATIC, SPACE
 from kinreach.envs import RecordMotion
 from kinreach.errors import InputError, UnknownOptionError
+from kinreach.sim.inside import FrameRenderer
+from tests.cases import stand_in
 
 PAIRS = {SINGLE_KINEMATIC: SINGLE, MULTI_KINEMATIC: MULTI}
 
@@ -119,7 +121,7 @@ class Clock:
 
 
 def test_a_film_of_a_single_step_shows_the_motion(films, tmp_path, monkeypatch):
-    monkeypatch.setattr("kinreach.sim._picture.FrameRenderer", Clock)
+    stand_in(monkeypatch, FrameRenderer, Clock)
     for record, mode in ((RecordVideo, "rgb_array"), (RecordMotion, "rgb_array_list")):
         env = record(gym.make(SINGLE, arm="arm3", render_mode=mode), str(tmp_path / mode), name_prefix="one")
         env.reset(seed=0)

@@ -12,12 +12,10 @@ from gymnasium.vector import AutoresetMode
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
-from kinreach.envs._button.world import BatchTorqueWorld
-from kinreach.envs._reach.reach_task import check_cameras
-from kinreach.envs._reach.worlds import BatchDynamicWorld
 from kinreach.errors import InputError
 from kinreach.sim import BatchSimulation
-from tests.cases import slow
+from kinreach.sim.inside import FrameRenderer
+from tests.cases import slow, stand_in
 
 OBSTACLES = "kinreach/Obstacles-v0"
 OBJECTS = {"shapes": ("ball", "cube"), "sizes": (0.02, 0.03), "masses": (0.05, 0.2), "frictions": (0.5, 1.5)}
@@ -227,7 +225,7 @@ DRAWN = {
 
 def test_pictures_are_taken_anew_of_those_that_have_moved(monkeypatch):
     monkeypatch.setattr(Blank, "made", [])
-    monkeypatch.setattr("kinreach.vision._cameras.FrameRenderer", Blank)
+    stand_in(monkeypatch, FrameRenderer, Blank)
     name, options = DRAWN["pixels"]
     env = gym.make_vec(name, 2, "vector_entry_point", autoreset_mode="Disabled", **options)
     taken = [0]
@@ -246,8 +244,7 @@ def test_pictures_are_taken_anew_of_those_that_have_moved(monkeypatch):
 @pytest.mark.parametrize("task", DRAWN)
 def test_a_closed_environment_has_no_renderer_left(task, many, monkeypatch):
     monkeypatch.setattr(Blank, "made", [])
-    for module in ("sim._picture", "vision._cameras", "vision._goal_view"):
-        monkeypatch.setattr(f"kinreach.{module}.FrameRenderer", Blank)
+    stand_in(monkeypatch, FrameRenderer, Blank)
     name, options = DRAWN[task]
     env = gym.make_vec(name, 2, "vector_entry_point", **options) if many else gym.make(name, **options)
     for _ in range(2):
@@ -282,7 +279,8 @@ def test_arguments_are_keywords(name):
     names = [entry.name for entry in entries]
     assert [parameter.name for parameter in parameters] == names
     cameras = {entry.name for entry in entries if entry.metadata["observation"] == "camera"}
-    assert cameras == set(inspect.signature(check_cameras).parameters).intersection(names)
+    every = {"pipeline", "width", "height", "rgb_noise", "depth_noise", "exposure"}
+    assert cameras == every.intersection(names)
     flagless = {entry.name for entry in entries if entry.metadata["flag"] is None}
     assert flagless == {"controls", "frames", "goal_in", "info", "sights"}.intersection(names)
 
@@ -293,7 +291,6 @@ def test_a_batch_has_one_environment_and_one_thread_by_default(name):
     found = {parameter.name: parameter.default for parameter in inspect.signature(type(env)).parameters.values()}
     assert found["num_envs"] == found.get("threads", 1) == 1
     assert found["autoreset_mode"] is env.autoreset_mode is AutoresetMode.SAME_STEP
-    for kind in (BatchSimulation, BatchDynamicWorld, BatchTorqueWorld):
-        assert inspect.signature(kind).parameters["threads"].default == 1
+    assert inspect.signature(BatchSimulation).parameters["threads"].default == 1
     assert env.metadata["render_fps"] == {MOVING: 30}.get(name, 25)
     assert gym.make(name).metadata.get("render_fps", 25) == 25

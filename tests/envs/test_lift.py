@@ -10,17 +10,12 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import LIFT
-from kinreach._rotations import turn
 from kinreach.baselines.expert import tool_down_postures
-from kinreach.compare._methods.grasp import GraspPolicy
-from kinreach.envs._lift.episodes import CAUSES
-from kinreach.envs._lift.geometry import closes
-from kinreach.envs._lift.lift_task import HEIGHT, HOLD
+from kinreach.compare import get_task
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import CollisionChecker
-from kinreach.kinematics.inside import MARGIN, new_solver
+from kinreach.kinematics.inside import MARGIN
 from kinreach.robots import get_arm
-from kinreach.sim.inside import Objects
 
 RANGE = {
     "shapes": ("ball", "cube", "cylinder"),
@@ -36,7 +31,7 @@ def make(**options):
 
 
 def scripted(env):
-    return GraspPolicy(new_solver("closed-form", env.unwrapped.kinematics), env)
+    return get_task("lift").methods["closed-form"].make(env)
 
 
 def lowest_point(env):
@@ -75,9 +70,9 @@ def test_a_scripted_grasp_lifts(options):
         assert info["is_success"] == (info["cause"] == "")
         if info["is_success"]:
             assert info["held"]
-            assert info["clearance"] > HEIGHT
+            assert info["clearance"] > 0.1
             assert reward > 21.9
-            assert 2.0 + HOLD < info["move_s"] < 6.0
+            assert 2.5 < info["move_s"] < 6.0
         lifted += info["is_success"]
     assert lifted == 12
     assert len(shapes) == len(options.get("shapes", ["ball"]))
@@ -128,7 +123,6 @@ def test_a_grasp_that_fails_says_at_which_stage(wrong, cause):
         assert reward < 3.0
         seen += 1
     assert seen == 4
-    assert cause in CAUSES
 
 
 def test_after_a_miss_the_arm_looks_again():
@@ -355,34 +349,6 @@ def test_a_collision_ends_an_episode_of_small_steps():
     assert (info["impossible"], info["status"], info["is_success"]) == (True, "collision", False)
     assert info["reward_terms"]["impossible"] == -1.0
     assert reward == sum(info["reward_terms"].values())
-
-
-#: What is turned or moved, the shape, and by how much it may be: of fingers 22 mm wide that come open by 10 cm.
-GEOMETRY = [
-    ("across", "ball", 0.008), ("behind", "ball", 0.02), ("ahead", "ball", 0.006), ("behind", "large ball", 0.03),
-    ("tilt", "ball", 0.3), ("turn", "cube", 0.3), ("squeeze", "ball", -0.002), ("beside", "ball", 0.027),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("what", "shape", "bound"), GEOMETRY)
-def test_what_fingers_close_around_by_geometry(what, shape, bound):
-    """The object at the tip, half an object of 2 cm beside a finger, and so on: just within the bound, and just not."""
-    size = 0.035 if shape == "large ball" else 0.02
-    kind = Objects(np.array([int(shape == "cube")]), *np.array([[size], [0.05], [1.0]]))
-    verdicts = []
-    for value in (bound - 1e-6, bound + 1e-6):
-        for sign in (-1, 1):
-            by = {name: sign * value if name == what else 0.0 for name in ("across", "beside", "tilt", "turn")}
-            along = {"behind": -value, "ahead": value}.get(what, 0.0)
-            x, y = (turn(np.eye(3)[axis], angle) for axis, angle in ((0, np.pi), (1, by["tilt"])))
-            T = np.eye(4)
-            T[:3, :3] = turn(np.eye(3)[2], by["turn"]) @ y @ x
-            place = T[:3, :3] @ [by["across"], by["beside"], along]
-            opening = 2 * size + (value if what == "squeeze" else -0.01)
-            given = T[None], np.array([opening]), place[None], np.zeros(1), kind
-            verdicts.append(bool(closes(*given, come_open=0.1)[0]))
-    assert verdicts == [True, True, False, False]
-    assert not closes(np.eye(4)[None], np.zeros(1), np.zeros((1, 3)), np.zeros(1), kind, come_open=0.1)[0]  # from below
 
 
 def test_geometry_predicts_what_the_dynamics_do():

@@ -13,7 +13,6 @@ from kinreach.envs.inside import ACTUATIONS, torque_model
 from kinreach.errors import KinreachError
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim._scene import scene_model
 
 IDS = sorted(name for name in gym.registry if name.startswith("kinreach/"))
 #: Ids whose arms are simulated -> options of an episode of a few actions.
@@ -155,7 +154,7 @@ def test_native_batches_are_not_touched_by_single_environments(name):
 def test_nobody_gets_the_scene_that_is_kept():
     arm = get_arm("arm3")
     for new in (
-        lambda: scene_model(arm, visual=False),
+        lambda: ArmSimulation(arm, visual=False).model,
         lambda: torque_model(arm, ACTUATIONS["tuned"], visual=False),
         lambda: ArmSimulation(arm).model,
         lambda: BatchSimulation(arm, 2).model,

@@ -2,7 +2,6 @@
 
 import os
 import re
-from functools import partial
 
 import gymnasium as gym
 import mujoco
@@ -33,14 +32,12 @@ from kinreach.envs.real_arm import (
     STIFFNESS,
     TOOL_OFF,
     UR5S,
-    _true_model,
     true_arm,
     workplace,
 )
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, URKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
-from kinreach.sim.inside import build_scene
 
 RIGID = (*GEOMETRIC, "all")
 
@@ -229,10 +226,8 @@ def test_noise_is_as_said():
 
 
 @pytest.mark.parametrize("errors", RIGID)
-def test_the_scene_is_the_true_arm(errors, monkeypatch):
+def test_the_scene_is_the_true_arm(errors):
     """Its tip is where looks are taken; who watches sees every look and every ball, and the arm at it in the end."""
-    monkeypatch.setattr("kinreach.envs.real_arm.build_scene", partial(build_scene, visual=False))
-    _true_model.cache_clear()
     env = make(balls=2, budgets=(5,), again=0).unwrapped
     with pytest.raises(InputError, match="reset the environment"):
         _ = env.scene
@@ -255,7 +250,6 @@ def test_the_scene_is_the_true_arm(errors, monkeypatch):
     assert scene.data.time == pytest.approx(0.02 * len(ends))
     assert seen == 4
     assert env.scene is scene
-    _true_model.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,8 @@ from benchmarks.studies.calibrated_arms import SAME, main, recall, singular_post
 from kinreach._rotations import pose_error
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CalibratedURKinematics, Status, URKinematics
-from kinreach.kinematics._ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
-from kinreach.robots._urdf import parse_urdf, set_origin
+from kinreach.robots.inside import FLIP
 from tests.cases import slow
 
 DATA = Path(__file__).parents[1] / "data"
@@ -239,8 +238,8 @@ def test_a_calibrated_arm_is_recognised_by_its_joints():
 
 def skewed(arm):
     """The arm with its elbow turned by 0.7 rad about another axis."""
-    robot = parse_urdf(arm.urdf)
-    set_origin(robot, "elbow_joint", (0.0, 0.0, 0.425), (0.7, 0.0, 0.0))
+    robot = ET.fromstring(arm.urdf)
+    robot.find("joint[@name='elbow_joint']/origin").attrib.update(xyz="0 0 0.425", rpy="0.7 0 0")
     return replace(arm, build_urdf=lambda: ET.tostring(robot, encoding="unicode"))
 
 

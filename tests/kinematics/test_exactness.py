@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinreach._rotations import turns_about_z
 from kinreach.errors import InputError
 from kinreach.kinematics import (
     ArmKinematics,
@@ -22,9 +21,6 @@ from kinreach.kinematics import (
     Status,
     URKinematics,
 )
-from kinreach.kinematics._core import Struct, doubles, lib
-from kinreach.kinematics._ur.geometry import Singularity
-from kinreach.kinematics.inside import nearest_windings
 from kinreach.robots import get_arm
 
 FLANGE = URKinematics("ur5-thesis")
@@ -108,22 +104,6 @@ def test_a_free_wrist_3_stops_at_its_limit_on_the_seeds_side(wanted):
         np.testing.assert_allclose(kin.fk(q), T, atol=1e-9)
 
 
-@pytest.mark.parametrize("q5", [0.0, np.pi, -np.pi])
-@pytest.mark.parametrize("q6", [0.7, -0.7, 2.5])
-def test_a_free_wrist_3_keeps_the_seeds_value(q5, q6):
-    q = np.array([0.3, -1.0, 1.2, 0.4, q5, q6])
-    T = FLANGE.fk(q)
-    for seed in (q, np.array([*q[:5], q6 + 0.2])):
-        solutions = FLANGE.all_solutions(T, seed=seed)
-        assert solutions.residual.max() < 1e-9
-        kept = solutions.singularity & (Singularity.WRIST | Singularity.MOVED) == Singularity.WRIST
-        assert kept.any()
-        np.testing.assert_allclose(solutions.q[kept, 5], seed[5], atol=1e-12)
-        (row,) = FLANGE.nearest_batch(T[None], seed).q
-        np.testing.assert_allclose(row, FLANGE.nearest(T, seed).q, rtol=0, atol=1e-9)
-        assert row[5] == pytest.approx(seed[5], abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("tol", "nearest_s5", "digits"), [(1e-7, -6.95, 13), (1e-9, -8.95, None), (1e-7, -4.5, 13), (1e-9, -3.0, None)]
 )
@@ -180,90 +160,7 @@ def test_a_batch_gives_what_single_poses_give(joint):
     assert compared > 375
 
 
-@pytest.mark.parametrize(("beyond", "solved"), [(4e-8, True), (4e-7, False)])
-@pytest.mark.parametrize("kind", ["stretch", "fold", "shoulder"])
-def test_the_tolerance_holds_in_a_batch(kind, beyond, solved):
-    g, rng = FLANGE.geometry, np.random.default_rng(2)
-    poses = []
-    for _ in range(60):
-        q = rng.uniform(-3.0, 3.0, 6)
-        q[2] = {"stretch": 0.0, "fold": np.pi}.get(kind, q[2])
-        T = FLANGE.fk(q)
-        if kind == "shoulder":
-            p5 = T[:3, 3] - g.d6 * T[:3, 2]
-            T[:2, 3] += p5[:2] * ((g.d4 - beyond) / np.linalg.norm(p5[:2]) - 1)
-        else:  # along the line from wrist_1 to the shoulder
-            FLANGE.fk(q)
-            lift, wrist_1 = (FLANGE.T_base_world @ FLANGE.data.oMi[joint].homogeneous for joint in (2, 4))
-            along = (wrist_1 - lift)[:3, 3]
-            along -= (along @ lift[:3, 1]) * lift[:3, 1]
-            T[:3, 3] += (1 if kind == "stretch" else -1) * beyond * along / np.linalg.norm(along)
-        poses.append(T)
-    batch = FLANGE.batch(np.array(poses))
-    for T, q, valid in zip(poses, batch.q, batch.valid, strict=True):
-        solutions = FLANGE.all_solutions(T)
-        near = solutions.singularity & (Singularity.SHOULDER if kind == "shoulder" else Singularity.ELBOW) != 0
-        if kind == "shoulder" and not solved:
-            assert not valid.any()
-        elif kind == "shoulder":
-            assert (near.all(), valid.any()) == (True, len(solutions) > 0)
-        else:
-            assert near.any() == solved
-        np.testing.assert_array_equal(np.flatnonzero(valid), solutions.branch)
-        np.testing.assert_allclose(q[valid], solutions.q, rtol=0, atol=1e-9)
-
-
 # limits and windings
-
-
-def nearest_winding(q, seed, lower, upper):
-    """The core's winding of one posture of joints that turn about one axis, or None."""
-    n, found = len(q), np.empty(len(q))
-    T = turns_about_z(np.array([q.sum()]))[0]
-    placements = np.tile(np.eye(4)[:3].ravel(), n + 1).tolist()
-    arm = Struct("kr_arm", n=n, lower=lower.tolist(), upper=upper.tolist(), placements=placements)
-    return (
-        found
-        if lib.kr_allowed(arm.pointer, 0, doubles(T), doubles(q), doubles(seed), True, 1e-9, doubles(found))
-        else None
-    )
-
-
-def test_the_slack_at_both_limits_is_the_same_for_one_and_for_many():
-    lower, upper = np.array([-1.0, -np.pi]), np.array([1.0, np.pi])
-    cases = 0
-    for end, sign in ((lower, -1.0), (upper, 1.0)):
-        for past, inside in ((5e-10, True), (5e-9, False), (-5e-9, True)):
-            q = np.array([end[0] + sign * past, 0.3])
-            one = nearest_winding(q, np.zeros(2), lower, upper)
-            many, within = nearest_windings(q[:, None], np.zeros((2, 1)), lower, upper)
-            assert (one is not None) == inside
-            assert within.tolist() == [inside]
-            if inside:
-                np.testing.assert_array_equal(one, many[:, 0])
-                np.testing.assert_array_equal(one, q)
-            cases += 1
-    assert cases == 6
-
-
-def test_windings_are_the_nearest_of_all_however_far_the_seed_is():
-    rng, turns = np.random.default_rng(3), 2 * np.pi * np.arange(-60, 61)
-    lower, width = rng.uniform(-9, 0, 400), rng.uniform(0.5, 14, 400)
-    q, seed = rng.uniform(-np.pi, np.pi, 400), rng.uniform(-300, 300, 400)
-    upper = lower + width
-    many, within = nearest_windings(q, seed, lower, upper)
-    counts = {True: 0, False: 0}
-    for i in range(400):
-        allowed = q[i] + turns
-        allowed = allowed[(allowed >= lower[i]) & (allowed <= upper[i])]
-        one = nearest_winding(q[[i]], seed[[i]], lower[[i]], upper[[i]])
-        assert (one is not None) == (lower[i] <= many[i] <= upper[i]) == (len(allowed) > 0)
-        counts[one is not None] += 1
-        if one is not None:
-            best = allowed[np.abs(allowed - seed[i]).argmin()]
-            assert (one[0], many[i]) == pytest.approx((best, best), abs=1e-9)
-    assert not within
-    assert min(counts.values()) > 50
 
 
 @pytest.mark.parametrize("joint", range(6))

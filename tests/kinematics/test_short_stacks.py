@@ -7,9 +7,10 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, URKinematics
-from kinreach.kinematics._arm import FEW
-from kinreach.kinematics._closed_form import FEW_POSES
 from kinreach.robots import get_arm
+
+#: Up to so many postures, and poses, are taken one after the other.
+FEW, FEW_POSES = 32, 8
 
 NARROW = get_arm("ur5e").with_limits({"wrist_3_joint": (-1.0, 1.0)})
 KINEMATICS = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -19,13 +18,9 @@ from benchmarks.speed.suites.ik_edge_cases import judge
 from benchmarks.studies import ur_family
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics, URKinematics
-from kinreach.kinematics._ur.geometry import URGeometry
-from kinreach.kinematics._ur.kinematics import FLIP
 from kinreach.kinematics.inside import link_frame
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names, get_arm
-from kinreach.robots._ur import nominal_robot
-from kinreach.robots._urdf import add_joint, add_link
-from kinreach.robots.inside import UR_LENGTHS, link_shapes, origin_of
+from kinreach.robots.inside import FLIP, UR_LENGTHS, link_shapes, origin_of
 from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import MoveStatus
 from tests.cases import slow
@@ -75,14 +70,14 @@ def test_forward_kinematics_is_the_oracles(name):
     expected = np.array([FLIP @ oracle.forward_kinematics(*posture) for posture in q])
     np.testing.assert_allclose(kin.fk(q), expected, atol=1e-10)
     np.testing.assert_allclose([kin.fk(posture) for posture in q], expected, atol=1e-10)
-    assert kin.geometry == URGeometry(*UR_LENGTHS[name])
+    assert tuple(vars(kin.geometry)[each] for each in ("d1", "a2", "a3", "d4", "d5", "d6")) == UR_LENGTHS[name]
 
 
 @pytest.mark.parametrize("name", WITH_MESHES)
 def test_forward_kinematics_is_that_of_the_urdfs(name):
     model = pin.buildModelFromUrdf(str(UR_FILES / f"{name}_robot.urdf"))
     data, frame = model.createData(), model.getFrameId("tool0")
-    kin = URKinematics(ArmDescription(name, name, partial(nominal_robot, name)))
+    kin = URKinematics(name)
     q = np.random.default_rng(2).uniform(-6, 6, (100, 6))
     for posture, T in zip(q, kin.fk(q), strict=True):
         pin.framesForwardKinematics(model, data, posture)
@@ -168,7 +163,7 @@ def test_arms_without_meshes_have_shapes(name):
 def test_shapes_are_those_of_the_meshes(name, largest):
     """Few points of the meshes are out of the cylinders, and not far; other models have theirs by the same rule."""
     drawn = ArmKinematics(get_arm(f"{name}-thesis"), tip="tool0")
-    ruled = ArmKinematics(ArmDescription(name, name, partial(nominal_robot, name)), tip="tool0")
+    ruled = ArmKinematics(name, tip="tool0")
     q, counted = np.zeros(6), 0
     for link in ("shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"):
         frames = []
@@ -249,6 +244,14 @@ def test_arms_of_another_kind():
         URKinematics(arm, tip=None)
 
 
+def add_joint(robot, name, parent, child, *, xyz=(0, 0, 0), rpy):
+    joint = ET.SubElement(robot, "joint", name=name, type="fixed")
+    ET.SubElement(joint, "origin", xyz=" ".join(map(repr, xyz)), rpy=" ".join(map(repr, rpy)))
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    return joint
+
+
 def drivers_urdf(name):
     """A UR with the frames of the ROS driver's description: every joint turns about its own z, as in DH."""
     d1, a2, a3, d4, d5, d6 = UR_LENGTHS[name]
@@ -262,13 +265,14 @@ def drivers_urdf(name):
         ((0, d6, 0), (right, np.pi, np.pi)),
     )
     for link in ("base_link", "base_link_inertia", *(f"link_{index}" for index in range(6)), "flange", "tool0"):
-        add_link(robot, link)
+        ET.SubElement(robot, "link", name=link)
     add_joint(robot, "inertia", "base_link", "base_link_inertia", rpy=(0, 0, np.pi))
     parent = "base_link_inertia"
     for index, (xyz, rpy) in enumerate(steps):
-        limit = (-6.0, 6.0, 1.0, 3.0)
-        turning = {"kind": "revolute", "axis": (0, 0, 1), "limit": limit}
-        add_joint(robot, f"j{index}", parent, f"link_{index}", xyz=xyz, rpy=rpy, **turning)
+        joint = add_joint(robot, f"j{index}", parent, f"link_{index}", xyz=xyz, rpy=rpy)
+        joint.set("type", "revolute")
+        ET.SubElement(joint, "axis", xyz="0 0 1")
+        ET.SubElement(joint, "limit", lower="-6", upper="6", effort="1", velocity="3")
         parent = f"link_{index}"
     add_joint(robot, "flange_joint", parent, "flange", rpy=(0, -right, -right))
     add_joint(robot, "tool0_joint", "flange", "tool0", rpy=(right, 0, right))

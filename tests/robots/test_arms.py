@@ -16,23 +16,27 @@ from kinreach.robots import (
     CameraMount,
     Tool,
     Workcell,
-    arm_names,
     get_arm,
     register_arm,
 )
-from kinreach.robots._registry import _arms, arm_named
-from kinreach.robots._ur_arms import example_robot_data
+from kinreach.robots.inside import ArmFlags
 from kinreach.sim import ArmSimulation
 from kinreach.thesis import posture_error
-from kinreach.vision._goal_view import goal_camera_poses
+from kinreach.vision import RGBDCamera
 
 FAMILY = ("ur3-thesis", "ur5-thesis", "ur10-thesis")
 HALF_PICTURE = np.tan(np.deg2rad(29.0))
 
 
-def test_an_arm_is_named_as_a_file_or_in_a_module_too(tmp_path):
+def arm_named(text, **flags):
+    return ArmFlags(**flags).arm(text)
+
+
+def test_an_arm_is_named_as_a_file_or_in_a_module_too(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "my_arms.py").write_text("from kinreach.robots import get_arm\nARM = get_arm('arm3')\n")
     assert arm_named("ur5") is get_arm("ur5")
-    assert arm_named("kinreach.robots._arm3:ARM") is get_arm("arm3")
+    assert arm_named("my_arms:ARM") is get_arm("arm3")
     for name in ("mine.urdf", "MINE.URDF", "a:b.Xml"):
         (tmp_path / name).write_text(get_arm("arm3").urdf)
         assert arm_named(str(tmp_path / name)).joints == get_arm("arm3").joints
@@ -40,7 +44,7 @@ def test_an_arm_is_named_as_a_file_or_in_a_module_too(tmp_path):
     for name, said in (
         ("ur6", "unknown arm 'ur6'"),
         ("nowhere.urdf", "nowhere.urdf"),
-        ("kinreach.robots._arm3:NONE", "cannot import the arm"),
+        ("my_arms:NONE", "cannot import the arm"),
         ("kinreach.robots:get_arm", "kinreach.robots:get_arm is not an ArmDescription"),
     ):
         with pytest.raises(InputError, match=said):
@@ -52,7 +56,7 @@ def test_missing_descriptions_are_named(monkeypatch):
     with pytest.raises(
         InstallationError, match=r"descriptions of the arms are missing; install them with: pip install"
     ):
-        example_robot_data()
+        get_arm("panda").package_root()
 
 
 def tool_down(position, turn):
@@ -81,9 +85,9 @@ def test_both_natural_postures_reach_every_goal_without_a_collision(name):
 
 @pytest.mark.parametrize("name", FAMILY)
 def test_both_cameras_see_every_goal_from_home(name):
-    arm = get_arm(name)
+    arm, simulation = get_arm(name), ArmSimulation(name)
     goals = arm.workcell.draw_goals(np.random.default_rng(1), 500)
-    for T in goal_camera_poses(arm):
+    for T in (RGBDCamera(simulation, camera).T_world_camera for camera in ("front", "wrist")):
         x, y, z = ((goals - T[:3, 3]) @ T[:3, :3]).T
         assert (z > 0.1).all()
         assert (np.abs(y / z) < 0.9 * HALF_PICTURE).all()
@@ -258,16 +262,20 @@ def test_what_does_not_fit_the_urdf_is_refused_when_it_is_read(facts, said):
         bare("ur5-thesis", gripper=get_arm("ur5-thesis").gripper, **facts)
 
 
-def test_a_registered_arm_has_its_name():
-    mine = replace(get_arm("ur5-thesis"), name="my-arm")
-    try:
-        assert register_arm(mine) is register_arm(mine) is mine
-        assert get_arm("My-Arm") is mine
-        assert "my-arm" in arm_names()
-        with pytest.raises(InputError, match="'my-arm' is registered already"):
-            register_arm(replace(mine))
-    finally:
-        _arms().pop("my-arm", None)
+REGISTERED = """
+from dataclasses import replace
+from kinreach.robots import arm_names, get_arm, register_arm
+mine = replace(get_arm("ur5-thesis"), name="my-arm")
+assert register_arm(mine) is register_arm(mine) is mine
+assert get_arm("My-Arm") is mine
+assert "my-arm" in arm_names()
+register_arm(replace(mine))
+"""
+
+
+def test_a_registered_arm_has_its_name(run_python):
+    done = run_python("-c", REGISTERED)
+    assert done.stderr.endswith("kinreach.errors.InputError: an arm named 'my-arm' is registered already\n")
 
 
 @pytest.mark.parametrize("other", ["ur5-thesis", None, get_arm])

@@ -16,13 +16,14 @@ import trimesh
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots._meshes import MAX_BYTES, MIN_THICKNESS, _collision_mesh
 from kinreach.robots.inside import collision_mesh, link_shapes
 from kinreach.sim.inside import build_scene
 
 ARM3 = get_arm("arm3")
 WIDE = np.array([(-0.1, -0.1, 0.5), (0.1, -0.1, 0.5), (0.1, 0.1, 0.5), (-0.1, 0.1, 0.5)])  # across the last link
 TWO = np.array([(0, 1, 2), (0, 2, 3)])
+#: Thickness of what is flat [m].
+MIN_THICKNESS = 1e-4
 BOX = trimesh.creation.box((0.2, 0.1, 0.06))
 
 
@@ -219,34 +220,14 @@ def test_what_is_no_mesh_is_one_sentence_of_the_reader(tmp_path):
     assert len(HOSTILE) > 20
 
 
-@pytest.mark.parametrize(
-    ("limit", "enough", "less"), [("MAX_FACES", 24, 23), ("MAX_PLACED", 2, 1), ("MAX_COORDINATE", 0.2001, 0.1999)]
-)
-def test_meshes_are_as_large_as_they_may_be(tmp_path, monkeypatch, limit, enough, less):
-    """Two boxes of twelve triangles at ±0.1 m, one of them in a node within the node of the other."""
-    text = DAE.decode()
-    geometry = text[text.index("<instance_geometry") : text.index("</instance_geometry>")] + "</instance_geometry>"
-    inner = f"<node><translate>-0.2 0 0</translate>{geometry}</node>"
-    (tmp_path / "two.dae").write_text(text.replace(geometry, f"<translate>0.1 0 0</translate>{geometry}{inner}"))
-    for bound, good in ((enough, True), (less, False)):
-        monkeypatch.setattr(f"kinreach.robots._meshes.{limit}", bound)
-        _collision_mesh.cache_clear()
-        if good:
-            mesh = collision_mesh("package://two.dae", str(tmp_path), np.ones(3))
-            np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), (0.4, 0.1, 0.06), atol=1e-6)
-        else:
-            with pytest.raises(InputError, match=r"more than|farther than"):
-                collision_mesh("package://two.dae", str(tmp_path), np.ones(3))
-
-
 #: Prints what each engine says of each mesh; a process that dies says nothing.
 TRY = """
 import resource, sys
 from pathlib import Path
 from kinreach.errors import KinreachError
 from kinreach.kinematics import CollisionChecker
-from kinreach.robots._shapes import link_shapes
-from kinreach.sim._scene import build_scene
+from kinreach.robots.inside import link_shapes
+from kinreach.sim.inside import build_scene
 from tests.robots.test_meshes import with_mesh
 resource.setrlimit(resource.RLIMIT_AS, (2**33, 2**33))
 folder, *names = sys.argv[1:]
@@ -279,10 +260,10 @@ def test_what_is_no_mesh_is_one_sentence_in_every_engine(tmp_path, root):
     (tmp_path / "folder.stl").mkdir()
     (tmp_path / "device.stl").symlink_to("/dev/zero")
     with (tmp_path / "huge.stl").open("wb") as file:
-        file.truncate(MAX_BYTES + 1)
+        file.truncate(2**26 + 1)
     said = {
         "fifo.stl": "it is a FIFO, not a regular file", "folder.stl": "it is a folder, not a regular file",
-        "device.stl": "outside of its package", "huge.stl": f"it has {MAX_BYTES + 1} bytes, larger than 64 MiB",
+        "device.stl": "outside of its package", "huge.stl": f"it has {2**26 + 1} bytes, larger than 64 MiB",
         "missing.stl": "missing.stl: No such file",
     }  # fmt: skip
     expected = {name: said for name, (_, said) in HOSTILE.items()} | said

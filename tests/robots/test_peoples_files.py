@@ -18,8 +18,7 @@ from kinreach import cli
 from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import ArmDescription
-from kinreach.robots._flags import held_of
-from kinreach.robots.inside import link_shapes
+from kinreach.robots.inside import ArmFlags, link_shapes
 from kinreach.sim.inside import build_scene
 from tests.robots.peoples_files import LIMIT, MASS, arm, joint, limits, shape
 
@@ -330,11 +329,13 @@ def test_places_that_cannot_be_are_named(tmp_path, capsys, flag, said):
 
 def test_held_joints_that_turn_are_in_degrees_where_angles_are(tmp_path, capsys):
     file = str(write(tmp_path, arm(more=RAIL)))
-    for hold in (["j6=90", "rail=0.5"], ["j6=90, rail=0.5"]):
-        held = held_of(argparse.Namespace(arm=file, hold=hold, degrees=True))
-        assert held == {"j6": np.pi / 2, "rail": 0.5}
-        assert held_of(argparse.Namespace(arm=file, hold=hold, degrees=False)) == {"j6": 90.0, "rail": 0.5}
-        assert held_of(argparse.Namespace(arm=file, hold=hold)) == {"j6": 90.0, "rail": 0.5}
+    parser = argparse.ArgumentParser()
+    ArmFlags.add_to(parser)
+    for words in (["j6=90", "--hold", "rail=0.5"], ["j6=90, rail=0.5"]):
+        for degrees, turned in (({"degrees": True}, np.pi / 2), ({"degrees": False}, 90.0), ({}, 90.0)):
+            given = argparse.Namespace(arm=file, **degrees)
+            held = ArmFlags.of(parser.parse_args(["--hold", *words], given)).held
+            assert held == {"j6": turned, "rail": 0.5}
     assert cli.main(["ik", "--arm", file, "--pose", "1,0.1,0.3,0,0,0", "--hold", "j6=90", "--degrees"]) == 1
     assert "tip l5 in base_link" in capsys.readouterr().out
 

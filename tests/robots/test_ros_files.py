@@ -14,11 +14,9 @@ from kinreach import cli
 from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots._registry import arm_named
-from kinreach.robots.inside import link_shapes
+from kinreach.robots.inside import ArmFlags, link_shapes
 from kinreach.sim.inside import build_scene
-from kinreach.view._cli import setup_of
-from kinreach.view._figure import Figure
+from kinreach.view import TargetModel
 from tests.cases import slow
 
 ROBOTS = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots"
@@ -151,7 +149,6 @@ def test_a_missing_visual_mesh_never_matters(tmp_path):
         assert [shape.link for shape in link_shapes(arm)] == ["one"], "drawn by its collision shape"
         assert CollisionChecker(arm).free([0, 0])
         assert build_scene(arm).compile().nq == 2
-        assert {piece.link for piece in Figure(ArmKinematics(arm, base="world")).fine}
 
 
 def test_meshes_where_no_shape_is_and_two_in_one(tmp_path):
@@ -184,7 +181,7 @@ def test_a_missing_collision_mesh_costs_the_collisions(tmp_path):
 
 def test_view_and_compare_with_a_missing_collision_mesh(tmp_path, capsys):
     file = write(tmp_path, "box.stl", "package://other/meshes/felt.stl")
-    assert setup_of(str(file)).model().checker is None
+    assert TargetModel(ArmDescription.from_urdf(file)).checker is None
     code, _, (note, error) = run(capsys, "compare", "--arm", file, "--goals", "1", "--out", tmp_path / "out")
     assert code == 2
     assert "--package-dir" in note
@@ -328,7 +325,7 @@ def test_a_grippers_joints_are_taken_in_by_their_names():
     every = (*arm.joints, "jointGripper")
     taken = ArmDescription.from_urdf(file, joints=every)
     assert (taken.joints, taken.default_tip, taken.notes) == (every, "gripperMover", ())
-    assert arm_named(str(file), joints=list(every)).joints == every
+    assert ArmFlags(joints=list(every)).arm(str(file)).joints == every
     tipped = ArmDescription.from_urdf(file, tip="gripperMover")
     assert tipped.joints == arm.joints
     held = ArmDescription.from_urdf(file, held={"jointGripper": -0.5})
@@ -363,11 +360,3 @@ def test_joints_that_mimic_and_the_one_that_they_follow(tmp_path, capsys):
     assert ArmDescription.from_urdf(file, held={"follower": 0.0}).joints == ("j1", "j2", "drive")
     code, _, (line,) = run(capsys, "check", "ur5", "--joints", "elbow_joint")
     assert (code, "--joints is for URDF files" in line) == (2, True)
-
-
-def test_the_pages_code_names_the_same_arm(workspace):
-    file, share = str(workspace / "mine/ur_description.urdf"), str(workspace / "install/share")
-    setup = setup_of(file, tip="wrist_3_link", package_dirs=[share])
-    arm = eval(setup.expression, {"ArmDescription": ArmDescription})
-    assert (arm.default_tip, arm.urdf) == ("wrist_3_link", setup.arm.urdf)
-    assert setup.model().checker is not None

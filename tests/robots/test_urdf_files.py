@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import re
 import shutil
+from contextlib import nullcontext
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -13,7 +14,6 @@ import pinocchio as pin
 import pytest
 
 from kinreach import cli
-from kinreach.deploy._check_cli import Subject, report
 from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import (
     ArmKinematics,
@@ -24,9 +24,9 @@ from kinreach.kinematics import (
     PoseGoal,
     PositionGoal,
     QPSolver,
+    check,
 )
 from kinreach.robots import ArmDescription, BoxRegion, Workcell, arm_names, get_arm, register_arm
-from kinreach.robots._urdf import MAX_DEPTH, parse_urdf
 from kinreach.sim import ArmSimulation
 
 SHARE = Path(str(get_arm("ur5").package_root()))
@@ -426,11 +426,13 @@ REFUSED = {
 }  # fmt: skip
 
 
-def test_a_urdf_is_as_deep_as_it_may_be():
-    nested = lambda depth: "<robot>" + "<a>" * (depth - 1) + "</a>" * (depth - 1) + "</robot>"  # noqa: E731
-    assert parse_urdf(nested(MAX_DEPTH)).tag == "robot"
-    with pytest.raises(InputError, match="nested deeper"):
-        parse_urdf(nested(MAX_DEPTH + 1))
+def test_a_urdf_is_as_deep_as_it_may_be(tmp_path):
+    file = tmp_path / "deep.urdf"
+    for depth, good in ((100, True), (101, False)):
+        nested = "<a>" * (depth - 1) + "</a>" * (depth - 1)
+        file.write_text(chain(TURNS, TURNS).replace("</robot>", f"{nested}</robot>"))
+        with nullcontext() if good else pytest.raises(InputError, match="nested deeper than 100 elements"):
+            assert ArmDescription.from_urdf(file).joints == ("j0", "j1")
 
 
 @pytest.mark.parametrize("name", REFUSED)
@@ -439,7 +441,7 @@ def test_a_urdf_that_cannot_be_used_is_one_line(tmp_path, capsys, name):
     file = tmp_path / "chain.urdf"
     file.write_text(text)
     with pytest.raises(InputError, match=said) as caught:
-        list(report(Subject(ArmKinematics.of(ArmDescription.from_urdf(file)), None), poses=2, seed=0))
+        check.reach_of(ArmKinematics.of(ArmDescription.from_urdf(file)))
     assert "\n" not in str(caught.value)
     assert cli.main(["check", str(file), "--poses", "2"]) == 2
     (line,) = capsys.readouterr().err.splitlines()

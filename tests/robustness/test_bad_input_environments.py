@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.envs._reach.reach_task import ReachOptions
-from kinreach.envs.inside import ButtonOptions
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 REACH, BUTTON = ("kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"), "kinreach/ButtonPress-v0"
@@ -80,7 +78,7 @@ def test_reset_and_step(name, options, n, count, fuzzed):
 
 @pytest.mark.parametrize("name", [REACH[0], BUTTON])
 def test_what_environments_are_made_of(name, fuzzed):
-    kind = ButtonOptions if name == BUTTON else ReachOptions
+    kind = type(gym.make(name).unwrapped).Options
     own = [entry.name for entry in fields(kind) if entry.name != "render_mode"]  # which Gymnasium looks at first
     values = NUMBERS | things() | st.integers(-3, 60) | st.booleans() | st.tuples(*[st.floats(-0.6, 0.6)] * 3)
     named = ["kinematic", "geometric", "tuned", "report", "thesis", "mujoco", "ur5", "arm3", "NextStep", "Disabled"]

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from kinreach.errors import InputError, KinreachError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, PlacoSolver
-from kinreach.robots import get_arm
-from kinreach.robots._urdf import check_urdf
+from kinreach.robots import ArmDescription, get_arm
 from kinreach.sim.inside import build_scene
 from tests.robustness.fuzzing import things
 
@@ -60,7 +59,7 @@ def test_meshes_outside_the_package_are_refused(file):
         with pytest.raises(InputError, match="files of a URDF"):
             use(arm_of(text, UR5))
     with pytest.raises(InputError, match="files of a URDF"):
-        check_urdf(UR5.urdf, None)
+        ArmKinematics(ArmDescription("mine", "mine", lambda: UR5.urdf))
 
 
 @st.composite

@@ -11,7 +11,6 @@ import pytest
 
 from kinreach import _files as files
 from kinreach.baselines import load_policy, read_curve
-from kinreach.baselines._policy_file import read_policy
 from kinreach.baselines.inside import policy_version
 from kinreach.cli import main
 from kinreach.compare import compare
@@ -70,22 +69,6 @@ KINDS = {
 }
 
 
-def read_checkpoint(path):
-    pytest.importorskip("torch")
-    pytest.importorskip("stable_baselines3")
-    from kinreach.baselines._training import read_checkpoint
-
-    read_checkpoint(path, {})
-
-
-def read_run(path):
-    pytest.importorskip("stable_baselines3")
-    from kinreach.baselines._training import kept_run
-
-    (path.parent / "policy.safetensors").write_bytes(b"")
-    kept_run(path.parent, {})
-
-
 def read_trials(path):
     results = {"methods": [{"name": "lm", "colour": "#123456"}], "settings": {"task": "ur5"}}
     (path.parent / "results.json").write_text(json.dumps(results))
@@ -99,10 +82,7 @@ def compared(path):
 #: Reader -> the file's name.
 READERS = {
     load_policy: "p.safetensors",
-    read_policy: "q.safetensors",
     policy_version: "r.safetensors",
-    read_checkpoint: "checkpoint.pt",
-    read_run: "run.json",
     read_curve: "curve.csv",
     read_results: "results.json",
     read_trials: "results.csv",

@@ -9,7 +9,6 @@ from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim._scene import _compiled
 from kinreach.sim.inside import IDEAL, Imperfections, as_imperfections
 
 GRAVITY = 9.81
@@ -80,9 +79,6 @@ def test_an_ideal_arm_is_the_default():
     (_, default), (_, zero) = moved(), moved(friction=0.0, payload=0.0)
     np.testing.assert_array_equal(default, zero)
     assert as_imperfections(None) == as_imperfections({}) == Imperfections() == IDEAL
-    kept = _compiled.cache_info().currsize
-    ArmSimulation("ur5-thesis", imperfections={"encoder_noise": 1e-4})  # of the reading, not of the scene
-    assert _compiled.cache_info().currsize == kept
 
 
 @pytest.mark.parametrize("vector", [False, True])

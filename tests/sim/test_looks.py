@@ -10,13 +10,12 @@ import numpy as np
 
 from kinreach.envs.inside import ACTUATIONS, torque_model
 from kinreach.robots import get_arm
-from kinreach.sim._scene import scene_model
-from kinreach.sim.inside import OBJECTS
+from kinreach.sim.inside import OBJECTS, build_scene
 
 ARM3 = get_arm("arm3")
 SCENES = {
-    "ur5": lambda: scene_model(get_arm("ur5-thesis")),
-    "arm3 to measure": lambda: scene_model(ARM3, visual=False, objects=2),
+    "ur5": lambda: build_scene(get_arm("ur5-thesis")).compile(),
+    "arm3 to measure": lambda: build_scene(ARM3, visual=False, objects=2).compile(),
     "button": lambda: torque_model(ARM3, ACTUATIONS["tuned"]),
 }
 FIELDS = {

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -8,8 +6,6 @@ import pytest
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation
-from kinreach.sim import _scene as scene_module
-from kinreach.sim._scene import TIMESTEP, scene_model
 from kinreach.sim.inside import build_scene
 from tests.cases import slow
 
@@ -87,7 +83,7 @@ def test_mass_matrix_agrees_with_pinocchio(name):
 
 @pytest.mark.parametrize("name", ["arm3", "ur5-thesis", *slow("ur10-thesis", "ur3-thesis")])
 def test_drives_are_those_of_the_description(name):
-    arm, model = get_arm(name), scene_model(get_arm(name))
+    arm, model = get_arm(name), build_scene(get_arm(name)).compile()
     kinematics = ArmKinematics(name)
     for index, joint in enumerate(arm.joints):
         view, servo = model.joint(joint), model.actuator(joint)
@@ -112,7 +108,7 @@ def test_gripper_stays_open_as_described_while_the_arm_moves(ur5):
 
 @pytest.mark.parametrize("name", ARMS)
 def test_ball_has_no_contact_and_obstacles_are_named(name):
-    arm, model = get_arm(name), scene_model(get_arm(name))
+    arm, model = get_arm(name), build_scene(get_arm(name)).compile()
     ball = model.geom("ball")
     assert (ball.contype[0], ball.conaffinity[0], ball.size[0]) == (0, 0, arm.workcell.ball_radius)
     for box in arm.workcell.obstacles:
@@ -122,7 +118,7 @@ def test_ball_has_no_contact_and_obstacles_are_named(name):
 
 @pytest.mark.parametrize("name", ARMS)
 def test_nothing_is_excluded_that_can_touch(name):
-    arm, model = get_arm(name), scene_model(get_arm(name))
+    arm, model = get_arm(name), build_scene(get_arm(name)).compile()
     known = {frozenset(pair) for pair in (*arm.disabled_collisions, *arm.workcell.touching)}
     excluded = {
         frozenset((model.body(int(pair) >> 16).name, model.body(int(pair) & 0xFFFF).name))
@@ -168,7 +164,7 @@ def test_drawing_does_not_change_the_physics(name):
 
 
 def test_visual_meshes_are_drawn_and_collision_meshes_are_hidden():
-    model = scene_model(get_arm("ur5-thesis"), visual=True)
+    model = build_scene(get_arm("ur5-thesis"), visual=True).compile()
     drawn = [i for i in range(model.ngeom) if model.geom_contype[i] == 0 and model.geom_dataid[i] >= 0]
     solid = [i for i in range(model.ngeom) if model.geom_contype[i] == 1 and model.geom_dataid[i] >= 0]
     assert len(drawn) >= 14
@@ -191,18 +187,3 @@ def test_boxes_and_cylinders_have_the_colours_of_the_urdf(name, colours):
         shown = model.geom_rgba[model.geom_bodyid == model.body(link).id]
         assert len(shown) >= 1
         assert shown[:, :3] == pytest.approx(np.tile(colour, (len(shown), 1)))
-
-
-def test_a_scene_is_compiled_once_and_everybody_gets_a_copy(monkeypatch):
-    arm, compiled = replace(get_arm("arm3"), name="compiled once"), []
-    build = scene_module.build_scene
-    monkeypatch.setattr(scene_module, "build_scene", lambda *a, **k: compiled.append(1) or build(*a, **k))
-    one, other = scene_model(arm, visual=False), scene_model(arm, visual=False)
-    assert one is not other
-    assert len(compiled) == 1
-    monkeypatch.undo()
-    assert scene_model(arm, timestep=0.001, visual=False).opt.timestep == 0.001
-    assert scene_model(arm, visual=False).opt.timestep == TIMESTEP
-    assert build_scene(arm) is not build_scene(arm)
-    default, plain = build_scene(arm), build_scene(arm, visual=False)
-    assert len(default.geoms) > len(plain.geoms)

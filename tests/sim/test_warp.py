@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from kinreach.cli import main
-from kinreach.envs._reach.reach_task import TOOL_DOWN
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.kinematics import URKinematics
 from kinreach.sim import BatchSimulation
@@ -22,7 +21,7 @@ def targets():
     """Postures at goals, and every other one some 15 degrees off: something is in the way of some of these."""
     kinematics, arm = URKinematics("ur5-thesis", tip="tcp", base="world"), BatchSimulation("ur5-thesis", 1).arm
     rng, home = np.random.default_rng(1), np.array(arm.home)
-    found = np.array([kinematics.axis_goal(goal, TOOL_DOWN, home).q for goal in arm.workcell.goals.sample(rng, COUNT)])
+    found = np.array([kinematics.axis_goal(goal, (0, 0, -1), home).q for goal in arm.workcell.goals.sample(rng, COUNT)])
     found[1::2] += rng.normal(0.0, 0.25, (COUNT // 2, 6))
     return np.clip(found, kinematics.lower, kinematics.upper)
 

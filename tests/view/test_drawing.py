@@ -3,6 +3,7 @@
 import xml.etree.ElementTree as ET
 
 import mujoco
+import numpy as np
 
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription, get_arm
@@ -52,3 +53,22 @@ def test_shapes_are_as_they_were(tmp_path):
     shapes |= {"kinds": MujocoScene(mujoco.MjModel.from_xml_string(KINDS))}
     things = {f"{name}: {thing}": each for name, shape in shapes.items() for thing, each in of(shape).items()}
     kept.check("shapes.txt", {"shapes": things})
+
+
+BROKEN = """<robot name="two"><link name="base"/>
+  <link name="one"><visual><geometry><mesh filename="package://other/drawn.dae"/></geometry></visual>
+    <collision><geometry><box size="0.2 0.1 0.06"/></geometry></collision></link>
+  <joint name="a" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <link name="two"/>
+  <joint name="b" type="revolute"><parent link="one"/><child link="two"/><origin xyz="0.5 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</robot>"""
+
+
+def test_a_link_without_a_readable_visual_mesh_is_drawn_by_its_collision_shape(tmp_path):
+    (tmp_path / "two.urdf").write_text(BROKEN)
+    drawn = Figure(ArmKinematics(ArmDescription.from_urdf(tmp_path / "two.urdf"), base="world"))
+    (piece,) = drawn.fine
+    assert drawn.links[piece.link] == "one"
+    np.testing.assert_allclose(np.ptp(piece.vertices, axis=0), (0.2, 0.1, 0.06), atol=1e-6)

@@ -10,7 +10,6 @@ import pytest
 from PIL import Image
 
 from kinreach._rotations import placement
-from kinreach.view._target import State
 from tools.page_pictures import on_screen
 
 pytestmark = pytest.mark.slow
@@ -114,7 +113,7 @@ def test_a_posture_is_pointed_at_clicked_and_copied(browser_page):
     panel = page.target
     panel.move(placement((0.5, 0.1, -0.05), (np.pi, 0, 0)))
     wait_for(tab, lambda: tab.inner_text(".kinreach-verdict") == panel.answer.verdict)
-    index = next(i for i, p in enumerate(panel.answer.postures) if p.state is State.USABLE and i != panel.solid)
+    index = next(i for i, p in enumerate(panel.answer.postures) if p.state.name == "USABLE" and i != panel.solid)
     posture = panel.answer.postures[index]
     row = tab.locator(".kinreach-postures .kr-entry", has_text=posture.name)
     row.hover()

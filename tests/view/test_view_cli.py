@@ -1,15 +1,18 @@
 """The command line of the page: refused in one line, and served to this machine only."""
 
 import re
+import shutil
 import socket
 import subprocess
 import sys
+from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
 
 from kinreach import view
 from kinreach.cli import run_command
+from kinreach.robots import ArmDescription, get_arm
 from kinreach.view import _cli
 
 
@@ -107,6 +110,21 @@ def test_it_is_served_here_and_nowhere_else():
         _, err = server.communicate(timeout=60)
     assert server.returncode == 130
     assert err.strip() == "python -m kinreach.view: interrupted"
+
+
+def test_the_pages_code_names_the_same_arm(tmp_path):
+    """Of a URDF whose meshes are in a folder of packages."""
+    from kinreach.view._cli import setup_of
+
+    robots = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots/ur_description"
+    shutil.copytree(robots / "meshes/ur5", tmp_path / "share/ur_description/meshes/ur5")
+    file = tmp_path / "mine.urdf"
+    text = (robots / "urdf/ur5_robot.urdf").read_text()
+    file.write_text(text.replace("example-robot-data/robots/ur_description", "ur_description"))
+    setup = setup_of(str(file), tip="wrist_3_link", package_dirs=[str(tmp_path / "share")])
+    arm = eval(setup.expression, {"ArmDescription": ArmDescription})
+    assert (arm.default_tip, arm.urdf) == ("wrist_3_link", setup.arm.urdf)
+    assert setup.model().checker is not None
 
 
 def test_an_environment_of_ones_own_comes_first(tmp_path, monkeypatch):

@@ -9,7 +9,6 @@ from scipy import ndimage
 
 from kinreach.errors import InputError
 from kinreach.vision import circle_votes, edge_steps
-from kinreach.vision._circles import CANNY, SMOOTHING
 
 
 def disk(u: float, v: float, r: float) -> np.ndarray:
@@ -48,8 +47,8 @@ def test_edges_are_thin_and_on_the_outline():
 def test_edges_are_those_that_the_search_uses():
     """OpenCV's Hough transform takes `param1` as Canny's upper threshold and half of it as the lower."""
     rgb = disk(80, 45, 15)
-    grey = cv2.GaussianBlur(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), (0, 0), SMOOTHING)
-    assert np.array_equal(edge_steps(rgb).edges, cv2.Canny(grey, CANNY / 2, CANNY) > 0)
+    grey = cv2.GaussianBlur(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), (0, 0), 1.0)
+    assert np.array_equal(edge_steps(rgb).edges, cv2.Canny(grey, 50.0, 100.0) > 0)
 
 
 def test_votes_are_distances_counted():

@@ -5,7 +5,6 @@ from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import FrameRenderer
 from kinreach.vision import Intrinsics, RGBDCamera, RGBDImage, SensorNoise
-from kinreach.vision import _cameras as rgbd
 
 WIDTH, HEIGHT = 320, 180
 CAMERAS = ("front", "wrist")
@@ -195,7 +194,7 @@ def test_no_graphics_before_the_first_picture(ur5, monkeypatch):
     def missing(*_, **__):
         raise InstallationError("no library")
 
-    monkeypatch.setattr(rgbd, "FrameRenderer", missing)
+    monkeypatch.setattr(FrameRenderer, "__init__", missing)
     camera = RGBDCamera(ur5, "front")
     assert camera.T_world_camera.shape == (4, 4)
     with pytest.raises(InstallationError, match="no library"):

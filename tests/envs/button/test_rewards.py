@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from kinreach._registration import BUTTON
-from kinreach.envs._button.button_task import PRESS_RADIUS
 from kinreach.errors import InputError
 
 STILL, PRESS = 13, 40
@@ -50,8 +49,8 @@ def test_an_own_reward_is_paid_alone_and_in_a_batch():
         assert info["reward_bent"] == info["reward_terms"]["bent"]
         assert rewards[0] == reward
         assert infos["reward_terms"]["bent"].shape == (3,)
-        assert info["wrong_press"] == (press and distance >= PRESS_RADIUS)
-        assert terminated == info["reached"] == (press and distance < PRESS_RADIUS)
+        assert info["wrong_press"] == (press and distance >= 0.05)
+        assert terminated == info["reached"] == (press and distance < 0.05)
         wrong += info["wrong_press"]
     assert wrong >= 5
 
@@ -76,7 +75,7 @@ def test_a_reward_may_say_what_is_reached():
     env.reset(seed=SEED)
     assert not env.step(STILL)[2]
     _, reward, terminated, _, info = env.step(PRESS)
-    assert info["distance"] > PRESS_RADIUS
+    assert info["distance"] > 0.05
     assert (reward, terminated, info["reached"]) == (1.0, True, True)
 
 

@@ -10,7 +10,6 @@ import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import kinreach
-from kinreach.envs._reach.env import UR5SingleStepEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.thesis import posture_error, reach_reward
@@ -202,7 +201,7 @@ def test_actions_outside_the_space_are_clipped():
 )
 def test_unknown_options_are_refused(options, error):
     with pytest.raises(InputError, match=error):
-        UR5SingleStepEnv(**options)
+        type(make(SINGLE).unwrapped)(**options)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

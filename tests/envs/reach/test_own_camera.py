@@ -9,8 +9,8 @@ from gymnasium.utils.env_checker import check_env
 
 from kinreach.errors import InputError
 from kinreach.robots import CameraMount, get_arm
-from kinreach.vision import geometric_goal_view, goal_in_world
-from kinreach.vision._goal_view import goal_camera_poses
+from kinreach.sim import ArmSimulation
+from kinreach.vision import RGBDCamera, geometric_goal_view, goal_in_world
 
 SINGLE = "kinreach/UR5SingleStep-v0"
 UR5 = get_arm("ur5-thesis")
@@ -28,10 +28,12 @@ def test_each_camera_is_three_numbers_in_the_order_of_the_arm(cameras):
     env = gym.make(SINGLE, backend="kinematic", arm=arm)
     check_env(env.unwrapped, skip_render_check=True)
     assert env.observation_space.shape == (3 * len(cameras) + 6 + 1,)
+    simulation = ArmSimulation(arm)
+    poses = [RGBDCamera(simulation, camera.name).T_world_camera for camera in arm.goal_cameras]
     for seed in range(20):
         observation, info = env.reset(seed=seed)
         points = observation[: 3 * len(cameras)].reshape(-1, 3)
-        for T, point in zip(goal_camera_poses(arm), points, strict=True):
+        for T, point in zip(poses, points, strict=True):
             np.testing.assert_allclose(T[:3, :3] @ point + T[:3, 3], info["goal"], atol=1e-12)
         assert info["ball_found"].shape == (len(cameras),)
         np.testing.assert_allclose(goal_in_world(arm, points.ravel(), info["ball_found"]), info["goal"], atol=1e-12)

@@ -6,6 +6,7 @@ import pytest
 
 from kinreach.envs._reach.rewards import DirectedReward, DistanceReward, ThesisReward
 from kinreach.errors import InputError
+from tests.envs.reach.test_space import angle_of
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 NATURAL = np.array([-1.8, -1.0, 1.9, -2.47, -np.pi / 2, 0.0])
@@ -160,3 +161,13 @@ def test_a_reward_that_takes_other_arguments_is_refused():
     with pytest.raises(InputError, match=r"must take \(distance, q, impossible\), or these and angle, got \(d, q\)"):
         gym.make("kinreach/Reach-v0", backend="kinematic", reward=lambda d, q: None)
     assert gym.make(SINGLE, backend="kinematic", reward=np.hypot)  # has no signature: it is called as it is
+
+
+@pytest.mark.parametrize(("given", "terms"), [(ThesisReward(), "natural_arm"), (DirectedReward(0.05), "direction")])
+def test_the_error_in_space_is_the_angle_to_the_direction_whatever_the_reward(given, terms):
+    env = gym.make("kinreach/Reach-v0", backend="kinematic", reward=given)
+    env.reset(seed=0)
+    info = env.step(env.action_space.sample())[4]
+    assert terms in info["reward_terms"]
+    angle = angle_of(env.unwrapped.kinematics, info["q"], info["direction"])
+    np.testing.assert_allclose(info["posture_error"], angle, atol=1e-7)
