@@ -7,8 +7,12 @@ turns that into the list of versions to install.
 from __future__ import annotations
 
 import importlib
+import os
+from contextlib import suppress
+from functools import cache
 from importlib import metadata
 from types import ModuleType
+from typing import Any
 
 from kinreach.errors import InstallationError
 
@@ -19,6 +23,8 @@ PLACO_VERSIONS = {
     "cmeel-urdfdom": "4.0.1",
     "cmeel-tinyxml2": "10.0.0",
 }
+#: The environment's variable that names MuJoCo's graphics library.
+_GRAPHICS = "MUJOCO_GL"
 
 
 def installed_version(distribution: str) -> str | None:
@@ -71,3 +77,42 @@ def load_extra(module: str, extra: str) -> ModuleType:
         raise InstallationError(
             f"cannot import {module}: {reason}. Install it with: pip install 'kinreach[{extra}]'"
         ) from error
+
+
+@cache
+def load_mujoco() -> Any:
+    """Import MuJoCo, with or without its graphics.
+
+    MuJoCo binds the graphics library that `MUJOCO_GL` names at import and fails if that is missing.
+
+    Physics needs no graphics: in that case the import is repeated without. Which library draws is decided when the
+    first frame is asked for (`kinreach.sim._rendering`), and only then is a missing one an error.
+
+    Raises:
+        InstallationError: It is not installed.
+    """
+    wanted = os.environ.get(_GRAPHICS)
+    if wanted is not None:
+        with suppress(Exception):  # MuJoCo lets AttributeError, OSError and RuntimeError of the graphics libraries pass
+            return _without_log_file(importlib.import_module("mujoco"))
+        os.environ[_GRAPHICS] = "disable"
+    try:
+        return _without_log_file(importlib.import_module("mujoco"))
+    except Exception as error:
+        raise InstallationError(f"cannot import mujoco: {error}; install it with: pip install mujoco==4.0.0") from error
+    finally:
+        if wanted is not None:
+            os.environ[_GRAPHICS] = wanted
+
+
+def _without_log_file(module: Any) -> Any:
+    """Keep MuJoCo's warnings out of its default log file; they are still printed to stderr.
+
+    This is a setting of the whole process and of its native threads. A log file that was named before, or is named
+    later, is used.
+    """
+    settings = module.MjLogConfig.get()
+    if settings.logfile == "MUJOCO_LOG.TXT":
+        settings.logto_file = False
+        settings.set()
+    return module

@@ -205,7 +205,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--arm",
         metavar="NAME",
-        help="another arm for the tasks ur5, space and arm3: its name, a URDF file, or module:attribute; by default "
+        help="another arm for the tasks ur5, space and arm3: its name, a URDF or MJCF, or module:attribute; by default "
         "with solvers, and the policies that were trained for it",
     )
     ArmFlags.add_to(parser)

@@ -247,7 +247,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "arm",
         metavar="FILE|NAME",
-        help="a URDF, the name of an arm, or module:attribute; the name of a UR with --calibration",
+        help="a URDF or MJCF, the name of an arm, or module:attribute; the name of a UR with --calibration",
     )
     parser.add_argument(
         "--poses", type=int, default=POSES, help=f"number of poses that the solvers are tried on ({POSES})"

@@ -204,7 +204,7 @@ def _parser(prog: str) -> Parser:
         prog=prog,
         description="Joint angles for poses of the tool: every posture of one pose, or the nearest of each in a file.",
     )
-    parser.add_argument("--arm", required=True, metavar="NAME|FILE", help="an arm, a URDF, or module:attribute")
+    parser.add_argument("--arm", required=True, metavar="NAME|FILE", help="an arm, a URDF or MJCF, or module:attribute")
     parser.add_argument("--pose", metavar="X,Y,Z,RX,RY,RZ", help="metres, rotation vector in radians, as in URScript")
     parser.add_argument("--poses", metavar="IN.csv", help="columns x,y,z,rx,ry,rz")
     parser.add_argument(

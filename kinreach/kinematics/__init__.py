@@ -1,6 +1,6 @@
 """Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, solvers, collisions.
 
-- `ArmKinematics.of`, `ArmKinematics.from_urdf`: the kinematics of an arm, of the class that lists all postures of
+- `ArmKinematics.of`, `ArmKinematics.from_file`: the kinematics of an arm, of the class that lists all postures of
   a pose where there is one: `URKinematics` (`CalibratedURKinematics` of a calibrated one), `Arm3Kinematics`,
   `SixAxisKinematics`, all of them `ClosedFormKinematics`; and `SevenAxisKinematics`, whose `SelfMotions` are curves.
 - `PoseGoal`, `AxisGoal`, `PositionGoal`, or your own `Goal`: goals of a solver; `IKResult` with a `Status`: its result.

@@ -180,7 +180,7 @@ class ArmKinematics:
         return plain
 
     @classmethod
-    def from_urdf(
+    def from_file(
         cls,
         file: str | Path,
         *,
@@ -190,21 +190,25 @@ class ArmKinematics:
         tool: Tool | str | ArrayLike | None = None,
         **facts: Any,
     ) -> Self:
-        """Return the kinematics of the arm in a URDF file, of the class that `of` chooses.
+        """Return the kinematics of the arm in a URDF or MJCF file, of the class that `of` chooses.
+
+        `from_urdf` is another name of this.
 
         Args:
-            file: Path of the URDF.
+            file: Path of the file.
             tip: Link that is the tip; default is the one farthest from the root, counted in joints, and not a sensor's.
             joints: Names of the joints of `q`; default are those that move between root and tip.
-            base: As in the class; `"base_link"` is the URDF's root.
+            base: As in the class; `"base_link"` is the root.
             tool: As in the class; on the link `tool0`, and on the tip of arms without one.
-            facts: Further arguments of `ArmDescription.from_urdf`, such as `home=`, `held=` and `title=`.
+            facts: Further arguments of `ArmDescription.from_file`, such as `home=`, `held=` and `title=`.
 
         Raises:
-            InputError: The file is not a URDF of an arm of this kind.
+            InputError: The file does not describe an arm of this kind.
         """
-        arm = ArmDescription.from_urdf(file, tip=tip, joints=joints, **facts)
+        arm = ArmDescription.from_file(file, tip=tip, joints=joints, **facts)
         return cls.of(arm, base=base, tool=tool)
+
+    from_urdf = from_file
 
     if not TYPE_CHECKING:
 

@@ -28,7 +28,7 @@ from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics._arm import ArmKinematics, build_model
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription, Box, Obstacle, arm_names, get_arm
-from kinreach.robots.inside import MESHES_AS, Mesh, as_obstacles, collision_mesh, link_at, without_shapes
+from kinreach.robots.inside import MESHES_AS, Mesh, as_obstacles, collision_mesh, neighbours, without_shapes
 
 pin: Any = load("pinocchio")
 coal: Any = load("coal")
@@ -322,8 +322,8 @@ def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
         return arm.disabled_collisions
     model = build_model(arm)
     geometry = _shapes(arm, model, (), HULLS)
-    neighbours = _neighbours(arm, {_name(shape, model) for shape in geometry.geometryObjects})
-    names = _pair_up(geometry, model, neighbours)
+    beside = neighbours(arm.robot)
+    names = _pair_up(geometry, model, beside)
     results, data = _search_data(geometry, 0.0), model.createData()
 
     def touching(q: Floats) -> set[Pair]:
@@ -334,22 +334,7 @@ def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
     rng, always = np.random.default_rng(0), set(names)
     for _ in range(SAMPLES):
         always &= touching(rng.uniform(model.lowerPositionLimit, model.upperPositionLimit))
-    return (*neighbours, *sorted(at_home | always))
-
-
-def _neighbours(arm: ArmDescription, shaped: set[str]) -> list[Pair]:
-    """Links with shapes on either side of a joint that moves; links without shapes between them do not count."""
-    robot = arm.robot
-    joints = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
-    pairs = []
-    for child in sorted(shaped & set(joints)):
-        link, moves = child, False
-        while link in joints and (link == child or link not in shaped):
-            moves |= joints[link].get("type") != "fixed"
-            link = link_at(joints[link], "parent")
-        if moves and link in shaped:
-            pairs.append((min(link, child), max(link, child)))
-    return pairs
+    return (*beside, *sorted(at_home | always))
 
 
 def _search_data(geometry: Any, margin: float) -> Any:

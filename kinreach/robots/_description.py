@@ -17,6 +17,7 @@ from kinreach._checks import MAX_ANGLE, as_floats, as_vector, check_known, check
 from kinreach.errors import InputError, UnknownNameError, UnknownOptionError
 from kinreach.robots._calibration import Calibration, place_by_calibration
 from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
+from kinreach.robots._meshes import HULLS, MESHES_AS
 from kinreach.robots._tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
 from kinreach.robots._ur import ur_model
 from kinreach.robots._urdf import (
@@ -28,6 +29,7 @@ from kinreach.robots._urdf import (
     link_before,
     links_below,
     named,
+    neighbours,
     prune,
     set_limits,
 )
@@ -37,8 +39,6 @@ from kinreach.robots._workcell import CameraMount, Workcell
 PER_JOINT = ("home", "position_gains", "joint_damping")
 #: Attributes that only a URDF file gives.
 FROM_FILE = ("build_urdf", "package_root")
-#: Kinds of collision meshes.
-MESHES_AS = (HULLS, TRIANGLES) = ("hulls", "triangles")
 
 
 def no_package() -> None:
@@ -70,7 +70,7 @@ class ArmDescription:
             pairs that collide at home, and pairs that always collide, found by `kinreach.kinematics._collision`.
         package_root: Returns the folder that `package://` stands for, or None if the URDF names no mesh.
         meshes: What collision checks use of a mesh: `"hulls"`, its convex hull, as MuJoCo does; or `"triangles"`, the
-            mesh itself, the default of `from_urdf`.
+            mesh itself, the default of URDF files.
         position_gains: Stiffness of the position servo of each joint [N m/rad]; default makes each servo answer in
             1/30 s, by an estimate of the inertia that the joint carries.
         speed_limit: Joint speed the controller commands [rad/s]; default is the slowest joint's limit, at most 3.
@@ -189,7 +189,7 @@ class ArmDescription:
         check_home(self.name, robot, dict(zip(self.joints, self.home, strict=True)))
 
     @classmethod
-    def from_urdf(
+    def from_file(
         cls,
         file: str | Path,
         *,
@@ -202,25 +202,28 @@ class ArmDescription:
         workcell: Workcell | None = None,
         package_dirs: Sequence[str | Path] = (),
         gripper_on: str | None = None,
-        meshes: str = TRIANGLES,
+        meshes: str | None = None,
         **facts: Any,
     ) -> ArmDescription:
-        """Describe an arm by its URDF file.
+        """Describe an arm by its file: a URDF, or MuJoCo's MJCF. `from_urdf` is another name of this.
 
         Joints that are not part of the arm, such as a gripper's or a rail's, are held still: they become fixed joints.
         What kinematics does not use, such as a shape without size or an effort below zero, is repaired or left out.
         The attribute `notes` lists all of this. A visual mesh that is not found is left out; without a collision
         mesh there is kinematics, but no collision checks and no simulation.
 
+        Of an MJCF each body is a link, and so is each named site. Its keyframe `home` is the start posture, and what
+        its joints, position servos and motors are limited to are the limits. Scenery and loose objects are left out.
+
         Args:
-            file: Path of the URDF. Meshes may be named relative to it, or as `package://PACKAGE/...` or `file://...`.
+            file: Path of the file. Meshes may be named relative to it, or as `package://PACKAGE/...` or `file://...`.
             name: Key in the registry; default is the name in the URDF.
             tip: Link that is the tip; default is the one farthest from the root, counted in joints, that is neither a
                 finger nor a sensor's.
             base: Link that carries the arm's own coordinate system; default is the root, or what a root `world` carries
                 fixed.
             joints: Names of the joints of `q`; default are those that move between root and tip, without a gripper's.
-            home: Start posture [rad], within the limits; default is the middle of each joint's range.
+            home: Start posture [rad], within the limits; default is the file's, or the middle of each joint's range.
             held: Where joints that are not part of the arm are held [rad, m], within their limits; default is 0, or
                 the nearest limit. One or two joints that slide under the whole arm are not part of it.
             workcell: Obstacles and goals; default is an empty work cell.
@@ -228,22 +231,23 @@ class ArmDescription:
                 then those around the file, and those of `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
             gripper_on: Link that the parallel gripper of `kinreach.robots._grippers` is mounted on; its `tcp` is then
                 the default tip. Default is no gripper.
-            meshes: What collision checks use of a mesh, `"triangles"` or `"hulls"`.
+            meshes: What collision checks use of a mesh, `"triangles"`, the default of a URDF, or `"hulls"`, that of an
+                MJCF, as in MuJoCo.
             facts: Any other attribute of `ArmDescription`, such as `title=` and `position_gains=`. `gripper=` describes
                 one that is in the file, whose joints stay; `notes=` are added to those of the file.
 
         Raises:
             UnknownOptionError: A fact that is no attribute of `ArmDescription`, or that the file gives.
-            InputError: The file cannot be read or is not a URDF of an arm; or a joint or link is not in it; or a joint
+            InputError: The file cannot be read or does not describe an arm; or a joint or link is not in it; or a joint
                 has no range, or `home` is outside of one.
         """
         gripper = _checked_facts(facts).pop("gripper", None)
         if gripper is not None and gripper_on is not None:
             raise InputError("give gripper= for one that is in the file, or gripper_on= to mount one; not both")
         own = () if gripper is None else (gripper.joint, gripper.mimic_joint)
-        from kinreach.robots._urdf_file import read_urdf  # an arm by its name needs no reader of files
+        from kinreach.robots._urdf_file import read_arm  # an arm by its name needs no reader of files
 
-        source = read_urdf(file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs, gripper=own)
+        source = read_arm(file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs, gripper=own)
         tips = source.tips
         if gripper_on is not None:
             check_known(f"link of arm {source.name!r} that can carry a gripper", gripper_on, tips)
@@ -258,7 +262,11 @@ class ArmDescription:
         }
         if "tips" in facts and "default_tip" not in facts:
             found["default_tip"] = next((key for key, link in facts["tips"].items() if link == source.tip), "")
+        if source.may_touch is not None:
+            found["disabled_collisions"] = (*neighbours(source.robot), *source.may_touch)
         found |= {key: value for key, value in facts.items() if key != "notes"}
+        if home is None and source.home is not None:
+            home = [source.home[joint] for joint in source.joints]
         return cls(
             name=name or source.name,
             build_urdf=CheckedUrdf.of(name or source.name, source.robot, root),
@@ -269,9 +277,11 @@ class ArmDescription:
             workcell=workcell or Workcell(),
             gripper=gripper,
             notes=(*source.notes, *facts.get("notes", ())),
-            meshes=meshes,
+            meshes=meshes or source.meshes,
             **found,
         )
+
+    from_urdf = from_file
 
     def with_limits(self, limits: float | Mapping[str, tuple[float, float]]) -> ArmDescription:
         """Return the same arm with other joint limits, such as those that are set on its pendant.
@@ -438,12 +448,12 @@ class ArmDescription:
 
 
 def _checked_facts(facts: dict[str, Any]) -> dict[str, Any]:
-    """Refuse what is not an attribute that may be given beside a URDF file, or of another kind."""
+    """Refuse what is not an attribute that may be given beside a file, or of another kind."""
     available = [each.name for each in fields(ArmDescription) if each.name not in FROM_FILE]
     for name in facts:
         if name not in available:
             raise UnknownOptionError(
-                f"unknown attribute of an arm from a URDF file {name!r}; available: {', '.join(available)}"
+                f"unknown attribute of an arm from a file {name!r}; available: {', '.join(available)}"
             )
     for name, kind, wanted in (
         ("gripper", Gripper | None, "a Gripper or None"),

@@ -30,9 +30,9 @@ class ArmFlags:
         repair: Correct a calibration that an old exporter folded.
         tool: On the flange.
         tip: Key of the arm's tips; not with a tool.
-        joints: Names of a URDF's joints that are the arm's.
-        held: Where a URDF's other joints are held [rad, m].
-        package_dirs: Folders of a URDF's packages.
+        joints: Names of a file's joints that are the arm's.
+        held: Where a file's other joints are held [rad, m].
+        package_dirs: Folders of a file's packages.
     """
 
     #: The flags, as attributes of the parsed arguments.
@@ -81,20 +81,20 @@ class ArmFlags:
         group.add_argument(
             "--joints",
             metavar="A,B,...",
-            help="of a URDF: the arm's joints, if others move too, or to take in a gripper's",
+            help="of a file: the arm's joints, if others move too, or to take in a gripper's",
         )
         group.add_argument(
             "--hold",
             action="append",
             metavar="JOINT=VALUE",
-            help="of a URDF: hold a joint that is not one of q, such as a rail's, at a place in metres, or in radians "
+            help="of a file: hold a joint that is not one of q, such as a rail's, at a place in metres, or in radians "
             "if it turns (with --degrees in degrees); may be repeated, or several separated by commas",
         )
         group.add_argument(
             "--package-dir",
             action="append",
             metavar="DIR",
-            help=f"of a URDF: folder of the packages with its meshes; may be repeated, or several separated by "
+            help=f"of a file: folder of the packages with its meshes; may be repeated, or several separated by "
             f"{os.pathsep!r} (also looked for: around the file, in ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
         )
 

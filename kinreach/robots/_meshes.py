@@ -20,6 +20,8 @@ from kinreach._files import read_bytes
 from kinreach.errors import InputError
 from kinreach.robots._urdf import MESHES, PACKAGE
 
+#: What collision checks use of a mesh.
+MESHES_AS = (HULLS, TRIANGLES) = ("hulls", "triangles")
 #: Largest file [bytes], largest coordinate after scaling [m], and most triangles of a file.
 MAX_BYTES, MAX_COORDINATE, MAX_FACES = 2**26, 100.0, 2_000_000
 #: Most shapes that the scene of a COLLADA file places.

@@ -6,7 +6,8 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from kinreach.robots._description import HULLS, ArmDescription
+from kinreach.robots._description import ArmDescription
+from kinreach.robots._meshes import HULLS
 from kinreach.robots._ur_arms import example_robot_data
 from kinreach.robots._workcell import Box, BoxRegion, Workcell
 

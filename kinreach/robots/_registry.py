@@ -15,14 +15,13 @@ from kinreach.robots import _arm3 as arm3
 from kinreach.robots import _panda as panda
 from kinreach.robots import _ur_arms as ur_arms
 from kinreach.robots._description import ArmDescription
+from kinreach.robots._urdf import SDF
 
 #: Endings of files that describe an arm.
-FILES = (".urdf", ".xml", ".xacro")
+FILES = (".urdf", ".xml", ".mjcf", ".xacro")
 #: What other files are that people have of an arm, by their endings.
 _OTHER_FILES = {
-    ".sdf": "an SDF, Gazebo's format, which is not read: take the URDF that it was made from, or convert it",
-    ".world": "a world of Gazebo, which is not read",
-    ".mjcf": "MuJoCo's format, which is not read",
+    **dict.fromkeys((".sdf", ".world"), SDF),
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "USD, which is not read: take the URDF that it was made from"),
     **dict.fromkeys((".stl", ".obj", ".dae", ".step", ".stp", ".glb", ".gltf", ".iges"), "a shape, and no arm"),
     **dict.fromkeys((".yaml", ".yml", ".conf"), "a calibration or settings: name its UR, with --calibration FILE"),
@@ -86,14 +85,14 @@ def arm_named(
     held: Mapping[str, float] | None = None,
     package_dirs: Sequence[str | Path] = (),
 ) -> ArmDescription:
-    """Return the arm that a command line names: a registered one, a URDF file, or an attribute of a module."""
+    """Return the arm that a command line names: a registered one, a URDF or MJCF file, or an attribute of a module."""
     if text.lower().endswith(FILES):
-        return ArmDescription.from_urdf(text, tip=tip, joints=joints, held=held, package_dirs=package_dirs)
+        return ArmDescription.from_file(text, tip=tip, joints=joints, held=held, package_dirs=package_dirs)
     if text.lower() not in map(str.lower, arm_names()):
         _refuse_other_files(text)
     for name, given in (("joints", joints), ("held", held), ("package_dirs", package_dirs)):
         if given:
-            raise InputError(f"{name}= is for URDF files, and {shown(text)} is not one")
+            raise InputError(f"{name}= is for URDF and MJCF files, and {shown(text)} is none")
     if ":" not in text:
         return get_arm(text)
     arm = load_object("arm", text)
@@ -103,7 +102,7 @@ def arm_named(
 
 
 def _refuse_other_files(text: str) -> None:
-    """Refuse what is, or is called like, a file that is not a URDF."""
+    """Refuse what is, or is called like, a file that does not describe an arm."""
     suffix = Path(text).suffix.lower()
     looks = suffix in _OTHER_FILES or os.sep in text or os.path.lexists(text)
     if not looks or (":" in text and suffix not in _OTHER_FILES):
@@ -111,7 +110,8 @@ def _refuse_other_files(text: str) -> None:
     there = "no file of a kind that is read" if os.path.lexists(text) else "not there"
     what = "a folder" if os.path.isdir(text) else _OTHER_FILES.get(suffix, there)
     raise InputError(
-        f"{shown(text)} is {what}; an arm is a URDF file ({', '.join(FILES)}), or one of {', '.join(arm_names())}"
+        f"{shown(text)} is {what}; an arm is a URDF or MJCF file ({', '.join(FILES)}), or one of "
+        f"{', '.join(arm_names())}"
     )
 
 

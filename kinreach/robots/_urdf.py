@@ -95,6 +95,20 @@ def link_before(robot: ET.Element, link: str) -> str:
     return next((link_at(joint, "parent") for joint in way if joint.get("type") != "fixed"), "")
 
 
+def neighbours(robot: ET.Element) -> list[tuple[str, str]]:
+    """Return pairs of links with shapes on either side of a joint that moves; links without shapes do not count."""
+    shaped = {link.get("name", "") for link in robot.findall("link") if link.find("collision") is not None}
+    above, pairs = joints_above(robot), []
+    for child in sorted(shaped & set(above)):
+        link, moves = child, False
+        while link in above and (link == child or link not in shaped):
+            moves |= above[link].get("type") != "fixed"
+            link = link_at(above[link], "parent")
+        if moves and link in shaped:
+            pairs.append((min(link, child), max(link, child)))
+    return pairs
+
+
 def origin_of(element: ET.Element) -> Floats:
     """Return the pose of a joint or a shape in its parent's frame (4, 4); the unit matrix without an `<origin>`."""
     origin = element.find("origin")
@@ -131,7 +145,7 @@ def add_link(
     centre: Sequence[float] | None = None,
     solids: Sequence[Solid] = (),
     rgba: str = "",
-) -> None:
+) -> ET.Element:
     """Add a link with a mass [kg], which is spread evenly in the first solid, a cube of 5 cm without any."""
     link = ET.SubElement(robot, "link", name=name)
     if mass > 0:
@@ -154,6 +168,7 @@ def add_link(
             if kind == "visual" and rgba:
                 material = ET.SubElement(element, "material", name=f"{name}_material")
                 ET.SubElement(material, "color", rgba=rgba)
+    return link
 
 
 def _inertia(mass: float, solid: Solid) -> dict[str, str]:
@@ -182,7 +197,7 @@ def add_joint(
     axis: Sequence[float] | None = None,
     limit: Sequence[float] | None = None,
     mimic: str | None = None,
-) -> None:
+) -> ET.Element:
     """Add a joint; `limit` is (lower, upper, effort, velocity) in SI units, `mimic` follows with ratio 1."""
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "origin", xyz=numbers(xyz), rpy=numbers(rpy))
@@ -195,6 +210,7 @@ def add_joint(
         ET.SubElement(joint, "limit", dict(zip(keys, map(repr, map(float, limit)), strict=True)))
     if mimic is not None:
         ET.SubElement(joint, "mimic", joint=mimic, multiplier="1", offset="0")
+    return joint
 
 
 def skeleton(robot: ET.Element, tip: str) -> tuple[str, str]:
@@ -253,10 +269,16 @@ _POSITIVE = ("size", "radius", "length")
 _NOT_NEGATIVE = ("value", "effort", "velocity", "damping", "friction")
 
 
-#: Formats of robots by the element that a file begins with.
+#: What to do about a file of Gazebo.
+SDF = (
+    "Gazebo's SDF, which is not read: take the URDF or xacro that it was made from, or make an MJCF of it with "
+    "`sdf2mjcf FILE.sdf FILE.xml`, which is part of Gazebo's gz-mujoco"
+)
+#: The element that a URDF begins with, and formats of robots by that of others.
+ROBOT = "robot"
 _OTHER_FORMATS = {
     "mujoco": "MuJoCo's MJCF",
-    "sdf": "Gazebo's SDF",
+    "sdf": SDF,
     "COLLADA": "a COLLADA mesh",
     "launch": "a launch file of ROS",
     "package": "a package.xml of ROS",
@@ -264,7 +286,12 @@ _OTHER_FORMATS = {
 
 
 def parse_urdf(text: object, *, prefixed: bool = False) -> ET.Element:
-    """Return the `<robot>` element of a URDF text.
+    """Return the `<robot>` element of a URDF text; `prefixed` as in `parse_xml`."""
+    return parse_xml(text, tags=(ROBOT,), prefixed=prefixed)
+
+
+def parse_xml(text: object, *, tags: Sequence[str], prefixed: bool = False) -> ET.Element:
+    """Return the first element of a text, which has one of these tags.
 
     With `prefixed`, a prefix is part of a name and needs no declaration, as in urdfdom: `<xacro:property>` has the tag
     `"xacro:property"`.
@@ -292,16 +319,17 @@ def parse_urdf(text: object, *, prefixed: bool = False) -> ET.Element:
     parser.CharacterDataHandler = builder.data
     try:
         parser.Parse(text.encode(), True)
-        robot = builder.close() if prefixed else ET.fromstring(text)
+        root = builder.close() if prefixed else ET.fromstring(text)
     except (expat.ExpatError, ET.ParseError, ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"the URDF is not XML: {error}") from None
-    if robot.tag != "robot":
-        other = _OTHER_FORMATS.get(robot.tag)
+    if root.tag not in tags:
+        other = _OTHER_FORMATS.get(root.tag)
         is_other = f": this is {other}" if other else ""
-        raise InputError(f"the URDF must begin with <robot>, got <{shown(robot.tag)}>{is_other}")
-    return robot
+        starts = " or ".join(f"<{tag}>" for tag in tags)
+        raise InputError(f"the file must begin with {starts}, got <{shown(root.tag)}>{is_other}")
+    return root
 
 
 class CheckedUrdf:
@@ -686,11 +714,11 @@ def _is_finger(joint: ET.Element) -> bool:
     return joint.find("mimic") is not None or _FINGER.search(joint.get("name", "")) is not None
 
 
-def gripper_joints(robot: ET.Element) -> list[str]:
+def gripper_joints(robot: ET.Element, *, coupled: Collection[str] = ()) -> list[str]:
     """Names of the joints of a gripper on an arm, in the order of the file.
 
-    They are named so, or mimic another, or another mimics them; beyond them no other joint moves, and before them one
-    of the arm's turns.
+    They are named so, or mimic another, or another mimics them, or they are coupled in another way. Beyond them no
+    other joint moves, and before them one of the arm's turns.
     """
     moving = {joint.get("name", ""): joint for joint in robot.findall("joint") if joint.get("type") in MOVED}
     above = joints_above(robot)
@@ -704,7 +732,7 @@ def gripper_joints(robot: ET.Element) -> list[str]:
     alike = {
         name
         for name, joint in moving.items()
-        if _GRIPPER.search(name) or name in leaders or joint.find("mimic") is not None
+        if _GRIPPER.search(name) or name in leaders or name in coupled or joint.find("mimic") is not None
     }
     carries, carried = set(), set()
     for name in moving:

@@ -1,4 +1,4 @@
-"""Arms from URDF files, as ROS's packages have them."""
+"""Arms from files: URDFs as ROS's packages have them, and MuJoCo's MJCF."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from kinreach._rotations import rotation, rpy, turn
 from kinreach.cli import quoted
 from kinreach.errors import InputError, raise_unknown
 from kinreach.robots._mesh_units import scale_to_metres
+from kinreach.robots._mjcf import MJCF, Mjcf, read_mjcf
 from kinreach.robots._packages import find_meshes
 from kinreach.robots._urdf import (
     KINDS,
@@ -27,6 +28,7 @@ from kinreach.robots._urdf import (
     MAX_NAMED,
     MAX_SPEED,
     MOVED,
+    ROBOT,
     TURNING,
     WORLD,
     UrdfArm,
@@ -40,7 +42,7 @@ from kinreach.robots._urdf import (
     links_below,
     named,
     numbers,
-    parse_urdf,
+    parse_xml,
     way_down,
 )
 from kinreach.robots._urdf_repair import floats, listed_names, only_urdf, repair
@@ -58,7 +60,7 @@ _ENCODINGS = re.compile(
 )
 _BARE_AMPERSAND = re.compile(r"&(?!(?:#\d+|#x[0-9a-fA-F]+|[A-Za-z]+);)")
 #: Joints that kinreach does not move, and takes for fixed where no turning joint is before or after them.
-FREE = ("floating", "planar")
+FREE = ("floating", "planar", "spherical")
 #: A base that slides carries at least so many joints that turn, or it is part of what the arm is.
 FEWEST_TURNING, MOST_SLIDES = 4, 2
 #: Limits of more turns than this may be degrees.
@@ -66,13 +68,16 @@ MOST_TURNS = 3
 
 
 @dataclass(frozen=True)
-class UrdfSource:
+class ArmSource:
     """An arm read from a file.
 
     Attributes:
         robot: The URDF for the engines.
         package_root: Folder that `package://` stands for in it; None without meshes.
         base: Link that carries the arm's own coordinate system.
+        home: Start posture by the names of the joints [rad]; None if the file has none.
+        may_touch: Pairs of links that the file lets touch beside neighbours; None if it does not say.
+        meshes: What collision checks use of a mesh, `"triangles"` or `"hulls"`.
         missing_shapes: Why collision shapes are missing; empty if none is.
         notes: What the reader left out or assumed, a line each.
     """
@@ -84,11 +89,14 @@ class UrdfSource:
     base: str
     tip: str
     tips: Mapping[str, str]
+    home: Mapping[str, float] | None
+    may_touch: tuple[tuple[str, str], ...] | None
+    meshes: str
     missing_shapes: str
     notes: tuple[str, ...]
 
 
-def read_urdf(
+def read_arm(
     file: str | Path,
     *,
     tip: str | None,
@@ -96,13 +104,15 @@ def read_urdf(
     held: Mapping[str, float],
     package_dirs: Sequence[str | Path],
     gripper: Collection[str] = (),
-) -> UrdfSource:
-    """Read an arm from a URDF file; the arguments are those of `ArmDescription.from_urdf`.
+) -> ArmSource:
+    """Read an arm from a URDF or MJCF file; the arguments are those of `ArmDescription.from_file`.
 
     `gripper` are the joints that stay as they are, for a gripper.
     """
     path = check_path("file", file)
-    robot = _parse(path)
+    first = _parse(path)
+    read = read_mjcf(first, path) if first.tag == MJCF else Mjcf(first)
+    robot = read.robot
     name = robot.get("name") or path.stem
     xacro = _Xacro(robot, path)
     only_urdf(robot)
@@ -110,18 +120,25 @@ def read_urdf(
     repaired, unread = repair(robot)
     root, lost, places = find_meshes(robot, path.resolve(), package_dirs)
     xacro.check_complete(robot, root)
-    scaled, too_long = scale_to_metres(robot, places)
+    scaled, too_long = ([], "") if first.tag == MJCF else scale_to_metres(robot, places)
     missing = lost or unread or too_long
-    notes = [*xacro.notes, *repaired, *scaled, *_rename_world(robot), *_fix_free_joints(name, robot)]
+    notes = [*read.notes, *xacro.notes, *repaired, *scaled, *_rename_world(robot), *_fix_free_joints(name, robot)]
     every = [joint.get("name", "") for joint in robot.findall("joint")]
     for joint in (*held, *(joints or ()), *gripper):
         if joint not in every:
             raise_unknown(f"joint of arm {name!r}", joint, every)
     base = base_of(robot)
-    grippers = [] if joints else [joint for joint in gripper_joints(robot) if joint not in (*held, *gripper)]
+    grippers = [] if joints else gripper_joints(robot, coupled=read.coupled)
+    grippers = [joint for joint in grippers if joint not in (*held, *gripper)]
     still = [] if joints else [*_sliding_base(robot), *_stuck(robot)]
     others = [joint for joint in every if joint not in joints] if joints else [*grippers, *still]
     arm = UrdfArm(name, robot, tip=tip, joints=joints, held=[*held, *others, *gripper])
+    for joint in arm.joints:
+        if joint in read.looped:
+            raise InputError(
+                f"arm {name!r}: joint {joint!r} is part of a closed loop, which is not solved; hold it with "
+                f"held={{{joint!r}: 0.0}}, or name with tip= a body before it"
+            )
     holding = _Holding(robot, arm, held, grippers, gripper)
     holding.hold()
     notes += [*holding.notes, *_many_turns(arm)]
@@ -140,28 +157,44 @@ def read_urdf(
         robot.append(ET.Element("link", name=WORLD))
         add_joint(robot, f"{WORLD}_joint", WORLD, root_link)
     tips = UrdfArm(name, robot, tip=arm.tip, joints=arm.joints, held=gripper).tips
-    return UrdfSource(name, robot, root, arm.joints, base, arm.tip, tips, missing, tuple(notes))
+    home = None
+    if read.home:
+        home, moved = _within_limits(read.home, arm)
+        notes += moved
+    return ArmSource(
+        name, robot, root, arm.joints, base, arm.tip, tips, home, read.may_touch, read.meshes, missing, tuple(notes)
+    )
+
+
+def _within_limits(home: Mapping[str, float], arm: UrdfArm) -> tuple[dict[str, float], list[str]]:
+    """Move a file's start posture into the limits; returns it, and a note on what is moved."""
+    ends = dict(zip(arm.joints, arm.limits, strict=True))
+    within = {joint: min(max(home[joint], lower), upper) for joint, (lower, upper) in ends.items()}
+    moved = [joint for joint, place in within.items() if abs(place - home[joint]) > LIMIT_DIGITS]
+    return within, [f"the start posture is moved into the limits: {listed_names(moved)}"] if moved else []
 
 
 def turning_joints(file: str) -> set[str]:
-    """Return the names of the joints in a URDF file that turn; none of what is not one."""
+    """Return the names of the joints in an arm's file that turn; none of what is not one."""
     path = check_path("file", file)
     if not path.is_file():
         return set()
-    return {joint.get("name", "") for joint in _parse(path).iter("joint") if joint.get("type") in TURNING}
+    first = _parse(path)
+    robot = read_mjcf(first, path).robot if first.tag == MJCF else first
+    return {joint.get("name", "") for joint in robot.iter("joint") if joint.get("type") in TURNING}
 
 
 def _parse(path: Path) -> ET.Element:
     """Parse the text of a file; what urdfdom reads though it is not XML is read as urdfdom does."""
     text = _text(read_bytes(path, "the URDF", most=MAX_CHARACTERS)).lstrip("\ufeff \t\r\n")
     try:
-        return parse_urdf(text, prefixed=True)
+        return parse_xml(text, tags=(ROBOT, MJCF), prefixed=True)
     except InputError as error:
         lenient = _BARE_AMPERSAND.sub("&amp;", _without_comments(text))
         if lenient == text:
             raise
         try:
-            return parse_urdf(lenient, prefixed=True)
+            return parse_xml(lenient, tags=(ROBOT, MJCF), prefixed=True)
         except InputError:
             raise error from None
 

@@ -1,4 +1,3 @@
-from ._description import MESHES_AS as MESHES_AS
 from ._flags import ArmFlags as ArmFlags
 from ._identification import IdentifiedArm as IdentifiedArm
 from ._identification import JointTerms as JointTerms
@@ -7,6 +6,7 @@ from ._identification import frames_of as frames_of
 from ._identification import joint_slopes as joint_slopes
 from ._identification import moved_frames as moved_frames
 from ._identification import slopes as slopes
+from ._meshes import MESHES_AS as MESHES_AS
 from ._meshes import Mesh as Mesh
 from ._meshes import collision_mesh as collision_mesh
 from ._registry import FILES as FILES
@@ -21,7 +21,7 @@ from ._ur import UR_ACCELERATION as UR_ACCELERATION
 from ._ur import UR_LENGTHS as UR_LENGTHS
 from ._ur import ur_model as ur_model
 from ._ur import ur_speeds as ur_speeds
-from ._urdf import link_at as link_at
+from ._urdf import neighbours as neighbours
 from ._urdf import origin_of as origin_of
 from ._urdf import skeleton as skeleton
 from ._urdf import without_shapes as without_shapes

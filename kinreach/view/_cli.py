@@ -62,7 +62,7 @@ def setup_of(
     module, _, attribute = arm.partition(":")
     sheet = repr(arm.lower()) if arm.lower() in arm_names() else f"import_module({module!r}).{attribute}"
     if arm.lower().endswith(FILES):
-        sheet = f"ArmDescription.from_urdf({arm!r}{given})"
+        sheet = f"ArmDescription.from_file({arm!r}{given})"
     expression = sheet if calibration is None else calibrated(sheet, calibration, repair=repair)
     if tool is not None:
         sheet, expression = with_tool(sheet, tool), with_tool(expression, tool)
@@ -85,7 +85,7 @@ def _parser(prog: str) -> Parser:
         "--arm",
         default=THESIS_ARM,
         metavar="NAME",
-        help=f"one of: {', '.join(arm_names())}; a URDF file; or module:attribute (default: %(default)s)",
+        help=f"one of: {', '.join(arm_names())}; a URDF or MJCF; or module:attribute (default: %(default)s)",
     )
     parser.add_argument(
         "--policy",

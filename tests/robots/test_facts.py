@@ -71,7 +71,7 @@ def test_a_gripper_of_the_file_opens_and_closes():
 @pytest.mark.parametrize(
     ("facts", "said"),
     [
-        ({"colour": 1}, "unknown attribute of an arm from a URDF file 'colour'; available: name, title"),
+        ({"colour": 1}, "unknown attribute of an arm from a file 'colour'; available: name, title"),
         ({"build_urdf": str}, "unknown attribute .*'build_urdf'"), ({"package_root": str}, "unknown .*'package_root'"),
         ({"title": 3}, "title of an arm must be text"), ({"gripper": 3}, "gripper of an arm must be a Gripper or None"),
         ({"tips": 3}, "tips of an arm must be a mapping"), ({"notes": "abc"}, "notes of an arm must be a tuple"),

@@ -28,9 +28,9 @@ def counted(monkeypatch):
 
         return call
 
-    parse = counting("parsed", _urdf.parse_urdf)
+    parse = counting("parsed", _urdf.parse_xml)
     for module in (_urdf, _urdf_file):
-        monkeypatch.setattr(module, "parse_urdf", parse)
+        monkeypatch.setattr(module, "parse_xml", parse)
     monkeypatch.setattr(_urdf, "check_parts", counting("checked", _urdf.check_parts))
     monkeypatch.setattr(ET, "fromstring", counting("parsed", ET.fromstring))
     return counts

@@ -166,8 +166,11 @@ REFUSED = {
         arm(head=f'{XACRO}<xacro:property name="w" value="0.4"/>').replace('"0.4 0 0"', '"${w} 0 0"'),
         "is xacro.*run `xacro .*a.urdf > .*a_expanded.urdf`"),
     "argument": (arm().replace('"l3"', '"$(arg prefix)l3"'), "is xacro.*a_expanded.urdf`"),
-    "SDF": ('<sdf version="1.6"><model name="a"/></sdf>', "must begin with <robot>, got <'sdf'>: this is Gazebo's SDF"),
-    "MJCF": ('<mujoco model="a"/>', "this is MuJoCo's MJCF"),
+    "SDF": (
+        '<sdf version="1.6"><model name="a"/></sdf>',
+        "must begin with <robot> or <mujoco>, got <'sdf'>: this is Gazebo's SDF.*sdf2mjcf",
+    ),
+    "an empty MJCF": ('<mujoco model="a"/>', "no joint moves the tip"),
 }  # fmt: skip
 
 
@@ -324,7 +327,7 @@ def test_places_that_cannot_be_are_named(tmp_path, capsys, flag, said):
     assert (
         cli.main(["check", "ur5e", "--hold", flag.replace("rail=x", "a=1").replace("rail", "a=1"), "--poses", "2"]) == 2
     )
-    assert "--hold is for URDF files" in capsys.readouterr().err or "=" not in flag
+    assert "--hold is for URDF and MJCF files" in capsys.readouterr().err or "=" not in flag
 
 
 def test_held_joints_that_turn_are_in_degrees_where_angles_are(tmp_path, capsys):
@@ -388,7 +391,9 @@ def test_other_files_are_no_unknown_arms(tmp_path, capsys, monkeypatch, text):
             assert cli.main(words) == 2
             (line,) = capsys.readouterr().err.splitlines()
             assert "unknown" not in line
-            assert re.search(r"an arm is a URDF file \(\.urdf, \.xml, \.xacro\), or one of .*ur5e", line)
+            assert re.search(
+                r"an arm is a URDF or MJCF file \(\.urdf, \.xml, \.mjcf, \.xacro\), or one of .*ur5e", line
+            )
     assert cli.main(["check", "ur6"]) == 2
     assert "unknown arm 'ur6'" in capsys.readouterr().err
 

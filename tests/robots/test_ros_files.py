@@ -359,4 +359,4 @@ def test_joints_that_mimic_and_the_one_that_they_follow(tmp_path, capsys):
     file.write_text(GRIPPER.format(links=links, limit=LIMIT).replace('joint="drive"', 'joint="j2"'))
     assert ArmDescription.from_urdf(file, held={"follower": 0.0}).joints == ("j1", "j2", "drive")
     code, _, (line,) = run(capsys, "check", "ur5", "--joints", "elbow_joint")
-    assert (code, "--joints is for URDF files" in line) == (2, True)
+    assert (code, "--joints is for URDF and MJCF files" in line) == (2, True)
