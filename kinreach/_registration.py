@@ -23,24 +23,21 @@ RANDOM_ARM, LIFT = "kinreach/RandomArm-v0", "kinreach/Lift-v0"
 #: `backend="kinematic"` on, or cannot read texts.
 SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinreach/UR5MultiStepKinematic-v0"
 
-_SINGLE = (f"{_REACH}.env:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step")
-_MULTI = (f"{_REACH}.env:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step")
+_SINGLE = (f"{_REACH}.env:UR5SingleStepEnv", f"{_REACH}.vector_env:SingleStepVectorEnv")
+_MULTI = (f"{_REACH}.env:UR5MultiStepEnv", f"{_REACH}.vector_env:MultiStepVectorEnv")
 #: Environment id -> entry points of the single environment and of its native batch.
 ENVIRONMENTS = {
     SINGLE: _SINGLE,
     MULTI: _MULTI,
-    SPACE: (f"{_REACH}.env:SpaceReachEnv", f"{_REACH}.vector_env:in_space"),
+    SPACE: (f"{_REACH}.env:SpaceReachEnv", f"{_REACH}.vector_env:SpaceReachVectorEnv"),
     BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
     MOVING: ("kinreach.envs.moving:MovingBallEnv", "kinreach.envs.moving:MovingVectorEnv"),
     LIFT: ("kinreach.envs._lift.env:LiftEnv", "kinreach.envs._lift.env:LiftVectorEnv"),
+    REAL_ARM: ("kinreach.envs.real_arm:RealArmEnv", "kinreach.envs.real_arm:RealArmVectorEnv"),
+    OBSTACLES: ("kinreach.envs._obstacles:ObstaclesEnv", "kinreach.envs._obstacles:ObstaclesVectorEnv"),
 }
 #: Environment id -> the same, with `backend="kinematic"` and `info="numbers"`.
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
-#: Those without a native batch.
-SINGLE_ENVIRONMENTS = {
-    REAL_ARM: "kinreach.envs.real_arm:RealArmEnv",
-    OBSTACLES: "kinreach.envs._obstacles:ObstaclesEnv",
-}
 #: As `ENVIRONMENTS`, only for training: nothing is drawn of them.
 TRAINING_ENVIRONMENTS = {
     RANDOM_ARM: (
@@ -102,6 +99,3 @@ def _register() -> None:
                     max_episode_steps=MAX_EPISODE_STEPS[name],
                     kwargs=options,
                 )
-    for name, entry_point in SINGLE_ENVIRONMENTS.items():
-        if name not in registry:
-            register(name, entry_point=entry_point, max_episode_steps=MAX_EPISODE_STEPS[name])

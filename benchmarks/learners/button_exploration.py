@@ -120,7 +120,7 @@ class DemonstratedPPO(AdaptivePPO):
 def demonstrated_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     """Return the arguments of adaptive PPO, the episodes that it acts in, and the controller that is imitated."""
     return adaptive_arguments(recipe, env, planned) | {
-        "world": env.get_attr("unwrapped")[0]._episodes,
+        "world": env.get_attr("unwrapped")[0].episodes,
         "controller": ButtonController(recipe.options["actuation"], count=recipe.num_envs),
     }
 

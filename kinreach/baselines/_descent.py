@@ -192,7 +192,7 @@ class RandomArmGradient(SimulatorGradient):
     world: RandomArmEpisodes
 
     def objective(self, observations: Floats) -> Objective:
-        balls = self.world.balls.copy()
+        balls = self.world.goals.copy()
 
         def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:
             own = rows.numpy()

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cache, partial
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
@@ -22,15 +21,15 @@ from kinreach._checks import Floats
 from kinreach._registration import MAX_EPISODE_STEPS, RANDOM_ARM
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.envs.inside import (
+    EnvOptions,
+    Episodes,
     Flags,
     Ids,
     NativeVectorEnv,
     Outcome,
     RowStreams,
     SingleEnv,
-    check_batch,
-    check_not_over,
-    moving,
+    check_box_actions,
     option_rows,
     real_arm,
 )
@@ -108,19 +107,22 @@ class RandomArmStart(NamedTuple):
 ALL_DRAWN = RandomArmStart()
 
 
-class RandomArmEpisodes:
+class RandomArmEpisodes(Episodes):
     """The episodes of a number of environments.
 
     Attributes:
         placements: Of the true arms' frames, shape (count, 7, 4, 4).
-        balls: [m], shape (count, 3).
+        goals: The balls [m], shape (count, 3).
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, options: EnvOptions, count: int) -> None:
+        self.options = options
+        self.action_space = spaces.Box(-1.0, 1.0, (6,))
+        self.observation_space = spaces.Box(-np.inf, np.inf, (SIZE,), dtype=np.float64)
         self.chain = ur5().chain
         self._streams = RowStreams(_draws, count, size=sum(_PARTS))
         self.placements = np.tile(self.chain.placements, (count, 1, 1, 1))
-        self.balls = np.empty((count, 3))
+        self.goals = np.empty((count, 3))
         self._observed = np.empty((count, SIZE))
         self._noise = np.empty((count, MOVES, 3))
         self._distances, self._moves = np.full(count, np.inf), np.empty(count, dtype=int)
@@ -133,6 +135,14 @@ class RandomArmEpisodes:
         """Let world `index` draw from `rng`."""
         self._streams.seed(index, rng)
 
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> RandomArmStart:
+        """Return no options: `reset` has none."""
+        return RandomArmStart(*option_rows(options, {}, count))
+
+    def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
+        """Return postures to go to, each angle divided by pi, shape (k, 6)."""
+        return check_box_actions(actions, (6,), count)
+
     def begin(self, ids: Ids, start: RandomArmStart = ALL_DRAWN) -> None:
         """Begin an episode in worlds `ids`: an arm, a ball and the number of looks."""
         errors, ball, budget, moves, look_noise, ball_noise, noise = np.split(
@@ -142,9 +152,9 @@ class RandomArmEpisodes:
         nominal = np.tile(self.chain.placements, (len(ids), 1, 1))
         self.placements[ids] = moved_frames(nominal, errors.reshape(-1, 6)).reshape(len(ids), -1, 4, 4)
         low, high = _table() + np.outer((-BEYOND, BEYOND), np.ones(3))
-        self.balls[ids] = low + (high - low) * ball
+        self.goals[ids] = low + (high - low) * ball
         rows = np.zeros((len(ids), SIZE))
-        rows[:, BALL] = self.balls[ids] + SIGMA * ball_noise
+        rows[:, BALL] = self.goals[ids] + SIGMA * ball_noise
         level = (budget[:, 0] * len(LOOKS)).astype(int)
         for index, looks in enumerate(LOOKS):
             own = np.flatnonzero(level == index)
@@ -172,7 +182,7 @@ class RandomArmEpisodes:
         seen = tips + self._noise[np.arange(len(q)), np.minimum(done, MOVES - 1)]
         after = after_move(self._observed, q, seen)
         self._observed = np.where(acting[:, None], after, self._observed)
-        self._distances = np.where(acting, np.linalg.norm(tips - self.balls, axis=1), self._distances)
+        self._distances = np.where(acting, np.linalg.norm(tips - self.goals, axis=1), self._distances)
         over = acting & (self._observed[:, DONE] >= self._moves)
         reward = -np.where(acting, self._distances, 0.0)
         return Outcome(reward, over, np.zeros_like(over), self._info(slice(None), reward))
@@ -185,10 +195,6 @@ class RandomArmEpisodes:
         """Return the `info` of a reset; distances are infinite before the first move."""
         return self._info(ids, np.zeros(len(ids)))
 
-    def goal_info(self, rows: Any) -> dict[str, Any]:
-        """Return the balls [m] in the world."""
-        return {"goal": np.array(self.balls[rows])}
-
     def _info(self, rows: Any, reward: Floats) -> dict[str, Any]:
         distance = np.array(self._distances[rows])
         return {
@@ -199,9 +205,6 @@ class RandomArmEpisodes:
             "impossible": np.zeros(len(distance), dtype=np.bool_),
             "reward_terms": {"distance": reward},
         }
-
-    def close(self) -> None:
-        """Do nothing: no camera is open."""
 
 
 def after_move(observed: Floats, q: Floats, seen: Floats) -> Floats:
@@ -214,30 +217,10 @@ def after_move(observed: Floats, q: Floats, seen: Floats) -> Floats:
     return after
 
 
-def _action_space() -> spaces.Box:
-    return spaces.Box(-1.0, 1.0, (6,))
-
-
-def _observation_space() -> spaces.Box:
-    return spaces.Box(-np.inf, np.inf, (SIZE,), dtype=np.float64)
-
-
 class RandomArmEnv(SingleEnv):
     """One `kinreach/RandomArm-v0`; the module describes an episode, `RandomArmVectorEnv` the rest."""
 
-    metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
-    render_mode = None
-
-    def __init__(self) -> None:
-        self.episodes = self._episodes = RandomArmEpisodes(1)
-        self.action_space, self.observation_space = _action_space(), _observation_space()
-
-    def _check_start(self, options: Mapping[str, Any] | None) -> RandomArmStart:
-        return _no_start(options)
-
-    def _check_action(self, action: ArrayLike) -> Floats:
-        check_not_over(self._over)
-        return moving.check_actions(action, None)
+    episodes_class = RandomArmEpisodes
 
 
 class RandomArmVectorEnv(NativeVectorEnv):
@@ -245,38 +228,7 @@ class RandomArmVectorEnv(NativeVectorEnv):
 
     An action is a posture, each angle divided by pi, shape (6,); an observation has 20 numbers. The reward is minus the
     distance [m].
-
-    Args:
-        num_envs: Number of environments.
-        max_episode_steps: Steps after which episodes are truncated.
-        autoreset_mode: As of `NativeVectorEnv`.
-
-    Attributes:
-        episodes: Of the batch.
     """
 
     registered_limit = MAX_EPISODE_STEPS[RANDOM_ARM]
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        max_episode_steps: int | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-    ) -> None:
-        num_envs = check_batch(num_envs, 1, None)
-        self.episodes = RandomArmEpisodes(num_envs)
-        super().__init__(
-            self.episodes,
-            num_envs,
-            action_space=_action_space(),
-            observation_space=_observation_space(),
-            check_actions=partial(moving.check_actions, count=num_envs),
-            check_start=_no_start,
-            autoreset_mode=autoreset_mode,
-            max_episode_steps=max_episode_steps,
-        )
-
-
-def _no_start(options: Mapping[str, Any] | None) -> RandomArmStart:
-    return RandomArmStart(*option_rows(options, {}, None))
+    episodes_class = RandomArmEpisodes

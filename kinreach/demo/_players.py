@@ -12,7 +12,7 @@ import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator
 
 from kinreach._objects import load_module
-from kinreach._registration import ENVIRONMENTS, KINEMATIC_ENVIRONMENTS, REAL_ARM, SINGLE_ENVIRONMENTS
+from kinreach._registration import ENVIRONMENTS, KINEMATIC_ENVIRONMENTS, REAL_ARM
 from kinreach.baselines import RandomPolicy, load_policy
 from kinreach.baselines.inside import (
     LearnedPolicy,
@@ -136,7 +136,7 @@ class Playable:
 
 def playable_names() -> tuple[str, ...]:
     compared = (task.environment for task in all_tasks())
-    return tuple(dict.fromkeys((*ENVIRONMENTS, *SINGLE_ENVIRONMENTS, *compared, *KINEMATIC_ENVIRONMENTS)))
+    return tuple(dict.fromkeys((*ENVIRONMENTS, *compared, *KINEMATIC_ENVIRONMENTS)))
 
 
 def playable(name: str) -> Playable:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium import spaces
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_THREADS, Floats, as_flags, check_count, check_known, is_tensor, shown
 from kinreach._tensors import as_device, copied, like, on_device, on_host
-from kinreach.envs._options import check_limit, check_seed, check_started
+from kinreach.envs._options import DrawnOptions, EnvOptions, check_limit, check_seed, check_started, options_from
 from kinreach.errors import InputError
 from kinreach.sim.inside import FPS, Scene, ScenePicture
+from kinreach.vision.inside import GoalMeasurement
 
 #: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
 ROWS_AHEAD = 256
@@ -131,39 +132,69 @@ class BatchPicture:
         self._picture.close()
 
 
-class Episodes(Protocol):
-    """The episodes of a number of environments: a task without Gymnasium's interface."""
+class Episodes(ABC):
+    """The episodes of a number of environments: a task without Gymnasium's interface.
 
+    Attributes:
+        options: Of the environments.
+        action_space, observation_space: Of one environment.
+        goals: Of the present episodes, such as places in the world [m]; a row for each environment.
+        measurement: The cameras' last measurement of a goal; None where nothing is rendered.
+        fps: Steps a second of motion, for films of them.
+    """
+
+    options: Any
+    goals: Floats
+    action_space: Any
+    observation_space: Any
+    measurement: GoalMeasurement | None = None
+    fps: int = FPS
+
+    @abstractmethod
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generator."""
-        ...
 
+    @abstractmethod
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> Any:
+        """Return the checked options of `reset`: a named tuple of arrays with a row for each environment, or None.
+
+        With a `count` they are those of a batch, else of a single environment.
+        """
+
+    @abstractmethod
+    def check_actions(self, actions: ArrayLike, count: int | None) -> Any:
+        """Return the checked actions of a batch, or the action of a single environment as a row of one."""
+
+    @abstractmethod
     def begin(self, ids: Ids, start: Any = ...) -> None:
-        """Start new episodes of some environments; `start` has the options of `reset`, one row for each of them."""
-        ...
+        """Start new episodes of some environments; `start` is as of `check_start`, with a row for each of them."""
 
+    @abstractmethod
     def step(self, actions: Any, acting: Flags | None = None) -> Outcome:
         """Act in all environments, or in those where `acting` is True."""
-        ...
 
-    def observe(self) -> Floats:
+    @abstractmethod
+    def observe(self) -> Any:
         """Return the observations of all environments."""
-        ...
 
+    @abstractmethod
     def start_info(self, ids: Ids) -> dict[str, Any]:
         """Return the `info` of a reset of some environments, arrays of as many rows.
 
         It has the entries of the `info` of a step, of the same types. What only a step knows is False, 0 or empty.
         """
-        ...
 
-    def goal_info(self, ids: Ids) -> dict[str, Any]:
+    def goal_info(self, rows: Any) -> dict[str, Any]:
         """Return the entries of it about the goals."""
-        ...
+        return {"goal": np.array(self.goals[rows])}
 
-    def close(self) -> None:
-        """Free the renderers of the episodes."""
-        ...
+    def close(self) -> None:  # noqa: B027 (most have none)
+        """Free the renderers of the episodes; here there are none."""
+
+
+def told_terms(terms: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of an `info` with the terms of the reward, as a dictionary and one by one."""
+    return {"reward_terms": terms, **{f"reward_{name}": term for name, term in terms.items()}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,28 +236,33 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
     With `device=`, what `reset` and `step` return are torch tensors on that device, except the texts in `info`;
     actions and options of `reset` may be tensors anyway.
 
+    A subclass has the single environment's `Options`, and its `episodes_class` or `_new_episodes`.
+
     Args:
-        episodes: The task.
         num_envs: Number of environments.
-        action_space, observation_space: Of one environment.
-        check_actions: Checks the actions of `step` and converts them for `episodes`.
-        check_start: Does the same with the options of `reset` without the mask: a tuple of arrays or None.
-        autoreset_mode: Gymnasium's, or its value.
-        picture: Draws one environment, for `render_mode="rgb_array"`.
-        device: Of torch, such as `"cuda"` or `"cpu"`; None for arrays of numpy.
-        numbers_only: Whether `info` has numbers only.
+        threads: Threads that step the dynamics, where there are any.
         max_episode_steps: Steps after which episodes are truncated; None for those of `registered_limit`, -1 for none.
+        autoreset_mode: Gymnasium's, or its value.
+        device: Of torch, such as `"cuda"` or `"cpu"`; None for arrays of numpy.
+        **options: As in the single environment. A `render_mode` is None or `"rgb_array"`, for up to 64 environments,
+            where the batch can be drawn.
 
     Attributes:
-        max_episode_steps: The same; None without a limit.
+        options: As given.
+        episodes: The task.
+        max_episode_steps: None without a limit.
 
     Raises:
-        InputError: Unknown mode, a limit below 1, or no such device.
+        InputError: Invalid options, an unknown mode, a limit below 1, or no such device.
         InstallationError: Tensors without torch.
     """
 
     #: Of the ids of a class.
     registered_limit: ClassVar[int]
+    Options: ClassVar[type[Any]] = EnvOptions
+    episodes_class: ClassVar[type[Any]]
+    options: Any
+    episodes: Any
     max_episode_steps: int | None
 
     metadata = {  # noqa: RUF012 (declared by Gymnasium)
@@ -237,41 +273,53 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
     def __init__(
         self,
-        episodes: Episodes,
-        num_envs: int,
+        num_envs: int = 1,
         *,
-        action_space: spaces.Space[Any],
-        observation_space: spaces.Space[Any],
-        check_actions: Callable[[ArrayLike], Any],
-        check_start: Callable[[Mapping[str, Any] | None], Any],
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        picture: BatchPicture | None = None,
-        device: str | None = None,
-        numbers_only: bool = False,
+        threads: int = 1,
         max_episode_steps: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        device: str | None = None,
+        **options: Any,
     ) -> None:
+        self.options = given = self._checked(options)
+        self.num_envs = check_count("num_envs", num_envs, most=2**17)  # refused before memory is asked for
+        check_count("threads", threads, most=MAX_THREADS)
         self.max_episode_steps = check_limit(max_episode_steps, self.registered_limit)
         try:
             mode = AutoresetMode(autoreset_mode)
         except ValueError:
             names = ", ".join(mode.value for mode in AutoresetMode)
             raise InputError(f"autoreset_mode must be one of {names}, got {shown(autoreset_mode)}") from None
-        self.metadata = {**self.metadata, "autoreset_mode": mode}
-        self.num_envs = num_envs
-        self.render_mode = None if picture is None else "rgb_array"
-        self.single_action_space = action_space
-        self.single_observation_space = observation_space
-        self.action_space = batch_space(action_space, num_envs)
-        self.observation_space = batch_space(observation_space, num_envs)
-        self._episodes = episodes
-        self._check_actions, self._check_start = check_actions, check_start
-        self._mode, self._picture, self._numbers_only = mode, picture, numbers_only
+        self.render_mode = given.render_mode if isinstance(given, DrawnOptions) else None
+        if self.render_mode is not None:
+            check_known("render_mode of a native batch", self.render_mode, self.metadata["render_modes"])
+            if num_envs > MAX_DRAWN:
+                raise InputError(f"a native batch draws at most {MAX_DRAWN} environments, got {num_envs}")
         self._device = None if device is None else as_device(device)
-        self.autoreset_mode = mode  # where TorchRL looks for it
-        self._everyone = np.arange(num_envs)
+        self.episodes = episodes = self._new_episodes(given, threads, device)
+        self._picture = None if self.render_mode is None else self._new_picture()
+        self.metadata = {**self.metadata, "autoreset_mode": mode, "render_fps": episodes.fps}
+        self.single_action_space = episodes.action_space
+        self.single_observation_space = episodes.observation_space
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.autoreset_mode = self._mode = mode  # the first is where TorchRL looks for it
+        self._everyone = np.arange(self.num_envs)
         self._started = False
-        self._ended = np.zeros(num_envs, dtype=np.bool_)
-        self._elapsed = np.zeros(num_envs, dtype=np.int64)  # steps of the present episodes
+        self._ended = np.zeros(self.num_envs, dtype=np.bool_)
+        self._elapsed = np.zeros(self.num_envs, dtype=np.int64)  # steps of the present episodes
+
+    def _checked(self, options: dict[str, Any]) -> EnvOptions:
+        """Check the options."""
+        return options_from(self.Options, options)
+
+    def _new_episodes(self, options: Any, threads: int, device: str | None) -> Episodes:
+        """Return the episodes; those without dynamics need no threads."""
+        return self.episodes_class(options, self.num_envs)
+
+    def _new_picture(self) -> BatchPicture:
+        """Return what draws one environment after the other."""
+        raise InputError(f"a native batch of {type(self).__name__} is not drawn, got render_mode={self.render_mode!r}")
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -289,19 +337,19 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         if isinstance(options, Mapping):
             options = {name: on_host(value) for name, value in options.items()}
         mask, others = self._reset_mask(options)
-        start = self._check_start(others)
+        start = self.episodes.check_start(others, self.num_envs)
         seeds = self._checked_seeds(seed)
         ids = self._everyone if mask is None else np.flatnonzero(mask)
         for index in ids:
             if seeds[index] is not None or not self._started:
-                self._episodes.seed(int(index), seeding.np_random(seeds[index])[0])
+                self.episodes.seed(int(index), seeding.np_random(seeds[index])[0])
         rows = [value if value is None or mask is None else value[ids] for value in start]
         self._begin(ids, type(start)(*rows))
         self._started = True
         self._ended[ids] = False
-        info = self._selected(self._episodes.start_info(self._everyone))
+        info = self._selected(self.episodes.start_info(self._everyone))
         restarted = np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask.copy()
-        return self._handed_out(self._episodes.observe(), self._masked(info, restarted))
+        return self._handed_out(self.episodes.observe(), self._masked(info, restarted))
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
         """Act in all environments.
@@ -314,7 +362,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
                 environment whose episode has ended.
         """
         check_started(self._started)
-        checked = self._check_actions(on_host(actions))
+        checked = self.episodes.check_actions(on_host(actions), self.num_envs)
         if self._mode is AutoresetMode.SAME_STEP:
             return self._step_and_restart(checked)
         acting: Flags | None = None
@@ -331,9 +379,9 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._ended = outcome.terminated | outcome.truncated
         info = self._selected(outcome.info)
         if len(begun):
-            info = with_rows(info, begun, self._selected(self._episodes.start_info(begun)))
+            info = with_rows(info, begun, self._selected(self.episodes.start_info(begun)))
         info = self._masked(info)
-        return self._handed_out(self._episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info)
+        return self._handed_out(self.episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info)
 
     def render(self) -> tuple[Any, ...] | None:
         """With `render_mode="rgb_array"` a frame of each environment, uint8, shape (height, width, 3); else None."""
@@ -343,7 +391,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the graphics memory of cameras and pictures."""
-        self._episodes.close()
+        self.episodes.close()
         if self._picture is not None:
             self._picture.close()
 
@@ -351,7 +399,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         outcome = self._act(actions)
         info = self._selected(outcome.info)
         over = outcome.terminated | outcome.truncated
-        observation = self._episodes.observe()
+        observation = self.episodes.observe()
         final: dict[str, Any] = {}
         if over.any():
             (mask,) = self._handed_out(over)
@@ -363,18 +411,18 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             }
             begun = np.flatnonzero(over)
             self._begin(begun)
-            observation = self._episodes.observe()
-            info = with_rows(info, begun, self._selected(self._episodes.goal_info(begun)))
+            observation = self.episodes.observe()
+            info = with_rows(info, begun, self._selected(self.episodes.goal_info(begun)))
         info = self._masked(info) | final
         return self._handed_out(observation, outcome.reward, outcome.terminated, outcome.truncated, info)
 
     def _begin(self, ids: Ids, *start: Any) -> None:
-        self._episodes.begin(ids, *start)
+        self.episodes.begin(ids, *start)
         self._elapsed[ids] = 0
 
     def _act(self, actions: Any, acting: Flags | None = None) -> Outcome:
         """Step, and truncate the episodes that have taken their steps, whether or not they terminate."""
-        outcome = self._episodes.step(actions, acting)
+        outcome = self.episodes.step(actions, acting)
         self._elapsed += 1 if acting is None else acting
         if self.max_episode_steps is None:
             return outcome
@@ -389,7 +437,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         return values if self._device is None else tuple(on_device(value, self._device) for value in values)
 
     def _selected(self, info: dict[str, Any]) -> dict[str, Any]:
-        return numbers_of(info) if self._numbers_only else info
+        return numbers_of(info) if self.options.info == "numbers" else info
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
@@ -413,14 +461,3 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         if not self._started:
             raise InputError("reset all environments before some of them")
         return mask, {name: value for name, value in options.items() if name != "reset_mask"}
-
-
-def check_batch(num_envs: int, threads: int, render_mode: object) -> int:
-    """Check the number of environments of a batch, of threads and the render mode; return the first."""
-    num_envs = check_count("num_envs", num_envs, most=2**17)  # refused before memory is asked for
-    check_count("threads", threads, most=MAX_THREADS)
-    if render_mode is not None:
-        check_known("render_mode of a native batch", render_mode, NativeVectorEnv.metadata["render_modes"])
-        if num_envs > MAX_DRAWN:
-            raise InputError(f"a native batch draws at most {MAX_DRAWN} environments, got {num_envs}")
-    return num_envs

@@ -6,46 +6,43 @@ judges dense samples of what the arm did.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats, as_vector, check_count, check_number, shown
-from kinreach.envs._options import (
-    about,
-    check_not_over,
-    check_seed,
-    check_started,
-    given_options,
-    options_from,
-    with_options,
-)
+from kinreach._registration import MAX_EPISODE_STEPS, OBSTACLES
+from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, texts
+from kinreach.envs._lift.lift_task import table_of
+from kinreach.envs._options import EnvOptions, about, option_values, with_options
+from kinreach.envs._reach.env import PostureEnv
 from kinreach.envs._reach.reach_task import (
     TOOL_DOWN,
-    UR5_LAYOUT,
-    action_range,
+    ReachOptions,
+    ReachTask,
+    ReachVariant,
     action_space,
     check_actions,
     goal_block,
-    observation_space,
-    tool_goal,
 )
 from kinreach.envs._reach.worlds import STATUS_OF_CAUSE, STATUSES, Status
-from kinreach.envs._single import WithModel
 from kinreach.errors import InputError
-from kinreach.kinematics import AxisGoal, CollisionChecker, URKinematics
+from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.kinematics.inside import MIN_MARGIN, PATH_MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription, Box, get_arm
 from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import Scene, box_names, spare_boxes
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
+Texts = NDArray[np.object_]
+
+#: An action names a posture, all joints go there at once, and the episode goes on.
+WAYPOINT = ReachVariant("waypoint", relative=False, scale=math.pi, two_phase=False, one_action=False)
 #: Numbers of obstacles, one of them an episode.
 CLUTTER, MAX_CLUTTER = (0, 4, 8, 16), 20
 #: Edges of an obstacle across [m], and where its centre is on the table [m].
@@ -65,7 +62,7 @@ TERMS = ("distance", "reached", "collision")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObstaclesOptions:
+class ObstaclesOptions(EnvOptions):
     """Options of `kinreach/Obstacles-v0`."""
 
     clutter: tuple[int, ...] = field(default=CLUTTER, metadata=about("numbers of obstacles, one of them an episode"))
@@ -76,10 +73,8 @@ class ObstaclesOptions:
     )
 
     def __post_init__(self) -> None:
-        given: Any = self.clutter
-        if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-            raise InputError(f"clutter must be a list of at least one number, got {shown(given)}")
-        for count in given:
+        super().__post_init__()
+        for count in self.clutter:
             check_clutter(count)
         low, high = as_vector("heights [m]", self.heights, 2)
         if not 0.0 < low <= high <= 1.0:
@@ -111,23 +106,227 @@ def _checker_among(obstacles: tuple[Box, ...], margin: float) -> CollisionChecke
     return CollisionChecker(_kinematics(), obstacles=around, margin=margin)
 
 
-def _verdict(
-    reached: bool, impossible: bool, reason: str, status: str, target: Floats, paid: Sequence[float]
-) -> dict[str, Any]:
-    """Return what a move led to, as entries of `info`; `paid` are the rewards of `TERMS`."""
-    return {
-        "reached": reached,
-        "is_success": reached,
-        "impossible": impossible,
-        "impossible_reason": reason,
-        "status": status,
-        "target": target,
-        "reward_terms": dict(zip(TERMS, paid, strict=True)),
-    }
+class ObstaclesStart(NamedTuple):
+    """Numbers of obstacles of k episodes, shape (k,); None where they are drawn."""
+
+    clutter: NDArray[np.intp] | None = None
+
+
+class Verdict(NamedTuple):
+    """What k moves led to: whether the goal is reached, why they were impossible, how they ended, what was meant."""
+
+    reached: Flags
+    impossible: Flags
+    reasons: Texts
+    statuses: Texts
+    targets: Floats
+
+
+class ObstaclesEpisodes(Episodes):
+    """The episodes of a number of environments, each with a simulation of its own.
+
+    Attributes:
+        task: What actions and observations mean.
+        kinematics: From the world to the tip.
+        obstacles: Of each environment, without those of the work cell.
+        directions: Where the tools are to point, straight down, shape (count, 3).
+        q: Joint angles [rad], shape (count, 6).
+    """
+
+    def __init__(self, options: ObstaclesOptions, count: int) -> None:
+        self.options, self.count, self.kinematics = options, count, _kinematics()
+        self.task = task = ReachTask(ReachOptions(), WAYPOINT)
+        self.action_space, self.observation_space = action_space(task.arm), task.observation_space
+        self.obstacles: list[tuple[Box, ...]] = [() for _ in range(count)]
+        self.directions = np.tile(TOOL_DOWN, (count, 1))
+        self.goals, self.q = np.zeros((count, 3)), np.tile(task.home, (count, 1))
+        self._rngs = [np.random.default_rng() for _ in range(count)]
+        self._begun = np.zeros(count, dtype=np.bool_)
+        self._simulations: list[ArmSimulation | None] = [None for _ in range(count)]
+        self._observation = np.empty((count, task.layout.size))
+        self._observation[:, task.layout.gripper] = task.gripper_opening
+        self._length, self._time = np.zeros(count), np.zeros(count)
+        self._tips, self._distance, self._posture_error = np.empty((count, 3)), np.empty(count), np.empty(count)
+
+    def simulation(self, index: int, *, visual: bool = False) -> ArmSimulation:
+        """Return the simulation of an environment, with visuals only if it is drawn before anything else needs it."""
+        made = self._simulations[index]
+        if made is None:
+            made = self._simulations[index] = ArmSimulation(THESIS_ARM, visual=visual, boxes=MAX_CLUTTER)
+            self._follow(index)
+        return made
+
+    def _follow(self, index: int) -> None:
+        """Put the simulation of an environment into the start of the episode, if there are both."""
+        simulation = self._simulations[index]
+        if simulation is None:
+            return
+        simulation.reset()
+        if self._begun[index]:
+            simulation.put_boxes(self.obstacles[index])
+            simulation.place_ball(self.goals[index])
+
+    def checker(self, index: int, margin: float = 0.0) -> CollisionChecker:
+        """Return the collision checker of an environment; without a margin [m] it is the exact verdict."""
+        return _checker_among(self.obstacles[index], margin)
+
+    def goal_postures(self, index: int) -> Floats:
+        """Return the postures at the ball that keep the margin [rad], shape (k, 6): every branch, at eight turns."""
+        clearance, found, home = self.checker(index, self.options.margin), [], self.task.home
+        for turn in np.arange(8) * np.pi / 8:  # the two fingers are alike
+            solutions = self.kinematics.axis_solutions(self.goals[index], TOOL_DOWN, seed=[*home[:-1], home[-1] + turn])
+            found += [q for q in solutions.q if clearance.free(q)]
+        return np.array(found).reshape(-1, len(home))
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        self._rngs[index] = rng
+
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> ObstaclesStart:
+        return ObstaclesStart(*option_values(options, {"clutter": check_clutter}, count))
+
+    def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
+        return check_actions(actions, count)
+
+    def begin(self, ids: Ids, start: ObstaclesStart = ObstaclesStart()) -> None:  # noqa: B008 (immutable)
+        """Draw other scenes; the arms stand in their start posture."""
+        home = self.task.home
+        for row, index in enumerate(ids):
+            drawn = self._rngs[index].choice(self.options.clutter)
+            count = int(drawn if start.clutter is None else start.clutter[row])
+            for _ in range(MAX_DRAWS):
+                self.obstacles[index], self.goals[index] = self.scene(self._rngs[index], count)
+                if self.checker(index, self.options.margin).free(home) and len(self.goal_postures(index)):
+                    break
+            else:
+                raise InputError(f"none of {MAX_DRAWS} scenes with {count} obstacles has a free goal; choose fewer")
+            self.q[index], self._length[index], self._time[index], self._begun[index] = home, 0.0, 0.0, True
+            self._observation[index, self.task.layout.goal] = goal_block(self.task.arm, self.goals[[index]])[0]
+            self._measure(index)
+            self._follow(index)
+
+    def scene(self, rng: np.random.Generator, count: int) -> tuple[tuple[Box, ...], Floats]:
+        """Draw a number of obstacles, and the ball [m], shape (3,)."""
+        cell = self.task.arm.workcell
+        _, top = table_of(cell.obstacles)
+        goal = cell.draw_goals(rng, 1)[0]
+        boxes: list[Box] = []
+        while len(boxes) < count:
+            x, y = rng.uniform(*X), rng.uniform(*Y)
+            wide, deep, height = rng.uniform(*EDGE), rng.uniform(*EDGE), rng.uniform(*self.options.heights)
+            beside = np.abs(goal[:2] - (x, y)) - (wide / 2, deep / 2)
+            if np.linalg.norm(beside.clip(0.0)) >= FROM_BALL:
+                boxes.append(Box(box_names(count)[len(boxes)], (wide, deep, height), (x, y, top + height / 2)))
+        return tuple(boxes), goal
+
+    def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
+        """Go to postures, in all environments or where `acting` is True."""
+        acting = np.ones(self.count, dtype=np.bool_) if acting is None else acting
+        targets = np.where(acting[:, None], self.task.targets(self.q, actions), self.q)
+        ends, statuses, reasons = np.abs(targets - self.q).max(axis=1) < STANDING, texts(self.count), texts(self.count)
+        for index in np.flatnonzero(acting):
+            statuses[index] = MISSED
+            if not ends[index]:
+                statuses[index], reasons[index] = self._move(index, targets[index])
+                self._measure(index)
+        impossible = reasons != ""
+        near = (self._distance < REACHED_DISTANCE) & (self._posture_error < REACHED_POSTURE_ERROR)
+        reached = acting & near & ~impossible
+        statuses[reached] = str(STATUSES[Status.COMPLETED])
+        verdict = Verdict(reached, impossible, reasons, statuses, targets)
+        return self._outcome(verdict, reached | impossible | ends, collided=impossible).of(acting)
+
+    def forfeit(self, reason: str) -> Outcome:
+        """Return the verdict on agents that find no path: impossible, the arms stay, the episodes end."""
+        everyone, word = np.ones(self.count, dtype=np.bool_), STATUSES[Status.FORFEITED]
+        reasons, statuses = (np.full(self.count, text, dtype=object) for text in (reason, word))
+        verdict = Verdict(~everyone, everyone, reasons, statuses, self.q.copy())
+        return self._outcome(verdict, everyone, collided=~everyone)
+
+    def _outcome(self, verdict: Verdict, ends: Flags, *, collided: Flags) -> Outcome:
+        paid = -self._distance, verdict.reached.astype(float), np.where(collided, -1.0, 0.0)
+        info = self._info(slice(None), verdict, dict(zip(TERMS, paid, strict=True)))
+        return Outcome(paid[0] + paid[1] + paid[2], ends, np.zeros_like(ends), info)
+
+    def _move(self, index: int, target: Floats) -> tuple[str, str]:
+        """Move to a posture; return a status, and why it was impossible, if it was."""
+        simulation, now = self.simulation(index), self.q[index].copy()
+        taken, shown = [now], simulation.watch
+
+        def watch() -> None:
+            taken.append(simulation.q)
+            if shown is not None:
+                shown()
+
+        simulation.watch = watch
+        try:
+            moved = simulation.move(target, two_phase=False)
+        finally:
+            simulation.watch = shown
+        self._length[index] += float(np.linalg.norm(target - now))
+        self._time[index] += moved.duration
+        samples, checker = self._dense(np.array(taken)), self.checker(index)
+        causes = checker.causes(samples)
+        if causes.any():
+            first = int((causes != 0).argmax())
+            self.q[index] = samples[first]
+            return str(STATUSES[STATUS_OF_CAUSE[causes[first]]]), checker.reason(samples[first])
+        self.q[index] = moved.q
+        return MISSED if moved.reached else moved.status.value, moved.reason
+
+    def _dense(self, taken: Floats) -> Floats:
+        """Sample the straight lines through postures (m, 6) every `DENSE`."""
+        ways = np.concatenate([[0.0], np.abs(np.diff(taken, axis=0)).max(axis=1).cumsum()])
+        at = np.linspace(0.0, ways[-1], 1 + int(np.ceil(ways[-1] / DENSE)))
+        q = np.column_stack([np.interp(at, ways, angles) for angles in taken.T])
+        # a joint that stops at its limit may be beyond it by a rounding error, which is not a collision
+        return np.clip(q, self.kinematics.lower, self.kinematics.upper)
+
+    def _measure(self, index: int) -> None:
+        T = self.kinematics.fk(self.q[index])
+        self._tips[index], self._distance[index] = T[:3, 3], np.linalg.norm(T[:3, 3] - self.goals[index])
+        self._posture_error[index] = np.arctan2(np.linalg.norm(T[:2, 2]), -T[2, 2])
+
+    def observe(self) -> Floats:
+        self._observation[:, self.task.layout.q] = self.q
+        return self._observation.copy()
+
+    def goal_info(self, rows: Any) -> dict[str, Any]:
+        obstacles = [self.obstacles[index] for index in np.arange(self.count)[rows]]
+        all_boxes = ([*own, *spare_boxes(MAX_CLUTTER)[len(own) :]] for own in obstacles)
+        return {
+            "goal": np.array(self.goals[rows]),
+            "seen": np.array(self.goals[rows]),
+            "clutter": np.array([len(own) for own in obstacles]),
+            "obstacles": np.array([[(*box.position, *box.size) for box in boxes] for boxes in all_boxes]),
+        }
+
+    def start_info(self, ids: Ids) -> dict[str, Any]:
+        nothing, terms = np.zeros(len(ids), dtype=np.bool_), {name: np.zeros(len(ids)) for name in TERMS}
+        verdict = Verdict(nothing, nothing, texts(len(ids)), texts(len(ids)), self.q[ids])
+        return self._info(ids, verdict, terms)
+
+    def _info(self, rows: Any, verdict: Verdict, terms: dict[str, Floats]) -> dict[str, Any]:
+        """Return the `info` of some environments; the verdict and the terms have as many rows."""
+        return {
+            **self.goal_info(rows),
+            "q": np.array(self.q[rows]),
+            "tip": np.array(self._tips[rows]),
+            "distance": np.array(self._distance[rows]),
+            "posture_error": np.array(self._posture_error[rows]),
+            "length": np.array(self._length[rows]),
+            "move_s": np.array(self._time[rows]),
+            "reached": verdict.reached,
+            "is_success": verdict.reached,
+            "impossible": verdict.impossible,
+            "impossible_reason": verdict.reasons,
+            "status": verdict.statuses,
+            "target": verdict.targets,
+            "reward_terms": terms,
+        }
 
 
 @with_options(ObstaclesOptions)
-class ObstaclesEnv(WithModel, gym.Env[Any, Any]):
+class ObstaclesEnv(PostureEnv):
     """A UR5 reaches a ball on a table with obstacles, from waypoint to waypoint.
 
     ## Description
@@ -191,21 +390,19 @@ class ObstaclesEnv(WithModel, gym.Env[Any, Any]):
     Attributes:
         options: As given.
         kinematics: From the world to the tip.
-        obstacles: Of this episode, without those of the work cell.
     """
 
-    def __init__(self, **options: Any) -> None:
-        self.options = options_from(ObstaclesOptions, options)
-        arm = get_arm(THESIS_ARM)
-        self.kinematics = _kinematics()
-        self.action_space = action_space(arm)
-        self.observation_space: spaces.Box = observation_space(arm)
-        self.obstacles: tuple[Box, ...] = ()
-        self._home = np.array(arm.home)
-        gripper: Any = arm.gripper
-        self._opening = gripper.opening
-        self._started = self._over = False
-        self._simulation: ArmSimulation | None = None
+    episodes_class = ObstaclesEpisodes
+
+    @property
+    def kinematics(self) -> URKinematics:
+        return _kinematics()
+
+    @property
+    def obstacles(self) -> tuple[Box, ...]:
+        """Those of this episode, without those of the work cell."""
+        boxes: tuple[Box, ...] = self.episodes.obstacles[0]
+        return boxes
 
     @property
     def arm(self) -> ArmDescription:
@@ -225,30 +422,13 @@ class ObstaclesEnv(WithModel, gym.Env[Any, Any]):
     @property
     def scene(self) -> Scene:
         """The simulation that is drawn; it looks good if it is asked for before the first move."""
-        return self._moving(visual=True)
+        scene: Scene = self.episodes.simulation(0, visual=True)
+        return scene
 
     @property
     def _dynamics(self) -> Scene:
-        return self._moving(visual=False)
-
-    def _moving(self, *, visual: bool) -> ArmSimulation:
-        """The simulation, with visuals only if it is drawn before anything else needs it."""
-        if self._simulation is None:
-            self._simulation = ArmSimulation(THESIS_ARM, visual=visual, boxes=MAX_CLUTTER)
-            self._follow(self._simulation)
-        return self._simulation
-
-    def _follow(self, simulation: ArmSimulation) -> None:
-        """Put a simulation into the start of the episode, if there is one."""
-        simulation.reset()
-        if self._started:
-            simulation.put_boxes(self.obstacles)
-            simulation.place_ball(self._goal)
-
-    @property
-    def home(self) -> Floats:
-        """The start posture [rad], shape (6,)."""
-        return self._home.copy()
+        scene: Scene = self.episodes.simulation(0)
+        return scene
 
     def accept(self, q: ArrayLike) -> bool:
         """Return whether a posture [rad], shape (6,), keeps the margin from everything.
@@ -258,173 +438,15 @@ class ObstaclesEnv(WithModel, gym.Env[Any, Any]):
         """
         return self.clearance.free(q)
 
-    def posture_for(self, action: ArrayLike) -> Floats:
-        """Return the posture [rad], shape (6,), that an action asks for.
-
-        Raises:
-            InputError: Wrong shape, or not finite.
-        """
-        half, middle = action_range(get_arm(THESIS_ARM))
-        return np.asarray(half * check_actions(action, None) + middle)
-
-    def action_for(self, q: ArrayLike) -> Floats:
-        """Return the action that asks for a posture [rad], shape (6,).
-
-        Raises:
-            InputError: Wrong shape, or not finite.
-        """
-        half, middle = action_range(get_arm(THESIS_ARM))
-        return np.asarray((as_vector("q", q, len(half)) - middle) / half)
-
-    def ik_goal(self, position: ArrayLike) -> AxisGoal:
-        """Return the goal of a solver: the tip at a point of the world [m], the tool down.
-
-        Raises:
-            InputError: Wrong shape, or not finite.
-        """
-        return tool_goal(get_arm(THESIS_ARM), position)  # type: ignore[return-value]
-
-    def waypoints_to(self, q: Floats, target: Floats) -> list[Floats]:
-        """Return the postures that a move passes [rad]: only the target."""
-        return [target]
-
     def goal_postures(self) -> Floats:
         """Return the postures at the ball that keep the margin [rad], shape (k, 6): every branch, at eight turns."""
-        clearance, found = self.clearance, []
-        for turn in np.arange(8) * np.pi / 8:  # the two fingers are alike
-            seed = [*self._home[:-1], self._home[-1] + turn]
-            solutions = self.kinematics.axis_solutions(self._goal, TOOL_DOWN, seed=seed)
-            found += [q for q in solutions.q if clearance.free(q)]
-        return np.array(found).reshape(-1, len(self._home))
+        postures: Floats = self.episodes.goal_postures(0)
+        return postures
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Draw another scene; the arm stands in its start posture.
 
-        Args:
-            seed: Of the ball and the obstacles.
-            options: `"clutter"`: the number of obstacles, instead of a drawn one.
+class ObstaclesVectorEnv(NativeVectorEnv):
+    """A batch of `kinreach/Obstacles-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ..."""
 
-        Raises:
-            InputError: An invalid seed, an unknown option, or a number of obstacles that is not from 0 to 20.
-        """
-        seed, given = check_seed(seed), given_options(options, ("clutter",))
-        super().reset(seed=seed)
-        drawn = int(self.np_random.choice(self.options.clutter))
-        count = check_clutter(given.get("clutter", drawn))
-        for _ in range(MAX_DRAWS):
-            self.obstacles, self._goal = self._scene(count)
-            if self.clearance.free(self._home) and len(self.goal_postures()):
-                break
-        else:
-            raise InputError(f"none of {MAX_DRAWS} scenes with {count} obstacles has a free goal; choose fewer")
-        self._q, self._length, self._time = self._home.copy(), 0.0, 0.0
-        self._started, self._over = True, False
-        if self._simulation is not None:
-            self._follow(self._simulation)
-        unknown = _verdict(False, False, "", "", self._q.copy(), len(TERMS) * (0.0,))
-        return self._observe(), {**self._state(), **unknown}
-
-    def _scene(self, count: int) -> tuple[tuple[Box, ...], Floats]:
-        rng, cell = self.np_random, get_arm(THESIS_ARM).workcell
-        table = next(box for box in cell.obstacles if box.name == "table")
-        top = table.position[2] + table.size[2] / 2
-        goal = cell.draw_goals(rng, 1)[0]
-        boxes: list[Box] = []
-        while len(boxes) < count:
-            x, y = rng.uniform(*X), rng.uniform(*Y)
-            wide, deep, height = rng.uniform(*EDGE), rng.uniform(*EDGE), rng.uniform(*self.options.heights)
-            beside = np.abs(goal[:2] - (x, y)) - (wide / 2, deep / 2)
-            if np.linalg.norm(beside.clip(0.0)) >= FROM_BALL:
-                boxes.append(Box(box_names(count)[len(boxes)], (wide, deep, height), (x, y, top + height / 2)))
-        return tuple(boxes), goal
-
-    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Go to a posture.
-
-        Raises:
-            InputError: Wrong shape, a value that is not finite, or a step before the first reset or after the last.
-        """
-        check_started(self._started)
-        check_not_over(self._over)
-        target = self.posture_for(action)
-        way = float(np.abs(target - self._q).max())
-        status, reason = (MISSED, "") if way < STANDING else self._move(target)
-        state = self._state()
-        near = state["distance"] < REACHED_DISTANCE and state["posture_error"] < REACHED_POSTURE_ERROR
-        reached = near and not reason
-        paid = -state["distance"], float(reached), -float(bool(reason))
-        self._over = reached or bool(reason) or way < STANDING
-        verdict = _verdict(reached, bool(reason), reason, "completed" if reached else status, target, paid)
-        return self._observe(), sum(paid), self._over, False, {**state, **verdict}
-
-    def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """End the episode of an agent that finds no path; the arm stays where it is.
-
-        Args:
-            reason: Why, for `info["impossible_reason"]`.
-
-        Returns:
-            As `step`.
-        """
-        check_started(self._started)
-        state, self._over = self._state(), True
-        paid = -state["distance"], 0.0, 0.0
-        verdict = _verdict(False, True, str(reason), str(STATUSES[Status.FORFEITED]), self._q.copy(), paid)
-        return self._observe(), sum(paid), True, False, {**state, **verdict}
-
-    def _move(self, target: Floats) -> tuple[str, str]:
-        """Move to a posture; return a status, and why it was impossible, if it was."""
-        simulation = self._moving(visual=False)
-        taken, shown = [self._q], simulation.watch
-
-        def watch() -> None:
-            taken.append(simulation.q)
-            if shown is not None:
-                shown()
-
-        simulation.watch = watch
-        try:
-            moved = simulation.move(target, two_phase=False)
-        finally:
-            simulation.watch = shown
-        self._length += float(np.linalg.norm(target - self._q))
-        self._time += moved.duration
-        samples = self._dense(np.array(taken))
-        causes = self.checker.causes(samples)
-        if causes.any():
-            first = int((causes != 0).argmax())
-            self._q = samples[first]
-            return str(STATUSES[STATUS_OF_CAUSE[causes[first]]]), self.checker.reason(self._q)
-        self._q = moved.q
-        return MISSED if moved.reached else moved.status.value, moved.reason
-
-    def _dense(self, taken: Floats) -> Floats:
-        """Sample the straight lines through postures (m, 6) every `DENSE`."""
-        ways = np.concatenate([[0.0], np.abs(np.diff(taken, axis=0)).max(axis=1).cumsum()])
-        at = np.linspace(0.0, ways[-1], 1 + int(np.ceil(ways[-1] / DENSE)))
-        q = np.column_stack([np.interp(at, ways, angles) for angles in taken.T])
-        # a joint that stops at its limit may be beyond it by a rounding error, which is not a collision
-        return np.clip(q, self.kinematics.lower, self.kinematics.upper)
-
-    def _observe(self) -> Floats:
-        observation = np.empty(UR5_LAYOUT.size)
-        observation[UR5_LAYOUT.goal] = goal_block(get_arm(THESIS_ARM), self._goal[None])[0]
-        observation[UR5_LAYOUT.q] = self._q
-        observation[UR5_LAYOUT.gripper] = self._opening
-        return observation
-
-    def _state(self) -> dict[str, Any]:
-        T = self.kinematics.fk(self._q)
-        boxes = [*self.obstacles, *spare_boxes(MAX_CLUTTER)[len(self.obstacles) :]]
-        return {
-            "goal": self._goal.copy(),
-            "seen": self._goal.copy(),
-            "q": self._q.copy(),
-            "tip": T[:3, 3].copy(),
-            "distance": float(np.linalg.norm(T[:3, 3] - self._goal)),
-            "posture_error": float(np.arctan2(np.linalg.norm(T[:2, 2]), -T[2, 2])),
-            "clutter": len(self.obstacles),
-            "obstacles": np.array([(*box.position, *box.size) for box in boxes]),
-            "length": self._length,
-            "move_s": self._time,
-        }
+    registered_limit = MAX_EPISODE_STEPS[OBSTACLES]
+    Options = ObstaclesOptions
+    episodes_class = ObstaclesEpisodes

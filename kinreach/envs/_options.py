@@ -3,21 +3,37 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import MISSING, fields
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, TypeVar
 
-from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_count, check_entries, shown
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import (
+    MAX_DISTANCE,
+    Floats,
+    as_floats,
+    check_count,
+    check_entries,
+    check_known,
+    check_number,
+    shown,
+)
 from kinreach.errors import InputError, UnknownOptionError
+from kinreach.kinematics.inside import MARGIN
+from kinreach.robots import THESIS_ARM, ArmDescription
+from kinreach.vision import SensorNoise
+from kinreach.vision.inside import PIPELINES
 
 Options = TypeVar("Options")
 Environment = TypeVar("Environment", bound=type)
 
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
-RENDER_MODES_TEXT = '`"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"`'
+#: Ways to observe a goal and to move an arm.
+OBSERVATION_KINDS, ARM_BACKENDS = ("camera", "geometric", "pixels"), ("mujoco", "kinematic")
 #: What `info` holds.
 INFOS = ("all", "numbers")
-INFOS_TEXT = '`"all"`, or only `"numbers"`: no texts, and no dictionary of the reward\'s terms (for TorchRL)'
 #: Where the table of the options goes in a docstring.
 PLACE = "<table of the options>"
 
@@ -33,9 +49,102 @@ def about(description: str, *, observation: str = "", flag: str | None = "") -> 
     return {"description": description, "observation": observation, "flag": flag}
 
 
+@dataclass(frozen=True, kw_only=True)
+class EnvOptions:
+    """Options of every environment. One whose default is a tuple takes a list of at least one."""
+
+    info: str = field(
+        default="all",
+        metadata=about(
+            '`"all"`, or only `"numbers"`: no texts, and no dictionary of the reward\'s terms (for TorchRL)', flag=None
+        ),
+    )
+
+    def __post_init__(self) -> None:
+        check_known("info", self.info, INFOS)
+        for entry in fields(self):
+            if isinstance(entry.default, tuple):
+                given: Any = getattr(self, entry.name)
+                if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray) or not len(given):
+                    what = "name" if isinstance(entry.default[0], str) else "number"
+                    raise InputError(f"{entry.name} must be a list of at least one {what}, got {shown(given)}")
+                object.__setattr__(self, entry.name, tuple(given))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnOptions(EnvOptions):
+    """Options of environments that are drawn."""
+
+    render_mode: str | None = field(
+        default=None,
+        metadata=about('`"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"`'),
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.render_mode is not None:
+            check_known("render_mode", self.render_mode, RENDER_MODES)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraOptions(DrawnOptions):
+    """Options of environments in which an arm may see its goal with cameras."""
+
+    observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
+    backend: str = field(default="mujoco", metadata=about('`"mujoco"` (dynamics) or `"kinematic"`'))
+    arm: str | ArmDescription = field(
+        default=THESIS_ARM, metadata=about("name of a registered arm, or an `ArmDescription`")
+    )
+    margin: float = field(
+        default=MARGIN,
+        metadata=about(
+            "parts that are nearer count as colliding where `accept` and the kinematic backend judge a posture [m]; "
+            "under dynamics contacts decide"
+        ),
+    )
+    pipeline: str = field(
+        default="hybrid",
+        metadata=about('how the ball is found: `"hybrid"` or the thesis\'s own, `"thesis"`', observation="camera"),
+    )
+    width: int = field(default=640, metadata=about("width of the cameras' images [px]", observation="camera"))
+    height: int = field(default=360, metadata=about("height of the cameras' images [px]", observation="camera"))
+    rgb_noise: float = field(
+        default=0.0, metadata=about("standard deviation of the colours' noise [levels of 255]", observation="camera")
+    )
+    depth_noise: float = field(
+        default=0.0, metadata=about("standard deviation of the depth's noise [m]", observation="camera")
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_known("observation", self.observation, OBSERVATION_KINDS)
+        check_known("backend", self.backend, self._backends)
+        check_known("pipeline", self.pipeline, PIPELINES)
+        for name in ("width", "height"):
+            check_count(f"{name} [px]", getattr(self, name), least=16, most=16384)
+        check_number("rgb_noise", self.rgb_noise, least=0.0, most=255.0)
+        check_number("depth_noise", self.depth_noise, least=0.0, most=1.0)
+        check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
+
+    @property
+    def _backends(self) -> Sequence[str]:
+        return ARM_BACKENDS
+
+    @property
+    def noise(self) -> SensorNoise:
+        """Noise of the cameras, from `rgb_noise` and `depth_noise`."""
+        return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise)
+
+
+def _specific_first(kind: type[Any]) -> list[Field[Any]]:
+    """Return the fields of a class of options, those that many environments have at the end."""
+    common = [entry.name for entry in fields(DrawnOptions)]
+    return sorted(fields(kind), key=lambda entry: entry.name in common)
+
+
 def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:
     """Make the options of an environment from its keywords."""
-    available = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
+    available = [entry.name for entry in _specific_first(kind)]
     if unknown := [name for name in given if name not in available]:
         names = ", ".join(map(repr, unknown))  # the wording is Python's: TorchRL looks for it
         limit = "; the limit of steps is Gymnasium's, max_episode_steps=" if "max_steps" in unknown else ""
@@ -49,7 +158,7 @@ def with_options(kind: type[Any]) -> Callable[[Environment], Environment]:
     """Decorate an environment's class: set its `Options`, its signature and the table in its docstring."""
     rows = [
         f"| `{entry.name}` | `{_quoted(entry.default)}` | {entry.metadata['description']} |"
-        for entry in fields(kind)
+        for entry in _specific_first(kind)
         if entry.default is not MISSING
     ]
     table = "\n    ".join(["| Parameter | Default | Description |", "|-----------|---------|-------------|", *rows])
@@ -101,6 +210,43 @@ def option_rows(
     return tuple(rows)
 
 
+def option_values(
+    options: Mapping[str, Any] | None, checks: Mapping[str, Callable[[Any], Any]], count: int | None
+) -> tuple[NDArray[Any] | None, ...]:
+    """Return the options of `reset(options=...)` that are one value, such as a name, as `option_rows` does.
+
+    Each is checked by its function, which returns it. In a batch one value may stand for all environments.
+    """
+    given = given_options(options, checks)
+    columns: list[NDArray[Any] | None] = []
+    for name, check in checks.items():
+        value = given.get(name)
+        if value is None:
+            columns.append(None)
+            continue
+        one = count is None or isinstance(value, str) or np.ndim(value) == 0
+        values = (count or 1) * [value] if one else list(value)
+        if len(values) != (count or 1):
+            raise InputError(f"{name} must have a value for each of {count} environments, got {len(values)}")
+        columns.append(np.array([check(each) for each in values]))
+    return tuple(columns)
+
+
+def check_box_actions(actions: ArrayLike, shape: tuple[int, ...], count: int | None) -> Floats:
+    """Return actions in [-1, 1] of a batch, shape (count, *shape), or that of one environment as a row of one.
+
+    What is outside [-1, 1] is clipped.
+    """
+    values, wanted = as_floats("action", actions), shape if count is None else (count, *shape)
+    if values.shape != wanted:
+        raise InputError(f"action must have shape {wanted}, got {values.shape}")
+    if not (values.min() >= -1.0 and values.max() <= 1.0):
+        if not np.isfinite(values).all():
+            raise InputError("action must be finite")
+        values = np.clip(values, -1.0, 1.0)
+    return values[None] if count is None else values
+
+
 def check_seed(seed: object) -> int | None:
     """Check the seed of an environment; NumPy's integers are valid too."""
     return None if seed is None else check_count("seed", seed, least=0)
@@ -122,8 +268,3 @@ def check_limit(max_episode_steps: object, registered: int) -> int | None:
 def check_started(started: bool) -> None:
     if not started:
         raise InputError("reset the environment before its first step")
-
-
-def check_not_over(over: bool) -> None:
-    if over:
-        raise InputError("the episode is over; reset the environment")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium as gym
 import numpy as np
@@ -14,13 +14,13 @@ from gymnasium.wrappers import RecordVideo
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
-from kinreach.envs._batch import Ids, Outcome, first_row, numbers_of
-from kinreach.envs._options import check_seed, check_started
+from kinreach.envs._batch import Episodes, Ids, Outcome, first_row, numbers_of
+from kinreach.envs._options import RENDER_MODES, EnvOptions, check_seed, check_started, options_from
 from kinreach.errors import InputError, NoDynamicsError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription
 from kinreach.sim import ArmSimulation
-from kinreach.sim.inside import Scene, ScenePicture
+from kinreach.sim.inside import FPS, Scene, ScenePicture
 from kinreach.vision.inside import GoalMeasurement
 
 #: The environments of episodes with a count of one.
@@ -62,10 +62,33 @@ class WithModel:
 
 
 class SingleEnv(WithModel, gym.Env[Any, Any]):
-    """One environment of a task; a subclass sets `_episodes`, with a count of one, and the spaces."""
+    """One environment of a task; a subclass has its `Options`, and its `episodes_class` or `_new_episodes`.
 
-    _episodes: Any
+    Attributes:
+        options: As given.
+        episodes: The task.
+        goes_on: Whether an episode that has ended may be stepped on.
+    """
+
+    Options: ClassVar[type[Any]] = EnvOptions
+    episodes_class: ClassVar[type[Any]]
+    goes_on: ClassVar[bool] = False
+    options: Any
+    episodes: Any
     _started = _over = False
+
+    def __init__(self, **options: Any) -> None:
+        self.options = self._checked(options)
+        self.episodes = self._new_episodes(self.options)
+        self.action_space = self.episodes.action_space
+        self.observation_space = self.episodes.observation_space
+
+    def _checked(self, options: dict[str, Any]) -> EnvOptions:
+        """Check the options."""
+        return options_from(self.Options, options)
+
+    def _new_episodes(self, options: Any) -> Episodes:
+        return self.episodes_class(options, 1)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode.
@@ -77,31 +100,26 @@ class SingleEnv(WithModel, gym.Env[Any, Any]):
         Raises:
             InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.
         """
-        seed, start = check_seed(seed), self._check_start(options)
+        seed, start = check_seed(seed), self.episodes.check_start(options, None)
         super().reset(seed=seed)
         if seed is not None or not self._started:
-            self._episodes.seed(0, self.np_random)
-        self._episodes.begin(ONLY, start)
+            self.episodes.seed(0, self.np_random)
+        self.episodes.begin(ONLY, start)
         self._started, self._over = True, False
         self._follow()
-        return self._observe(), self._info(self._episodes.start_info(ONLY))
+        return self._observe(), self._info(self.episodes.start_info(ONLY))
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Act once.
 
         Raises:
-            InputError: An action that is not in the action space, or a step before the first reset.
+            InputError: An action that is not in the action space, or a step before the first reset, or, unless the
+                episode `goes_on`, after its end.
         """
         check_started(self._started)
-        return self._answer(self._episodes.step(self._check_action(action)))
-
-    @abstractmethod
-    def _check_start(self, options: Mapping[str, Any] | None) -> Any:
-        """Check the options of `reset` and convert them for the episodes."""
-
-    @abstractmethod
-    def _check_action(self, action: ArrayLike) -> Any:
-        """Check an action and convert it for the episodes."""
+        if self._over and not self.goes_on:
+            raise InputError("the episode is over; reset the environment")
+        return self._answer(self.episodes.step(self.episodes.check_actions(action, None)))
 
     def _follow(self) -> None:
         """Update the drawn scene after a reset; of an `ArmEnv` after a step, too."""
@@ -112,11 +130,28 @@ class SingleEnv(WithModel, gym.Env[Any, Any]):
         return self._observe(), float(outcome.reward[0]), terminated, truncated, self._info(outcome.info)
 
     def _observe(self) -> Any:
-        observed = self._episodes.observe()
+        observed = self.episodes.observe()
         return {name: rows[0] for name, rows in observed.items()} if isinstance(observed, Mapping) else observed[0]
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
-        return first_row(info)
+        row = first_row(info)
+        return numbers_of(row) if self.options.info == "numbers" else row
+
+
+class ForfeitEnv(SingleEnv):
+    """An environment whose agents may find no action."""
+
+    def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """End the episode of an agent that finds no action: impossible, and the arm stays where it is.
+
+        Args:
+            reason: Why, for `info["impossible_reason"]`.
+
+        Returns:
+            As `step`.
+        """
+        check_started(self._started)
+        return self._answer(self.episodes.forfeit(str(reason)))
 
 
 class DrawnEnv(SingleEnv, EzPickle):
@@ -125,8 +160,19 @@ class DrawnEnv(SingleEnv, EzPickle):
     Copies and pickles keep only the options, as in Gymnasium: reset the result before its first step.
     """
 
-    options: Any
-    _picture: ScenePicture | None
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012 (declared by Gymnasium)
+
+    def __init__(self, **options: Any) -> None:
+        EzPickle.__init__(self, **options)
+        super().__init__(**options)
+        self.render_mode = self.options.render_mode
+        self.metadata = {**self.metadata, "render_fps": self.episodes.fps}
+        self._picture = None if self.render_mode is None else ScenePicture(self.scene, mode=self.render_mode)
+
+    @property
+    @abstractmethod
+    def scene(self) -> Scene:
+        """What `render` draws."""
 
     def __getstate__(self) -> dict[str, Any]:
         return {**super().__getstate__(), "spec": self.spec}
@@ -146,13 +192,9 @@ class DrawnEnv(SingleEnv, EzPickle):
 
     def close(self) -> None:
         """Close the viewer and free the renderers; further calls do nothing."""
-        self._episodes.close()
+        self.episodes.close()
         if self._picture is not None:
             self._picture.close()
-
-    def _info(self, info: dict[str, Any]) -> dict[str, Any]:
-        row = first_row(info)
-        return numbers_of(row) if self.options.info == "numbers" else row
 
 
 class ArmEnv(DrawnEnv):
@@ -173,7 +215,7 @@ class ArmEnv(DrawnEnv):
     @property
     def measurement(self) -> GoalMeasurement | None:
         """The cameras' last measurement of the goal, with pictures and circles; None where nothing is rendered."""
-        found: GoalMeasurement | None = self._episodes.measurement
+        found: GoalMeasurement | None = self.episodes.measurement
         return found
 
     @cached_property

@@ -5,28 +5,25 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.envs.registration import register
-from gymnasium.utils import EzPickle
-from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, as_array, as_floats, check_count, check_flag, check_known, check_number, shown
 from kinreach._objects import load_object
-from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, RowStreams, check_batch
+from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, RowStreams, told_terms
 from kinreach.envs._lift.lift_task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
-from kinreach.envs._options import INFOS, RENDER_MODES, check_not_over, option_rows
+from kinreach.envs._options import DrawnOptions, check_box_actions, option_rows
 from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, joint_limits
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, Gripper
 from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim.inside import BALL, BALL_GROUP, BEYOND_LIMIT, CUBE, FPS, SHAPES, Grasping, Objects, ScenePicture
+from kinreach.sim.inside import BALL, BALL_GROUP, BEYOND_LIMIT, CUBE, SHAPES, Grasping, Objects
 
 #: Of the ball that marks a goal, beside objects that may be red.
 GOAL_COLOUR = (0.10, 0.70, 0.20, 0.6)
@@ -155,23 +152,31 @@ _ALL_DRAWN = _Start()
 
 
 @dataclass(frozen=True, kw_only=True)
-class TabletopOptions:
-    """Options of every environment of this kind, beside those of its task."""
+class TabletopOptions(DrawnOptions):
+    """Options of every environment of this kind.
+
+    Attributes:
+        task: The class of the task, or its name.
+        arguments: Of that class.
+    """
 
     backend: ClassVar[str] = "mujoco"
-    render_mode: str | None = None
-    info: str = "all"
+    task: type[TabletopTask] | str
+    arguments: Mapping[str, Any]
 
-    def __post_init__(self) -> None:
-        check_known("info", self.info, INFOS)
-        if self.render_mode is not None:
-            check_known("render_mode", self.render_mode, RENDER_MODES)
+    @classmethod
+    def of(cls, options: Mapping[str, Any]) -> TabletopOptions:
+        """Return the options of an environment, the arguments of its task among them."""
+        own = {"task", "info", "render_mode"}
+        arguments = {name: value for name, value in options.items() if name not in own}
+        return cls(arguments=arguments, **{name: value for name, value in options.items() if name in own})
 
 
 class _Setup:
     """A task on its arm: what one environment and a batch of it have in common."""
 
-    def __init__(self, task: type[TabletopTask] | str, given: Mapping[str, Any]) -> None:
+    def __init__(self, options: TabletopOptions) -> None:
+        task, given = options.task, options.arguments
         kind = _checked_class(load_object("task", task) if isinstance(task, str) else task)
         try:
             self.task = made = kind(**given)
@@ -209,24 +214,13 @@ class _Setup:
                 raise InputError(f"the {name} of sample must be finite and have shape {shape}, got {np.shape(values)}")
         return np.column_stack(rows)
 
-    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> _Start:
-        return _Start(*option_rows(options, {"place": 2, "yaw": 1, "goal": self.task.goal_size}, count))
 
-    def check_action(self, action: ArrayLike, count: int | None) -> Floats:
-        values, (size,) = as_floats("action", action), self.action_space.shape
-        shape = (size,) if count is None else (count, size)
-        if values.shape != shape or not np.isfinite(values).all():
-            raise InputError(f"action must be finite and have shape {shape}, got {values.shape}")
-        return np.clip(values, -1.0, 1.0).reshape(-1, size)
-
-
-class _Episodes:
+class TabletopEpisodes(Episodes):
     """The episodes of a number of arms in step."""
 
-    measurement = None
-
-    def __init__(self, setup: _Setup, world: Grasping) -> None:
-        self.setup, self.world, self.count = setup, world, world.count
+    def __init__(self, options: TabletopOptions, setup: _Setup, world: Grasping) -> None:
+        self.options, self.setup, self.world, self.count = options, setup, world, world.count
+        self.action_space, self.observation_space = setup.action_space, setup.observation_space
         self._streams = RowStreams(setup.sample, self.count, size=3 + setup.task.goal_size)
         self.goals = np.zeros((self.count, setup.task.goal_size))
         joints, numbers, truths = len(setup.home), np.zeros(self.count), np.zeros(self.count, dtype=np.bool_)
@@ -237,6 +231,12 @@ class _Episodes:
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         self._streams.seed(index, rng)
+
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> _Start:
+        return _Start(*option_rows(options, {"place": 2, "yaw": 1, "goal": self.setup.task.goal_size}, count))
+
+    def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
+        return check_box_actions(actions, self.action_space.shape, count)
 
     def begin(self, ids: Ids, start: _Start = _ALL_DRAWN) -> None:
         rows, task, world = self._streams.draw(ids), self.setup.task, self.world
@@ -302,9 +302,6 @@ class _Episodes:
             raise InputError(f"success must return bool of shape ({self.count},), got {found.dtype} of {found.shape}")
         return found
 
-    def goal_info(self, rows: Any) -> dict[str, Any]:
-        return {"goal": np.array(self.goals[rows])}
-
     def start_info(self, ids: Ids) -> dict[str, Any]:
         nothing, task = np.zeros(len(ids), dtype=np.bool_), self.setup.task
         names = [*task.reward_terms(self._state, self.goals), "collision"]
@@ -319,12 +316,8 @@ class _Episodes:
             "is_success": success,
             "reached": success,
             "impossible": collides,
-            "reward_terms": terms,
-            **{f"reward_{name}": term for name, term in terms.items()},
+            **told_terms(terms),
         }
-
-    def close(self) -> None:
-        """Nothing is rendered here."""
 
 
 class TabletopEnv(ArmEnv):
@@ -359,78 +352,39 @@ class TabletopEnv(ArmEnv):
         InputError: A task, or options, that cannot be.
     """
 
-    metadata = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012 (declared by Gymnasium)
-
     def __init__(
         self, task: type[TabletopTask] | str, *, render_mode: str | None = None, info: str = "all", **options: Any
     ) -> None:
-        EzPickle.__init__(self, task, render_mode=render_mode, info=info, **options)
-        self.options = TabletopOptions(render_mode=render_mode, info=info)
-        self.render_mode = render_mode
-        self._task = setup = _Setup(task, options)
-        self._simulation = ArmSimulation(setup.arm, visual=render_mode is not None, objects=1)
+        super().__init__(task=task, render_mode=render_mode, info=info, **options)
+
+    def _checked(self, options: dict[str, Any]) -> TabletopOptions:
+        return TabletopOptions.of(options)
+
+    def _new_episodes(self, options: TabletopOptions) -> TabletopEpisodes:
+        self._task = setup = _Setup(options)
+        self._simulation = ArmSimulation(setup.arm, visual=options.render_mode is not None, objects=1)
         if setup.task.goal_size == 3:  # the ball, which is hidden beside objects, marks the goal
             marker = self._simulation.model.geom(BALL)
             marker.group, marker.rgba = BALL_GROUP, GOAL_COLOUR
-        self._episodes = _Episodes(setup, Grasping(self._simulation))
-        self._picture = None if render_mode is None else ScenePicture(self._simulation, mode=render_mode)
-        self.action_space, self.observation_space = setup.action_space, setup.observation_space
-
-    def _check_start(self, options: Mapping[str, Any] | None) -> _Start:
-        return self._task.check_start(options, None)
-
-    def _check_action(self, action: ArrayLike) -> Floats:
-        check_not_over(self._over)
-        return self._task.check_action(action, None)
+        return TabletopEpisodes(options, setup, Grasping(self._simulation))
 
     def _follow(self) -> None:
         if self._task.task.goal_size == 3:
-            self._simulation.place_ball(self._episodes.goals[0])
+            self._simulation.place_ball(self.episodes.goals[0])
 
 
 class TabletopVectorEnv(NativeVectorEnv):
     """A batch of `TabletopEnv`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
-    Args:
-        num_envs: Number of environments.
-        task: The class of the task, or `"module:Class"`.
-        threads: Threads that step the dynamics.
-        max_episode_steps: Steps after which episodes are truncated; `gym.make_vec` gives that of the id.
-        autoreset_mode: As of `NativeVectorEnv`.
-        info: `"all"`, or only `"numbers"`.
-        **options: Arguments of the task's class.
-
-    Raises:
-        InputError: A task, or options, that cannot be.
+    Its options have `task`, the class or `"module:Class"`, and the arguments of the class.
     """
 
     registered_limit = 100
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        task: type[TabletopTask] | str,
-        threads: int = 1,
-        max_episode_steps: int | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        info: str = "all",
-        **options: Any,
-    ) -> None:
-        given = TabletopOptions(info=info)
-        if options.pop("render_mode", None) is not None:
-            raise InputError("a native batch of a TabletopTask is not drawn; gym.make draws one environment")
-        num_envs = check_batch(num_envs, threads, None)
-        setup = _Setup(task, options)
-        world = Grasping(BatchSimulation(setup.arm, num_envs, threads=threads, objects=1))
-        super().__init__(
-            _Episodes(setup, world),
-            num_envs,
-            action_space=setup.action_space,
-            observation_space=setup.observation_space,
-            check_actions=partial(setup.check_action, count=num_envs),
-            check_start=partial(setup.check_start, count=num_envs),
-            autoreset_mode=autoreset_mode,
-            numbers_only=given.info == "numbers",
-            max_episode_steps=max_episode_steps,
-        )
+    def _checked(self, options: dict[str, Any]) -> TabletopOptions:
+        return TabletopOptions.of(options)
+
+    def _new_episodes(self, options: TabletopOptions, threads: int, device: str | None) -> TabletopEpisodes:
+        setup = _Setup(options)
+        arms = BatchSimulation(setup.arm, self.num_envs, threads=threads, objects=1)
+        return TabletopEpisodes(options, setup, Grasping(arms))

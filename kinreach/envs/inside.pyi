@@ -1,11 +1,11 @@
 from . import moving as moving
 from . import real_arm as real_arm
+from ._batch import Episodes as Episodes
 from ._batch import Flags as Flags
 from ._batch import Ids as Ids
 from ._batch import NativeVectorEnv as NativeVectorEnv
 from ._batch import Outcome as Outcome
 from ._batch import RowStreams as RowStreams
-from ._batch import check_batch as check_batch
 from ._button import ACTUATIONS as ACTUATIONS
 from ._button import button_task as button_task
 from ._button.episodes import ButtonOptions as ButtonOptions
@@ -16,7 +16,9 @@ from ._lift import lift_task as lift_task
 from ._obstacles import MAX_CLUTTER as MAX_CLUTTER
 from ._obstacles import ObstaclesEnv as ObstaclesEnv
 from ._obstacles import ObstaclesOptions as ObstaclesOptions
-from ._options import check_not_over as check_not_over
+from ._options import OBSERVATION_KINDS as OBSERVATION_KINDS
+from ._options import EnvOptions as EnvOptions
+from ._options import check_box_actions as check_box_actions
 from ._options import option_rows as option_rows
 from ._reach import reach_task as reach_task
 from ._reach.observers import PixelObserver as PixelObserver

@@ -8,20 +8,19 @@ ball's centre, when arm or fingers collide, when the ball leaves the table area,
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_count, check_flag, check_known, check_number, shown
+from kinreach._checks import MAX_DISTANCE, Floats, check_count, check_flag, check_known, check_number
 from kinreach._registration import MAX_EPISODE_STEPS, MOVING
-from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch
-from kinreach.envs._options import about, check_not_over, given_options, options_from, with_options
+from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome
+from kinreach.envs._options import EnvOptions, about, check_box_actions, option_values, with_options
 from kinreach.envs._single import SingleEnv
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.errors import InputError
@@ -41,6 +40,7 @@ SPEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)
 INSIDE = 0.02
 #: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds, and sights before.
 BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
+JOINTS = 6
 #: Terms of the reward.
 TERMS = ("distance", "touch", "collision")
 #: The first joint turns a tip at the far end of the table no faster [m/s].
@@ -98,7 +98,7 @@ PATHS: Mapping[str, Callable[[np.random.Generator, float, Floats, Floats, Floats
 
 
 @dataclass(frozen=True, kw_only=True)
-class MovingOptions:
+class MovingOptions(EnvOptions):
     """Options of `kinreach/Moving-v0`.
 
     Raises:
@@ -120,15 +120,11 @@ class MovingOptions:
     )
 
     def __post_init__(self) -> None:
-        for name in ("speeds", "paths"):
-            given: Any = getattr(self, name)
-            if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-                raise InputError(f"{name} must be a list of at least one, got {shown(given)}")
-            object.__setattr__(self, name, tuple(given))
+        super().__post_init__()
         for speed in self.speeds:
             check_speed(speed)
         for path in self.paths:
-            check_known("path", path, PATHS)
+            check_path(path)
         check_number("delay [s]", self.delay, least=0.0, most=1.0)
         check_number("noise [m]", self.noise, least=0.0, most=0.1)
         check_count("sights", self.sights, most=round(SECONDS * FRAMES))
@@ -149,6 +145,16 @@ def check_speed(speed: object) -> float:
             f"the ball's speed must be at most {MAX_SPEED:g} m/s: the arm's tip is no faster, got {value:g}"
         )
     return value
+
+
+def check_path(path: str) -> str:
+    """Check the name of a way of rolling and return it.
+
+    Raises:
+        UnknownNameError: An unknown path.
+    """
+    check_known("path", path, PATHS)
+    return path
 
 
 class MovingStart(NamedTuple):
@@ -172,7 +178,7 @@ def ur5_checker(margin: float) -> CollisionChecker:
     return CollisionChecker(THESIS_ARM, margin=margin)
 
 
-class MovingEpisodes:
+class MovingEpisodes(Episodes):
     """The episodes of a number of environments.
 
     Args:
@@ -186,8 +192,11 @@ class MovingEpisodes:
         rolls: Where the balls are at each part of a frame [m], shape (count, PARTS * FRAMES * SECONDS + 1, 3).
     """
 
+    fps = FRAMES
+
     def __init__(self, options: MovingOptions, count: int) -> None:
         self.options = options
+        self.action_space, self.observation_space = spaces.Box(-1.0, 1.0, (JOINTS,)), observation_space(options)
         self.arm: ArmDescription = (arm := get_arm(THESIS_ARM))
         self.chain = ArmKinematics(arm, tip="tcp", base="world").chain
         self.checker = ur5_checker(options.margin)
@@ -214,6 +223,14 @@ class MovingEpisodes:
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generator."""
         self._rngs[index] = rng
+
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> MovingStart:
+        """Return the options of `reset`: `speed` [m/s] and `path`, one for all balls or one for each."""
+        return MovingStart(*option_values(options, {"speed": check_speed, "path": check_path}, count))
+
+    def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
+        """Return postures to go to, each angle divided by pi, shape (k, 6)."""
+        return check_box_actions(actions, (JOINTS,), count)
 
     def begin(self, ids: Ids, start: MovingStart = ALL_DRAWN) -> None:
         """Draw other balls; the arms rest in their start posture."""
@@ -316,39 +333,6 @@ class MovingEpisodes:
             "reward_terms": terms,
         }
 
-    def close(self) -> None:
-        """Do nothing: no camera is open."""
-
-
-def check_actions(actions: ArrayLike, count: int | None) -> Floats:
-    """Check actions: postures to go to, shape (count, 6), or (6,) where `count` is None.
-
-    Raises:
-        InputError: Wrong shape or a value that is not finite.
-    """
-    given, shape = as_floats("action", actions), (6,) if count is None else (count, 6)
-    if given.shape != shape or not np.isfinite(given).all():
-        raise InputError(f"action must be finite and have shape {shape}, got {given.shape}")
-    return np.atleast_2d(given)
-
-
-def check_start(options: Mapping[str, Any] | None, count: int | None) -> MovingStart:
-    """Check the options of `reset`: `speed` [m/s] and `path` of each ball; one of each where `count` is None.
-
-    Raises:
-        InputError: An unknown option, a wrong number of values, or a speed that the arm cannot follow.
-        UnknownNameError: An unknown path.
-    """
-    rows: dict[str, list[Any]] = {}
-    for name, value in given_options(options, ("speed", "path")).items():
-        rows[name] = [value] if count is None or np.ndim(value) == 0 else list(value)
-        if len(rows[name]) != (count or 1):
-            raise InputError(f"{name} must have a value for each of {count} environments, got {len(rows[name])}")
-    speeds = np.array([check_speed(speed) for speed in rows["speed"]]) if "speed" in rows else None
-    for path in rows.get("path", ()):
-        check_known("path", path, PATHS)
-    return MovingStart(speeds, np.array(rows["path"]) if "path" in rows else None)
-
 
 def observation_space(options: MovingOptions) -> spaces.Box:
     """Return the space of one environment."""
@@ -416,21 +400,13 @@ class MovingBallEnv(SingleEnv):
     * v0: initial version
     """
 
+    episodes_class = MovingEpisodes
+
     def __init__(self, **options: Any) -> None:
-        self.options = options_from(MovingOptions, options)
-        self._episodes = world = MovingEpisodes(self.options, 1)
-        self.arm = world.arm
-        self.home, self.height = world.home, world.height
+        super().__init__(**options)
+        world = self.episodes
+        self.arm, self.home, self.height = world.arm, world.home, world.height
         self.speed_limit, self.acceleration_limit = world.speed_limit, world.acceleration_limit
-        self.observation_space = observation_space(self.options)
-        self.action_space = spaces.Box(-1.0, 1.0, (6,))
-
-    def _check_start(self, options: Mapping[str, Any] | None) -> MovingStart:
-        return check_start(options, None)
-
-    def _check_action(self, action: ArrayLike) -> Floats:
-        check_not_over(self._over)
-        return check_actions(action, None)
 
 
 class MovingVectorEnv(NativeVectorEnv):
@@ -438,44 +414,11 @@ class MovingVectorEnv(NativeVectorEnv):
 
     Episodes start anew as `NativeVectorEnv` describes: where one ended in a step, read its outcome from
     `info["final_info"]`, because the goal in `info` is already that of the next episode.
-
-    Args:
-        num_envs: Number of environments.
-        max_episode_steps: Steps after which episodes are truncated.
-        autoreset_mode: As of `NativeVectorEnv`.
-        **options: As in the single environment (`MovingOptions`).
-
-    Attributes:
-        episodes: The task.
-
-    Raises:
-        InputError: Options that cannot be.
     """
 
     registered_limit = MAX_EPISODE_STEPS[MOVING]
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        max_episode_steps: int | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        **options: Any,
-    ) -> None:
-        given = options_from(MovingOptions, options)
-        num_envs = check_batch(num_envs, 1, None)
-        self.episodes = MovingEpisodes(given, num_envs)
-        super().__init__(
-            self.episodes,
-            num_envs,
-            action_space=spaces.Box(-1.0, 1.0, (6,)),
-            observation_space=observation_space(given),
-            check_actions=partial(check_actions, count=num_envs),
-            check_start=partial(check_start, count=num_envs),
-            autoreset_mode=autoreset_mode,
-            max_episode_steps=max_episode_steps,
-        )
-        self.metadata = {**self.metadata, "render_fps": FRAMES}
+    Options = MovingOptions
+    episodes_class = MovingEpisodes
 
 
 def moved(

@@ -16,23 +16,24 @@ their axes, and a stand that bends.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, cast
 
-import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats, as_floats, check_count, check_known, check_number, check_path, shown
+from kinreach._registration import MAX_EPISODE_STEPS, REAL_ARM
 from kinreach._rotations import turn
-from kinreach.envs._options import about, check_not_over, check_seed, given_options, options_from, with_options
-from kinreach.envs._single import WithModel
+from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome
+from kinreach.envs._options import EnvOptions, about, check_box_actions, check_started, option_values, with_options
+from kinreach.envs._single import SingleEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.inside import SerialChain
@@ -83,7 +84,7 @@ MAX_AGAIN, MAX_BALLS = 20, 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class RealArmOptions:
+class RealArmOptions(EnvOptions):
     """Options of `kinreach/RealArm-v0`."""
 
     errors: tuple[str, ...] = field(
@@ -98,13 +99,9 @@ class RealArmOptions:
     noise: float = field(default=NOISE, metadata=about("median error of a look [m]"))
 
     def __post_init__(self) -> None:
-        for name in ("errors", "calibrations", "budgets"):
-            given: Any = getattr(self, name)
-            if isinstance(given, str) or not isinstance(given, Sequence) or not given:
-                raise InputError(f"{name} must be a list of at least one, got {shown(given)}")
-            object.__setattr__(self, name, tuple(given))
+        super().__post_init__()
         for name in self.errors:
-            check_known("errors of a real arm", name, ERRORS)
+            check_errors(name)
         for count in self.budgets:
             check_count("a budget of looks", count, least=0)
             check_known("budget of looks", str(count), [str(known) for known in BUDGETS])
@@ -115,6 +112,18 @@ class RealArmOptions:
         check_number("noise [m]", self.noise, least=1e-9, most=1.0)
         for calibration in self.calibrations:
             true_arm(calibration)
+
+
+def check_errors(name: str) -> str:
+    """Check the name of a workplace's errors and return it."""
+    check_known("errors of a real arm", name, ERRORS)
+    return name
+
+
+def check_calibration(calibration: str | Path) -> str:
+    """Check the name or the file of a UR5's calibration and return it."""
+    true_arm(calibration)
+    return str(calibration)
 
 
 def true_arm(calibration: str | Path) -> ArmDescription:
@@ -237,8 +246,175 @@ def _direction(rng: np.random.Generator) -> Floats:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
+class RealArmStart(NamedTuple):
+    """Names of k workplaces' errors and calibrations, shape (k,); None where they are drawn."""
+
+    errors: NDArray[np.str_] | None = None
+    calibrations: NDArray[np.str_] | None = None
+
+
+class RealArmEpisodes(Episodes):
+    """The episodes of a number of workplaces.
+
+    Attributes:
+        places: The workplaces; None before their first episodes.
+        balls: On the trays [m], shape (count, balls, 3).
+        q: Postures of the last moves to every ball [rad], shape (count, balls, 6).
+        at: Where the arms stand [rad], shape (count, 6).
+        noise: Standard deviation of each coordinate of a look [m].
+    """
+
+    def __init__(self, options: RealArmOptions, count: int) -> None:
+        self.options, self.count = options, count
+        high = np.array([*6 * [REACH], *6 * [math.pi], options.again + 1, max(*options.budgets, 1)])
+        low, shape = np.where(np.arange(SIZE) < MOVES, -high, 0.0), (options.balls, 1)
+        self.observation_space = spaces.Box(np.tile(low, shape), np.tile(high, shape), dtype=np.float64)
+        self.action_space = spaces.Box(-1.0, 1.0, (options.balls, 6))
+        self.noise, self.home = options.noise / MEDIAN_LENGTH, np.array(get_arm(THESIS_ARM).home)
+        self._rngs = [np.random.default_rng() for _ in range(count)]
+        self.places: list[Workplace | None] = [None for _ in range(count)]
+        self._scenes: list[PosedScene | None] = [None for _ in range(count)]
+        self._named = np.full((2, count), "", dtype=object)  # errors and calibrations
+        self.balls, self._observed = np.zeros((count, options.balls, 3)), np.zeros((count, options.balls, SIZE))
+        self.q, self.at = np.empty((count, options.balls, 6)), np.empty((count, 6))
+        self._looks, self._level, self._moves = np.zeros((3, count), dtype=np.intp)
+        self._distance = np.empty(count)
+        self._errors = np.empty((count, len(options.budgets), options.again + 1))
+
+    @property
+    def goals(self) -> Floats:  # type: ignore[override]
+        """The first balls of the trays [m], shape (count, 3)."""
+        return self.balls[:, 0]
+
+    def place(self, index: int) -> Workplace:
+        """Return a workplace, or raise an `InputError` before its first episode."""
+        place = self.places[index]
+        check_started(place is not None)
+        return cast("Workplace", place)
+
+    def scene(self, index: int) -> PosedScene:
+        """Return the true arm of an episode, which moves with it from now on."""
+        scene = self._scenes[index]
+        if scene is None:
+            scene = self._scenes[index] = self.place(index).scene()
+            scene.put(self.home, ball=self.balls[index, 0])
+        return scene
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Give a workplace its own generator."""
+        self._rngs[index] = rng
+
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> RealArmStart:
+        """Return the options of `reset`: `errors` and `calibration`, one for all workplaces or one for each."""
+        checks = {"errors": check_errors, "calibration": check_calibration}
+        return RealArmStart(*option_values(options, checks, count))
+
+    def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
+        """Return postures to go to, each angle divided by pi, shape (k, balls, 6)."""
+        return check_box_actions(actions, self.action_space.shape, count)
+
+    def begin(self, ids: Ids, start: RealArmStart = RealArmStart()) -> None:  # noqa: B008 (immutable)
+        """Draw other workplaces, and trays of balls."""
+        for row, index in enumerate(ids):
+            rng = self._rngs[index]
+            drawn = rng.choice(self.options.errors), rng.choice(self.options.calibrations)
+            errors, calibration = (
+                str(name if names is None else names[row]) for name, names in zip(drawn, start, strict=True)
+            )
+            self._named[:, index] = errors, calibration
+            self.places[index] = workplace(errors, calibration, rng)
+            self.balls[index] = get_arm(THESIS_ARM).workcell.draw_goals(rng, self.options.balls)
+            self._observed[index] = 0.0
+            self._observed[index, :, SEEN_BALL] = self._seen(index, self.balls[index])
+            self._observed[index, :, BUDGET] = self.options.budgets[0]
+            self._scenes[index] = None
+        self.at[ids] = self.home
+        self.q[ids] = self.home
+        self._looks[ids] = self._level[ids] = self._moves[ids] = 0
+        self._distance[ids] = self._errors[ids] = math.inf
+
+    def looks_left(self, index: int) -> int:
+        """Return the number of looks that may still be taken in an environment before the next move."""
+        return self.options.budgets[self._level[index]] - int(self._looks[index])
+
+    def look(self, index: int, postures: ArrayLike) -> Floats:
+        """Go to postures (m, 6) [rad] in an environment, and return where the tip is seen [m], shape (m, 3)."""
+        place, q = self.place(index), as_floats("postures", postures)
+        if q.ndim != 2 or q.shape[1] != 6 or not np.isfinite(q).all():
+            raise InputError(f"postures must be finite and have shape (m, 6), got {q.shape}")
+        if len(q) > self.looks_left(index):
+            raise InputError(f"there are {self.looks_left(index)} looks left, got {len(q)} postures")
+        self._looks[index] += len(q)
+        self._show(index, q)
+        tips = place.tips(q, self.at[index])
+        self.at[index] = np.concatenate([self.at[[index]], q])[-1]
+        return self._seen(index, tips)
+
+    def _seen(self, index: int, points: Floats) -> Floats:
+        return self.place(index).seen(points) + self._rngs[index].normal(0.0, self.noise, points.shape)
+
+    def _show(self, index: int, postures: Floats, balls: Iterable[Floats] = ()) -> None:
+        scene = self._scenes[index]
+        if scene is not None and scene.watch is not None:
+            for q, ball in zip_longest(postures, balls):
+                scene.go(q, ball=ball)
+
+    def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
+        """Go to every ball, in all environments or where `acting` is True."""
+        acting = np.ones(self.count, dtype=np.bool_) if acting is None else acting
+        over, reward = np.zeros(self.count, dtype=np.bool_), np.zeros(self.count)
+        for index in np.flatnonzero(acting):
+            q = self.q[index] = math.pi * np.clip(actions[index], -1.0, 1.0)
+            self._show(index, q, self.balls[index])
+            tips = self.place(index).tips(q, self.at[index])
+            self.at[index] = q[-1]
+            observed = self._observed[index]
+            observed[:, SEEN_TIP], observed[:, POSTURE] = self._seen(index, tips), q
+            distances = np.linalg.norm(tips - self.balls[index], axis=1)
+            self._distance[index], reward[index] = np.median(distances), -distances.mean()
+            level, moves = self._level[index], self._moves[index]
+            self._errors[index, level, moves] = self._distance[index]
+            self._moves[index] += 1
+            if moves == self.options.again:
+                over[index] = level + 1 == len(self.options.budgets)
+                if not over[index]:
+                    self._level[index], self._moves[index] = level + 1, 0
+                    observed[:, SEEN_TIP] = observed[:, POSTURE] = 0.0
+            observed[:, MOVES], observed[:, BUDGET] = self._moves[index], self.options.budgets[self._level[index]]
+        return Outcome(reward, over, np.zeros_like(over), self._info(slice(None), reward))
+
+    def observe(self) -> Floats:
+        """Return the observations of all workplaces, shape (count, balls, 14)."""
+        return self._observed.copy()
+
+    def start_info(self, ids: Ids) -> dict[str, Any]:
+        """Return the `info` of a reset; distances are infinite before the first move."""
+        return self._info(ids, np.zeros(len(ids)))
+
+    def _info(self, rows: Any, reward: Floats) -> dict[str, Any]:
+        """Return the `info` of some environments; `reward` has as many rows."""
+        distance = np.array(self._distance[rows])
+        near = distance < REACHED_WITHIN
+        return {
+            "errors": np.array(self._named[0, rows]),
+            "calibration": np.array(self._named[1, rows]),
+            **self.goal_info(rows),
+            "q": np.array(self.q[rows, 0]),
+            "distance": distance,
+            **{
+                f"error_{budget}_{again}": np.array(self._errors[rows, level, again])
+                for level, budget in enumerate(self.options.budgets)
+                for again in range(1 + self.options.again)
+            },
+            "reached": near,
+            "is_success": near,
+            "impossible": np.zeros(len(distance), dtype=np.bool_),
+            "reward_terms": {"distance": reward},
+        }
+
+
 @with_options(RealArmOptions)
-class RealArmEnv(WithModel, gym.Env[Any, Any]):
+class RealArmEnv(SingleEnv):
     """A UR5 that differs from its data sheet reaches a tray of balls, after a few looks at its own tip.
 
     ## Description
@@ -298,18 +474,12 @@ class RealArmEnv(WithModel, gym.Env[Any, Any]):
         noise: Standard deviation of each coordinate of a look [m].
     """
 
+    episodes_class = RealArmEpisodes
+
     def __init__(self, **options: Any) -> None:
-        self.options = given = options_from(RealArmOptions, options)
-        high = np.array([*6 * [REACH], *6 * [math.pi], given.again + 1, max(*given.budgets, 1)])
-        low = np.where(np.arange(SIZE) < MOVES, -high, 0.0)
-        shape = (given.balls, 1)
-        self.observation_space = spaces.Box(np.tile(low, shape), np.tile(high, shape), dtype=np.float64)
-        self.action_space = spaces.Box(-1.0, 1.0, (given.balls, 6))
+        super().__init__(**options)
         self.believed: ArmDescription = get_arm(THESIS_ARM)
-        self.noise = given.noise / MEDIAN_LENGTH
-        self._place: Workplace | None = None
-        self._scene: PosedScene | None = None
-        self._info: dict[str, Any] = {}
+        self.noise = self.episodes.noise
 
     @property
     def scene(self) -> PosedScene:
@@ -318,59 +488,13 @@ class RealArmEnv(WithModel, gym.Env[Any, Any]):
         Raises:
             InputError: Before the first reset.
         """
-        if self._scene is None:
-            self._scene = self._begun().scene()
-            self._scene.put(self.believed.home, ball=self._balls[0])
-        return self._scene
-
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Draw another workplace, and a tray of balls on the arm's table.
-
-        Args:
-            seed: Of the directions of errors, the balls and the looks' noise.
-            options: `"errors"` and `"calibration"`: instead of drawn ones.
-
-        Raises:
-            InputError: An invalid seed, an unknown option, or a calibration that is not one of a UR5.
-            UnknownNameError: Unknown errors.
-        """
-        seed, given = check_seed(seed), given_options(options, ("errors", "calibration"))
-        if "errors" in given:
-            check_known("errors of a real arm", given["errors"], ERRORS)
-        if "calibration" in given:
-            true_arm(given["calibration"])
-        super().reset(seed=seed)
-        rng = self.np_random
-        drawn = {"errors": rng.choice(self.options.errors), "calibration": rng.choice(self.options.calibrations)}
-        chosen = {name: str(value) for name, value in {**drawn, **given}.items()}
-        self._place = workplace(**chosen, rng=rng)
-        self._balls = get_arm(THESIS_ARM).workcell.draw_goals(rng, self.options.balls)
-        self._seen = self._observed(self._balls)
-        self._looks, self._level, self._moves, self._over = 0, 0, 0, False
-        self._scene, self._at = None, np.array(self.believed.home)
-        unknown = {f"error_{budget}_{move}": math.inf for budget in self.options.budgets for move in self._turns}
-        self._info = {
-            **chosen,
-            "goal": self._balls[0].copy(),
-            "q": self._at.copy(),
-            "distance": math.inf,
-            **unknown,
-            "reached": False,
-            "is_success": False,
-            "impossible": False,
-            "reward_terms": {"distance": 0.0},
-        }
-        return self._observation(), dict(self._info)
-
-    @property
-    def _turns(self) -> range:
-        """Numbers of the moves to every ball with each budget."""
-        return range(1 + self.options.again)
+        scene: PosedScene = self.episodes.scene(0)
+        return scene
 
     @property
     def looks_left(self) -> int:
         """Number of looks that may still be taken before the next move."""
-        return self.options.budgets[self._level] - self._looks
+        return int(self.episodes.looks_left(0))
 
     def look(self, postures: ArrayLike) -> Floats:
         """Go to postures and see where the tip is.
@@ -384,62 +508,33 @@ class RealArmEnv(WithModel, gym.Env[Any, Any]):
         Raises:
             InputError: Another shape, or more than there are looks left.
         """
-        place, q = self._begun(), as_floats("postures", postures)
-        if q.ndim != 2 or q.shape[1] != 6 or not np.isfinite(q).all():
-            raise InputError(f"postures must be finite and have shape (m, 6), got {q.shape}")
-        if len(q) > self.looks_left:
-            raise InputError(f"there are {self.looks_left} looks left, got {len(q)} postures")
-        self._looks += len(q)
-        self._show(q)
-        tips = place.tips(q, self._at)
-        self._at = np.concatenate([self._at[None], q])[-1]
-        return self._observed(tips)
+        seen: Floats = self.episodes.look(0, postures)
+        return seen
 
-    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Go to every ball.
+
+class RealArmVectorEnv(NativeVectorEnv):
+    """A batch of `kinreach/RealArm-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ..."""
+
+    registered_limit = MAX_EPISODE_STEPS[REAL_ARM]
+    Options = RealArmOptions
+    episodes_class = RealArmEpisodes
+
+    def look(self, postures: ArrayLike) -> Floats:
+        """Go to postures and see where the tips are.
+
+        Args:
+            postures: [rad], shape (num_envs, m, 6).
+
+        Returns:
+            Where the tip was seen in each [m], shape (num_envs, m, 3).
 
         Raises:
-            InputError: Wrong shape, a value that is not finite, or a step before the first reset or after the last.
+            InputError: Another shape, or more than there are looks left in one of the environments.
         """
-        place, given = self._begun(), as_floats("action", action)
-        if given.shape != self.action_space.shape or not np.isfinite(given).all():
-            raise InputError(f"action must be finite and have shape {self.action_space.shape}, got {given.shape}")
-        check_not_over(self._over)
-        self._q = math.pi * np.clip(given, -1.0, 1.0)
-        self._show(self._q, self._balls)
-        tips, self._at = place.tips(self._q, self._at), self._q[-1]
-        self._tips = self._observed(tips)
-        distances = np.linalg.norm(tips - self._balls, axis=1)
-        middle = float(np.median(distances))
-        self._info[f"error_{self.options.budgets[self._level]}_{self._moves}"] = middle
-        reward = -float(distances.mean())
-        near = middle < REACHED_WITHIN
-        self._info |= {"distance": middle, "reached": near, "is_success": near, "reward_terms": {"distance": reward}}
-        self._info |= {"goal": self._balls[0].copy(), "q": self._q[0].copy()}
-        self._moves += 1
-        if self._moves > self.options.again:
-            self._over = self._level + 1 == len(self.options.budgets)
-            if not self._over:
-                self._level, self._moves = self._level + 1, 0
-        return self._observation(), reward, self._over, False, dict(self._info)
-
-    def _begun(self) -> Workplace:
-        if self._place is None:
-            raise InputError("reset the environment before its first step")
-        return self._place
-
-    def _show(self, postures: Floats, balls: Iterable[Floats] = ()) -> None:
-        if self._scene is not None and self._scene.watch is not None:
-            for q, ball in zip_longest(postures, balls):
-                self._scene.go(q, ball=ball)
-
-    def _observed(self, points: Floats) -> Floats:
-        return self._begun().seen(points) + self.np_random.normal(0.0, self.noise, points.shape)
-
-    def _observation(self) -> Floats:
-        rows = np.zeros((len(self._balls), SIZE))
-        rows[:, SEEN_BALL] = self._seen
-        if self._moves:
-            rows[:, SEEN_TIP], rows[:, POSTURE] = self._tips, self._q
-        rows[:, MOVES], rows[:, BUDGET] = self._moves, self.options.budgets[self._level]
-        return rows
+        q = as_floats("postures", postures)
+        if q.ndim != 3 or q.shape[::2] != (self.num_envs, 6) or not np.isfinite(q).all():
+            raise InputError(f"postures must be finite and have shape ({self.num_envs}, m, 6), got {q.shape}")
+        left = min(self.episodes.looks_left(index) for index in range(self.num_envs))
+        if q.shape[1] > left:
+            raise InputError(f"there are {left} looks left, got {q.shape[1]} postures")
+        return np.array([self.episodes.look(index, each) for index, each in enumerate(q)])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinreach.demo.inside import playable
-from kinreach.envs.inside import reach_task
+from kinreach.envs.inside import OBSERVATION_KINDS, reach_task
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.view import _html as html
@@ -120,7 +120,7 @@ class EpisodesPanel(Panel):
             )
             self._file = gui.add_text("or a file", self._setup.policy or "", hint="policy.safetensors")
             self._observation = gui.add_dropdown(
-                "observation", reach_task.OBSERVATION_KINDS, initial_value="geometric",
+                "observation", OBSERVATION_KINDS, initial_value="geometric",
                 hint="What cameras measure, what perfect ones would, or pictures",
             )  # fmt: skip
             self._backend = gui.add_dropdown(

@@ -15,6 +15,7 @@ from kinreach.baselines import random_arms as arms
 from kinreach.baselines._models import build
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.cli import main
+from kinreach.envs.inside import EnvOptions
 from kinreach.errors import InputError
 
 COUNT = 60
@@ -49,8 +50,8 @@ def test_moves_to_a_ball(env):
     first = world.observe()
     q = tool_down_postures(arms.ur5(), first[:, arms.BALL])
     tips = world.tips(q)
-    assert 1e-3 < np.median(np.linalg.norm(tips - world.balls, axis=1)) < 2e-2
-    balls = world.balls.copy()
+    assert 1e-3 < np.median(np.linalg.norm(tips - world.goals, axis=1)) < 2e-2
+    balls = world.goals.copy()
     then, reward, over, _, info = env.step(q / np.pi)
     np.testing.assert_allclose(-reward, np.linalg.norm(tips - balls, axis=1))
     assert 0 < over.sum() < COUNT
@@ -70,10 +71,10 @@ def test_the_objective_is_the_distance_of_the_true_tip():
         model, world = trainee.model, trainee.env.get_attr("unwrapped")[0].episodes
         trainee.env.seed(3)
         observations = trainee.env.reset()
-        q = tool_down_postures(arms.ur5(), world.balls)
+        q = tool_down_postures(arms.ur5(), world.goals)
         means = torch.as_tensor(q / np.pi, dtype=torch.float32)
         said = float(model.objective(observations)(means, torch.arange(COUNT)))
-        wanted = np.linalg.norm(world.tips(q) - world.balls, axis=1).mean()
+        wanted = np.linalg.norm(world.tips(q) - world.goals, axis=1).mean()
         assert said == pytest.approx(wanted, abs=1e-5)
     finally:
         trainee.env.close()
@@ -120,7 +121,7 @@ def test_nothing_of_an_episode_can_be_asked_for(env):
 
 def test_arms_balls_and_noise_are_as_large_as_promised(env):
     """Of many arms: frames by `ERRORS`, balls over the table and a little further, noise of 0.14 mm."""
-    world = arms.RandomArmEpisodes(1000)
+    world = arms.RandomArmEpisodes(EnvOptions(), 1000)
     for index in range(1000):
         world.seed(index, np.random.default_rng(index))
     world.begin(np.arange(1000))
@@ -129,10 +130,10 @@ def test_arms_balls_and_noise_are_as_large_as_promised(env):
     assert spread[0] == pytest.approx(3e-3 * 3**0.5, rel=0.1)
     assert spread[-1] == pytest.approx(3e-3 * 3**0.5, rel=0.5)
     low, high = (np.array([getattr(arms.ur5().arm.workcell.goals, axis)[end] for axis in "xyz"]) for end in (0, 1))
-    np.testing.assert_allclose(world.balls.min(axis=0), low - 0.01, atol=2e-3)
-    np.testing.assert_allclose(world.balls.max(axis=0), high + 0.01, atol=2e-3)
+    np.testing.assert_allclose(world.goals.min(axis=0), low - 0.01, atol=2e-3)
+    np.testing.assert_allclose(world.goals.max(axis=0), high + 0.01, atol=2e-3)
     seen = world.observe()
-    miss = np.linalg.norm(seen[:, arms.BALL] - world.balls, axis=1)
+    miss = np.linalg.norm(seen[:, arms.BALL] - world.goals, axis=1)
     assert np.median(miss) == pytest.approx(1.4e-4, rel=0.1)
     assert (seen[:, [*range(3, 10)]] == 0.0).all()
     assert np.unique(seen[:, arms.LOOKED]).tolist() == sorted(arms.LOOKS)

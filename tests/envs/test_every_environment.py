@@ -29,24 +29,18 @@ TASKS = {
     "lift": (LIFT, {"attempts": 2, "clutter": True, **OBJECTS}),
     "judged": (LIFT, {"backend": "kinematic", **OBJECTS}),
     "small steps": (LIFT, {"steps": "multi", "max_episode_steps": 4, **OBJECTS}),
-}
-ALONE = {
-    "real arm": (REAL_ARM, {"balls": 2, "budgets": (0, 5), "again": 1}),
-    "obstacles": (OBSTACLES, {"clutter": (2,), "max_episode_steps": 2}),
+    "real arm": (REAL_ARM, {"balls": 2, "budgets": (0, 5), "again": 1, "errors": ("links", "everything")}),
+    "obstacles": (OBSTACLES, {"clutter": (2, 4), "max_episode_steps": 2}),
 }
 #: Other spaces, and other ways of going on.
-FORMS = (
-    TASKS
-    | ALONE
-    | {
-        "multi, dynamics": (MULTI, {}),
-        "space, small steps": (SPACE, {"backend": "kinematic", "steps": "multi", "tilt": 30.0, "start_spread": 0.3}),
-        "space, dynamics": (SPACE, {}),
-        "button, as in the report": (BUTTON, {"actuation": "report"}),
-        "moving, free": (MOVING, {"collisions": False}),
-        "lift, small steps": (LIFT, {"steps": "multi", "max_episode_steps": 12}),
-    }
-)
+FORMS = TASKS | {
+    "multi, dynamics": (MULTI, {}),
+    "space, small steps": (SPACE, {"backend": "kinematic", "steps": "multi", "tilt": 30.0, "start_spread": 0.3}),
+    "space, dynamics": (SPACE, {}),
+    "button, as in the report": (BUTTON, {"actuation": "report"}),
+    "moving, free": (MOVING, {"collisions": False}),
+    "lift, small steps": (LIFT, {"steps": "multi", "max_episode_steps": 12}),
+}
 COUNT = 3
 COSTLY = ("moving", "lift", "judged", "small steps")
 #: One arm takes the URDF's angles as they are written, many take right angles where almost right ones are written.
@@ -61,7 +55,7 @@ def single(task):
 
 def limited(task):
     """With Gymnasium's limit of steps."""
-    name, options = (TASKS | ALONE)[task]
+    name, options = TASKS[task]
     return gym.make(name, disable_env_checker=True, **options)
 
 
@@ -95,7 +89,7 @@ def test_gymnasium_and_stable_baselines3_agree(form):
     checker.check_env(env, warn=form != "real arm", skip_render_check=True)  # one look is a row
 
 
-@pytest.mark.parametrize("task", TASKS | ALONE)
+@pytest.mark.parametrize("task", TASKS)
 def test_steps_return_the_types_of_gymnasium(task):
     """Also for an arm that stays where it is."""
     env, kinds = single(task), set()
@@ -114,7 +108,7 @@ def test_steps_return_the_types_of_gymnasium(task):
     assert kinds == {(float, bool, bool)}
 
 
-@pytest.mark.parametrize("task", TASKS | ALONE)
+@pytest.mark.parametrize("task", TASKS)
 def test_a_copy_is_the_same_after_the_same_seed(task):
     env = single(task)
     twin = copy.deepcopy(env)
@@ -157,7 +151,7 @@ def test_a_batch_says_all_that_single_environments_say(task):
     assert ends >= 2
 
 
-@pytest.mark.parametrize("task", [*TASKS, *ALONE])
+@pytest.mark.parametrize("task", TASKS)
 def test_nothing_of_earlier_episodes_is_left_after_a_seeded_reset(task):
     used, fresh = single(task), single(task)
     used.action_space.seed(1)
@@ -285,7 +279,7 @@ def test_arguments_are_keywords(name):
     assert flagless == {"controls", "frames", "goal_in", "info", "sights"}.intersection(names)
 
 
-@pytest.mark.parametrize("name", [SINGLE, MULTI, SPACE, BUTTON, MOVING, LIFT])
+@pytest.mark.parametrize("name", [SINGLE, MULTI, SPACE, BUTTON, MOVING, LIFT, REAL_ARM, OBSTACLES])
 def test_a_batch_has_one_environment_and_one_thread_by_default(name):
     env = gym.make_vec(name, vectorization_mode="vector_entry_point", num_envs=2).unwrapped
     found = {parameter.name: parameter.default for parameter in inspect.signature(type(env)).parameters.values()}

@@ -477,7 +477,7 @@ def test_in_small_steps_cameras_look_once_and_pictures_show_the_fingers(needs_gl
         np.testing.assert_array_equal(observation[:3], first[:3])
         np.testing.assert_allclose(observation[15:18], first[:3] - info["tip"], atol=1e-12)
     assert observation[14] == pictures["gripper"][0] < 0.05
-    scene = env.unwrapped._episodes._pixels._simulation
+    scene = env.unwrapped.episodes._pixels._simulation
     fingers = [scene.T_world_frame(name)[:3, 3] for name in ("finger_left", "finger_right")]
     assert np.linalg.norm(fingers[0] - fingers[1]) < 0.08
     assert (shown["wrist_rgb"] != pictures["wrist_rgb"]).any()

@@ -113,7 +113,7 @@ def test_touching_ends_it():
         touched += info["is_success"]
         assert info["is_success"] == (info["distance"] <= TOUCH)
         assert reward > 0.9
-        assert np.linalg.norm(world._episodes.chain.positions(info["q"][None])[0] - info["goal"]) < 0.05
+        assert np.linalg.norm(world.episodes.chain.positions(info["q"][None])[0] - info["goal"]) < 0.05
     assert touched == 5
     with pytest.raises(InputError, match="the episode is over"):
         env.step(q / np.pi)

@@ -54,7 +54,7 @@ def test_a_scene_is_as_described(env):
 def test_obstacles_are_anywhere_on_the_table_but_at_the_ball():
     env = gym.make(NAME, disable_env_checker=True, clutter=(20,), heights=(0.2, 0.21)).unwrapped
     env.reset(seed=0, options={"clutter": 0})
-    drawn = [env._scene(20) for _ in range(60)]
+    drawn = [env.episodes.scene(env.np_random, 20) for _ in range(60)]
     boxes = np.array([(*box.position[:2], *box.size[:2]) for scene, _ in drawn for box in scene])
     low, high = [0.2, -0.45, 0.04, 0.04], [0.75, 0.45, 0.1, 0.1]
     assert (boxes >= low).all()
@@ -78,17 +78,17 @@ def test_goal_postures_turn_the_gripper_by_an_eighth_of_half_a_turn(env):
 
 
 def test_a_move_is_straight_and_drawn_as_it_goes(env):
-    world, _ = begun(env, 0, clutter=0)
+    world, info = begun(env, 0, clutter=0)
     assert world.waypoints_to(world.home, world.home + 1.0)[0][0] == world.home[0] + 1.0
     shown = []
-    scene = world._moving(visual=False)
+    scene = world.scene
     scene.watch = mine = lambda: shown.append(scene.q)
     way = 0.3 * np.array([1.0, -1.0, 0.5, 0.0, 0.2, 0.4])
     env.step(world.action_for(world.home + way))
     along = (shown - world.home) @ way / (way @ way)
     assert np.abs(shown - (world.home + along[:, None] * way)).max() < 0.01
     assert along[-1] == pytest.approx(1.0, abs=1e-3)
-    np.testing.assert_array_equal(scene.ball_position, world._goal)
+    np.testing.assert_array_equal(scene.ball_position, info["goal"])
     assert scene.watch is mine
 
 

@@ -178,7 +178,7 @@ def test_the_way_to_a_ball_counts():
         env.reset(seed=0)
         env.look(q[:5])
         env.step(q[order] / np.pi)
-        ends.append(env._tips[np.argsort(order)])
+        ends.append(env.episodes.observe()[0, np.argsort(order), SEEN_TIP])
     apart = np.linalg.norm(ends[0] - ends[1], axis=1)
     assert 1e-5 < np.median(apart) < 5e-4
 
@@ -218,10 +218,36 @@ def test_an_episode():
     np.testing.assert_array_equal(again, first)
 
 
+def test_a_batch_looks_as_single_environments_do():
+    options = {"balls": 3, "budgets": (0, 5), "again": 0, "errors": ("everything",)}
+    batch = gym.make_vec(REAL_ARM, 3, "vector_entry_point", **options).unwrapped
+    singles = [make(**options).unwrapped for _ in range(3)]
+    batch.reset(seed=7)
+    q = np.random.default_rng(0).uniform(-1, 1, (3, 4, 6))
+    with pytest.raises(InputError, match="there are 0 looks left, got 4"):
+        batch.look(q)
+    batch.step(np.zeros((3, 3, 6)))
+    for wrong in (q[:2], q[0], np.full_like(q, np.nan)):
+        with pytest.raises(InputError, match=r"postures must be finite and have shape \(3, m, 6\)"):
+            batch.look(wrong)
+    seen, again = batch.look(q), batch.look(q[:, :1])
+    ends = batch.step(q[:, :3] / np.pi)
+    compared = 0
+    for index, env in enumerate(singles):
+        env.reset(seed=7 + index)
+        env.step(np.zeros((3, 6)))
+        np.testing.assert_array_equal(seen[index], env.look(q[index]))
+        np.testing.assert_array_equal(again[index], env.look(q[index, :1]))
+        *_, info = env.step(q[index, :3] / np.pi)
+        assert info["error_5_0"] == ends[4]["final_info"]["error_5_0"][index]
+        compared += 1
+    assert compared == 3
+
+
 def test_noise_is_as_said():
     env = make(balls=20_000, errors=("tool",))
     observation, _ = env.reset(seed=0)
-    off = np.linalg.norm(observation[:, SEEN_BALL] - env.unwrapped._balls, axis=1)
+    off = np.linalg.norm(observation[:, SEEN_BALL] - env.unwrapped.episodes.balls[0], axis=1)
     assert np.median(off) == pytest.approx(1.4e-4, rel=0.02)
 
 
@@ -234,16 +260,16 @@ def test_the_scene_is_the_true_arm(errors):
     env.reset(seed=4, options={"errors": errors})
     scene, ends, seen = env.scene, [], 0
     np.testing.assert_array_equal(scene.q, env.believed.home)
-    np.testing.assert_array_equal(scene.data.mocap_pos[0], env._balls[0])
+    np.testing.assert_array_equal(scene.data.mocap_pos[0], env.episodes.balls[0][0])
     scene.watch = lambda: ends.append(scene.q)
     for q in np.random.default_rng(0).uniform(-3, 3, (4, 1, 6)):
         env.look(q)
         mujoco.mj_kinematics(scene.model, scene.data)
-        np.testing.assert_allclose(scene.data.body("tcp").xpos, env._place.tips(q)[0], atol=1e-9)
+        np.testing.assert_allclose(scene.data.body("tcp").xpos, env.episodes.place(0).tips(q)[0], atol=1e-9)
         np.testing.assert_allclose(ends[-1], q[0], atol=1e-12)
         seen += 1
     env.step(np.stack([0.5 * q[0], q[0]]) / np.pi)
-    np.testing.assert_array_equal(scene.data.mocap_pos[0], env._balls[1])
+    np.testing.assert_array_equal(scene.data.mocap_pos[0], env.episodes.balls[0][1])
     assert sum(np.allclose(end, 0.5 * q[0]) for end in ends) == 1
     np.testing.assert_allclose(ends[-1], q[0], atol=1e-12)
     assert np.abs(np.diff(ends, axis=0)).max() <= 1.05 * scene.arm.speed_limit * 0.02

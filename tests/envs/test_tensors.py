@@ -24,6 +24,9 @@ TASKS = {
     "dynamics": ("kinreach/UR5SingleStep-v0", {}),
     "space": ("kinreach/Reach-v0", {"backend": "kinematic", "tilt": 30.0, "start_spread": 0.3}),
     "button": ("kinreach/ButtonPress-v0", {"max_episode_steps": 7}),
+    "lift": ("kinreach/Lift-v0", {"backend": "kinematic"}),
+    "real arm": ("kinreach/RealArm-v0", {"balls": 2, "budgets": (0,), "again": 0}),
+    "obstacles": ("kinreach/Obstacles-v0", {"clutter": (0,), "max_episode_steps": 1}),
 }
 COUNT = 5
 

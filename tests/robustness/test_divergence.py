@@ -149,7 +149,7 @@ def test_one_diverged_arm_of_a_batch_that_reaches():
         return env
 
     batch, untouched = make(), make()
-    blow_up(batch.unwrapped._episodes.world._batch._plant, 2, np.nan)
+    blow_up(batch.unwrapped.episodes.world._batch._plant, 2, np.nan)
     actions = np.full((4, 6), 0.5)
     observations, rewards, terminated, truncated, info = batch.step(actions)
     assert truncated.tolist() == info["impossible"].tolist() == [False, False, True, False]
@@ -174,7 +174,7 @@ def test_pressing_ends_as_impossible_with_the_reason(actuation):
     for speed in SPEEDS:
         env.reset(seed=0)
         batch.reset(seed=0)
-        env._world.qd[0, 1] = batch.unwrapped._episodes.world.qd[1, 1] = speed
+        env._world.qd[0, 1] = batch.unwrapped.episodes.world.qd[1, 1] = speed
         *_, truncated, info = env.step(13)
         assert truncated
         assert info["impossible"]

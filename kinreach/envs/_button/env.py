@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
-
-from gymnasium import spaces
-from gymnasium.utils import EzPickle
-from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
 from kinreach.envs._batch import Outcome
-from kinreach.envs._button.button_task import action_space, check_actions
 from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs._button.world import ButtonState, SingleTorqueWorld
-from kinreach.envs._options import RENDER_MODES, options_from, with_options
+from kinreach.envs._options import with_options
 from kinreach.envs._single import DrawnEnv
 from kinreach.robots import ArmDescription
-from kinreach.sim.inside import FPS, Scene, ScenePicture
+from kinreach.sim.inside import Scene
 
 
 @with_options(ButtonOptions)
@@ -145,23 +139,11 @@ class ButtonPressEnv(DrawnEnv):
     * v0: initial version
     """
 
-    metadata = {  # noqa: RUF012 (declared by Gymnasium)
-        "render_modes": list(RENDER_MODES),
-        "render_fps": FPS,
-    }
+    goes_on = True
 
-    def __init__(self, **options: Any) -> None:
-        EzPickle.__init__(self, **options)
-        self.options = options_from(ButtonOptions, options)
-        self.render_mode = mode = self.options.render_mode
-        motors = self.options.motors
-        # What `render` gives after every step is a film at one frame per step.
-        self.metadata = {**self.metadata, "render_fps": round(1 / motors.period)}
-        self._world = SingleTorqueWorld(self.options.arm, motors, visual=mode is not None)
-        self._episodes = ButtonEpisodes(self.options, self._world)
-        self._picture = None if mode is None else ScenePicture(self._world, mode=mode)
-        self.action_space = action_space()
-        self.observation_space: spaces.Space[Any] = self.options.observation_space
+    def _new_episodes(self, options: ButtonOptions) -> ButtonEpisodes:
+        self._world = SingleTorqueWorld(options.arm, options.motors, visual=options.render_mode is not None)
+        return ButtonEpisodes(options, self._world)
 
     @property
     def _dynamics(self) -> Scene:
@@ -189,12 +171,6 @@ class ButtonPressEnv(DrawnEnv):
             InputError: A seed that is not an integer at least 0, an unknown or malformed option, a target out of reach.
         """
         return super().reset(seed=seed, options=options)
-
-    def _check_start(self, options: Mapping[str, Any] | None) -> Any:
-        return self._episodes.check_start(options, None)
-
-    def _check_action(self, action: ArrayLike) -> Any:
-        return check_actions(action, None)
 
     def _follow(self) -> None:
         if self.render_mode == "human":

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_DISTANCE, Floats, as_vector, check_count, check_flag, check_known
-from kinreach.envs._batch import Outcome, RowStreams
+from kinreach.envs._batch import Episodes, Outcome, RowStreams, told_terms
 from kinreach.envs._button.button_task import (
     ACTUATIONS,
     CONTROL_LIMIT,
@@ -21,12 +22,14 @@ from kinreach.envs._button.button_task import (
     Actuation,
     ButtonReward,
     Flags,
+    action_space,
+    check_actions,
     meaning,
     observation,
     observation_space,
 )
 from kinreach.envs._button.world import Ids, TorqueWorld
-from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
+from kinreach.envs._options import DrawnOptions, about, option_rows
 from kinreach.envs._reach.rewards import OwnReward, RewardFunction, Scorer, Terms, check_reward, term_names
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
@@ -39,7 +42,7 @@ SIZE = 3 + 2 * JOINTS
 
 
 @dataclass(frozen=True, kw_only=True)
-class ButtonOptions:
+class ButtonOptions(DrawnOptions):
     """Options of the button environments, single and in native batches."""
 
     actuation: str = field(default="tuned", metadata=about('`"tuned"` or `"report"`'))
@@ -52,17 +55,13 @@ class ButtonOptions:
     )
     controls: bool = field(default=False, metadata=about("observe the three controls, too", flag=None))
     frames: int = field(default=1, metadata=about("observe so many steps, up to 16, the newest first", flag=None))
-    render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
-    info: str = field(default="all", metadata=about(INFOS_TEXT, flag=None))
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_known("actuation", self.actuation, ACTUATIONS)
-        check_known("info", self.info, INFOS)
         check_reward(self.reward, "distance, q and press")
         check_flag("controls", self.controls)
         check_count("frames", self.frames, most=16)
-        if self.render_mode is not None:
-            check_known("render_mode", self.render_mode, RENDER_MODES)
         _ = self.target
 
     @property
@@ -132,7 +131,7 @@ class Start(NamedTuple):
     q: Floats | None = None
 
 
-class ButtonEpisodes:
+class ButtonEpisodes(Episodes):
     """The state of the episodes and their rules, for one arm or thousands.
 
     Attributes:
@@ -141,8 +140,9 @@ class ButtonEpisodes:
 
     def __init__(self, options: ButtonOptions, world: TorqueWorld) -> None:
         count = world.count
-        self.goals = np.empty((count, 3))
-        self.world = world
+        self.options, self.world, self.goals = options, world, np.empty((count, 3))
+        self.action_space, self.observation_space = action_space(), options.observation_space
+        self.fps = round(1 / options.motors.period)  # a frame a step
         self._starts = ButtonStarts(options.motors.targets)
         self._streams = RowStreams(self._starts.sample, count, size=SIZE)
         self._period = options.motors.period
@@ -176,6 +176,9 @@ class ButtonEpisodes:
         if q is not None and not self._starts.within_limits(q).all():
             raise InputError(f"q is outside the joint limits: {q[~self._starts.within_limits(q)][0]}")
         return Start(goals, q)
+
+    def check_actions(self, actions: ArrayLike, count: int | None) -> Actions:
+        return check_actions(actions, count)
 
     def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
         """Start new episodes; by default targets are drawn, or kept, and postures are drawn, with velocities."""
@@ -229,9 +232,6 @@ class ButtonEpisodes:
         outcome = Outcome(score.reward, pressed, diverged & ~pressed, info)
         return outcome if acting is None else outcome.of(acting)
 
-    def goal_info(self, rows: Any) -> dict[str, Any]:
-        return {"goal": np.array(self.goals[rows])}
-
     def start_info(self, ids: Ids) -> dict[str, Any]:
         nobody = np.zeros(len(ids), dtype=np.bool_)
         if self._terms is None:
@@ -259,12 +259,8 @@ class ButtonEpisodes:
             "energy": np.array(self._energy[rows]),
             "steps": np.array(self._steps[rows]),
             "move_s": self._steps[rows] * self._period,
-            "reward_terms": terms,
-            **{f"reward_{name}": term for name, term in terms.items()},
+            **told_terms(terms),
         }
-
-    def close(self) -> None:
-        """Do nothing: no camera is open."""
 
     def _simulate(self, acting: Flags | None) -> Flags:
         """Step the world; return which arms have diverged. Their last good state is kept."""

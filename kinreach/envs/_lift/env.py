@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
-from typing import Any
-
 import numpy as np
-from gymnasium.utils import EzPickle
-from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
 from kinreach._registration import LIFT, MAX_EPISODE_STEPS
-from kinreach.envs._batch import NativeVectorEnv, check_batch
+from kinreach.envs._batch import NativeVectorEnv
 from kinreach.envs._lift.episodes import LiftEpisodes
-from kinreach.envs._lift.lift_task import LiftOptions, LiftStart, LiftTask
-from kinreach.envs._options import RENDER_MODES, check_not_over, check_started, options_from, with_options
-from kinreach.envs._single import ArmEnv
-from kinreach.errors import InputError
+from kinreach.envs._lift.lift_task import LiftOptions, LiftTask
+from kinreach.envs._options import with_options
+from kinreach.envs._single import ArmEnv, ForfeitEnv
 from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim.inside import FPS, OBJECTS, Grasping, ScenePicture
+from kinreach.sim.inside import OBJECTS, Grasping
 
 
 def _objects(options: LiftOptions) -> int:
@@ -28,7 +21,7 @@ def _objects(options: LiftOptions) -> int:
 
 
 @with_options(LiftOptions)
-class LiftEnv(ArmEnv):
+class LiftEnv(ForfeitEnv, ArmEnv):
     """A UR grasps an object on the table and lifts it.
 
     ## Description
@@ -125,18 +118,12 @@ class LiftEnv(ArmEnv):
     * v0: initial version
     """
 
-    metadata = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012 (declared by Gymnasium)
-
-    def __init__(self, **options: Any) -> None:
-        EzPickle.__init__(self, **options)
-        self.options = given = options_from(LiftOptions, options)
-        self._task = task = LiftTask(given)
-        self.render_mode = mode = given.render_mode
-        self._simulation = ArmSimulation(task.arm, visual=mode is not None, objects=_objects(given))
+    def _new_episodes(self, options: LiftOptions) -> LiftEpisodes:
+        self._task = task = LiftTask(options)
+        visual = options.render_mode is not None
+        self._simulation = ArmSimulation(task.arm, visual=visual, objects=_objects(options))
         self._grasping = Grasping(self._simulation)
-        self._episodes = LiftEpisodes(task, self._grasping if given.backend == "mujoco" else None, 1)
-        self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode)
-        self.action_space, self.observation_space = task.action_space, self._episodes.observation_space
+        return LiftEpisodes(task, self._grasping if options.backend == "mujoco" else None, 1)
 
     def accept(self, q: ArrayLike) -> bool:
         """Return whether a grasp's posture [rad], shape (n,), and the one above it are free of collisions."""
@@ -148,21 +135,9 @@ class LiftEnv(ArmEnv):
         """Return the action of a single step for a grasp's posture [rad], shape (n,), and an opening [m]."""
         return self._task.action_for(np.asarray(q, dtype=np.float64), opening)
 
-    def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """End the episode of an agent that finds no action: impossible, and the arm stays where it is."""
-        check_started(self._started)
-        return self._answer(self._episodes.forfeit(str(reason)))
-
-    def _check_start(self, options: Mapping[str, Any] | None) -> LiftStart:
-        return self._task.reset_options(options, None)
-
-    def _check_action(self, action: ArrayLike) -> Floats:
-        check_not_over(self._over)
-        return self._task.check_actions(action, None)
-
     def _follow(self) -> None:
         """Update the drawn scene where grasps are judged by geometry only."""
-        episodes = self._episodes
+        episodes = self.episodes
         if episodes.world is None:
             only, limits = np.zeros(1, dtype=np.intp), self._simulation.controller
             self._grasping.reset(only, np.clip(episodes.q, limits.lower, limits.upper))
@@ -173,48 +148,17 @@ class LiftEnv(ArmEnv):
 class LiftVectorEnv(NativeVectorEnv):
     """A batch of `kinreach/Lift-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
-    Args:
-        num_envs: Number of environments.
-        threads: Threads that step the dynamics.
-        max_episode_steps: Steps after which episodes are truncated.
-        autoreset_mode: As of `NativeVectorEnv`.
-        **options: As in the single environment (`LiftOptions`), without a `render_mode`.
-
     Attributes:
         task: What is to be done.
-
-    Raises:
-        InputError: Invalid options.
     """
 
     registered_limit = MAX_EPISODE_STEPS[LIFT]
+    Options = LiftOptions
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        threads: int = 1,
-        max_episode_steps: int | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        **options: Any,
-    ) -> None:
-        given = options_from(LiftOptions, options)
-        if given.render_mode is not None:
-            raise InputError(f"a native batch of Lift-v0 is not drawn, got render_mode={given.render_mode!r}")
-        num_envs = check_batch(num_envs, threads, None)
-        self.task = task = LiftTask(given)
+    def _new_episodes(self, options: LiftOptions, threads: int, device: str | None) -> LiftEpisodes:
+        self.task = task = LiftTask(options)
         world = None
-        if given.backend == "mujoco":
-            world = Grasping(BatchSimulation(task.arm, num_envs, threads=threads, objects=_objects(given)))
-        episodes = LiftEpisodes(task, world, num_envs)
-        super().__init__(
-            episodes,
-            num_envs,
-            action_space=task.action_space,
-            observation_space=episodes.observation_space,
-            check_actions=partial(task.check_actions, count=num_envs),
-            check_start=partial(task.reset_options, count=num_envs),
-            autoreset_mode=autoreset_mode,
-            numbers_only=given.info == "numbers",
-            max_episode_steps=max_episode_steps,
-        )
+        if options.backend == "mujoco":
+            arms = BatchSimulation(task.arm, self.num_envs, threads=threads, objects=_objects(options))
+            world = Grasping(arms)
+        return LiftEpisodes(task, world, self.num_envs)

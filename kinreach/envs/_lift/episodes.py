@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
-from kinreach.envs._batch import Flags, Ids, Outcome, RowStreams, texts
+from kinreach.envs._batch import Episodes, Flags, Ids, Outcome, RowStreams, texts, told_terms
 from kinreach.envs._lift.geometry import closes
 from kinreach.envs._lift.lift_task import (
     CLOSING,
@@ -25,6 +26,7 @@ from kinreach.envs._lift.lift_task import (
     LiftTask,
     face_angle,
 )
+from kinreach.envs._options import check_box_actions
 from kinreach.envs._reach.observers import CameraObserver, PixelObserver
 from kinreach.envs._reach.reach_task import CAMERA, joint_limits
 from kinreach.sim.inside import CUBE, SHAPES, Grasping, MoveStatus, Objects
@@ -43,7 +45,7 @@ ALL_DRAWN = LiftStart()
 _SHAPES = np.array(SHAPES, dtype=object)
 
 
-class LiftEpisodes:
+class LiftEpisodes(Episodes):
     """The state of the episodes and their rules, for one arm or thousands.
 
     Attributes:
@@ -55,7 +57,8 @@ class LiftEpisodes:
     """
 
     def __init__(self, task: LiftTask, world: Grasping | None, count: int) -> None:
-        self.task, self.world, self.count = task, world, count
+        self.task, self.options, self.world, self.count = task, task.options, world, count
+        self.action_space = task.action_space
         self._streams = RowStreams(task.sample, count, size=9)
         self._sensors = [np.random.default_rng() for _ in range(count)]
         kind = task.options.observation
@@ -71,6 +74,12 @@ class LiftEpisodes:
         self._stage, self._steps = np.empty(count, dtype=np.intp), np.empty(count, dtype=np.intp)
         self._lifted_for, self._time = np.empty(count), np.empty(count)
         self._reasons, self._status = np.empty(count, dtype=object), np.empty(count, dtype=object)
+
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> LiftStart:
+        return self.task.reset_options(options, count)
+
+    def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
+        return check_box_actions(actions, self.action_space.shape, count)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generators: of starts, and of the cameras' noise."""
@@ -117,7 +126,7 @@ class LiftEpisodes:
         return np.asarray(self.task.kinematics.chain.positions(self.q[ids]))
 
     @property
-    def measurement(self) -> GoalMeasurement | None:
+    def measurement(self) -> GoalMeasurement | None:  # type: ignore[override]
         """The cameras' last measurement of an object; None where nothing is rendered."""
         return None if self._camera is None else self._camera.last
 
@@ -370,8 +379,7 @@ class LiftEpisodes:
             "cause": texts(len(ids)),
             "move_s": np.array(self._time[rows]),
             "attempts": np.array(self._steps[rows]),
-            "reward_terms": terms,
-            **{f"reward_{name}": term for name, term in terms.items()},
+            **told_terms(terms),
         }
 
     def _misalignment(self, ids: Ids) -> Floats:

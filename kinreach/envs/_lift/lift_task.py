@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from kinreach._checks import (
-    MAX_DISTANCE,
     Floats,
     as_floats,
     as_vector,
@@ -23,27 +22,22 @@ from kinreach._checks import (
     check_number,
     shown,
 )
-from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, given_options, option_rows
+from kinreach.envs._options import CameraOptions, about, given_options, option_rows
 from kinreach.envs._reach.reach_task import (
-    CAMERA,
     CAMERA_RANGE,
     GOAL_RANGE,
     Layout,
     action_range,
-    check_cameras,
     joint_limits,
 )
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.kinematics.inside import MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription, Box, BoxRegion, get_arm
 from kinreach.robots.inside import FLANGE
 from kinreach.sim.inside import BALL_SHAPE, BEYOND_LIMIT, CUBE, SHAPES, Objects
-from kinreach.vision import SensorNoise
 
 #: Ways to act: a grasp in one action, or changes of joints and fingers 25 times a second.
 SINGLE, MULTI = STEPS = ("single", "multi")
-OBSERVATIONS, BACKENDS = ("geometric", "camera", "pixels"), ("mujoco", "kinematic")
 #: Period of the multi-step form [s]; largest change of a joint [rad] and of the opening [m] in one of them.
 STEP_S, STEP_ANGLE, STEP_OPENING = 0.04, math.radians(5.0), 0.008
 #: The tip approaches a grasp from so far above and lifts the object by as much [m].
@@ -67,7 +61,7 @@ SEEN, FACES, SIZE, IS_CUBE, KIND_END = slice(0, 3), 3, 4, 6, 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class LiftOptions:
+class LiftOptions(CameraOptions):
     """Options of `kinreach/Lift-v0`."""
 
     steps: str = field(
@@ -82,7 +76,6 @@ class LiftOptions:
         default="mujoco",
         metadata=about('`"mujoco"`, or `"kinematic"`: a grasp is judged by geometry and nothing is lifted'),
     )
-    render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
     arm: str | ArmDescription = field(
         default=THESIS_ARM, metadata=about("name of a UR, or an `ArmDescription`; one without a gripper gets it")
     )
@@ -104,38 +97,10 @@ class LiftOptions:
         default=(0.0, 0.0, 0.0), metadata=about("how far the table is moved, x, y and z [m], within 0.05")
     )
     attempts: int = field(default=1, metadata=about("grasps that may be tried in an episode of single steps"))
-    margin: float = field(
-        default=MARGIN,
-        metadata=about(
-            "parts that are nearer count as colliding where `accept` and the kinematic backend judge a posture [m]; "
-            "under dynamics contacts decide"
-        ),
-    )
-    pipeline: str = field(
-        default="hybrid", metadata=about('how the ball is found: `"hybrid"` or `"thesis"`', observation=CAMERA)
-    )
-    width: int = field(default=640, metadata=about("width of the cameras' images [px]", observation=CAMERA))
-    height: int = field(default=360, metadata=about("height of the cameras' images [px]", observation=CAMERA))
-    rgb_noise: float = field(
-        default=0.0, metadata=about("standard deviation of the colours' noise [levels of 255]", observation=CAMERA)
-    )
-    depth_noise: float = field(
-        default=0.0, metadata=about("standard deviation of the depth's noise [m]", observation=CAMERA)
-    )
-    info: str = field(default="all", metadata=about(INFOS_TEXT, flag=None))
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_known("steps", self.steps, STEPS)
-        check_known("observation", self.observation, OBSERVATIONS)
-        check_known("backend", self.backend, BACKENDS)
-        check_known("info", self.info, INFOS)
-        if self.render_mode is not None:
-            check_known("render_mode", self.render_mode, RENDER_MODES)
-        for name in ("shapes", "sizes", "masses", "frictions", "table"):
-            given: Any = getattr(self, name)
-            if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray) or not len(given):
-                raise InputError(f"{name} must be a list of at least one, got {shown(given)}")
-            object.__setattr__(self, name, tuple(given))
         for shape in self.shapes:
             check_known("shape", shape, SHAPES)
         arm = grasping_arm(self.arm)
@@ -143,8 +108,6 @@ class LiftOptions:
         as_vector("table [m]", self.table, 3, most=MAX_SHIFT)
         check_flag("clutter", self.clutter)
         check_count("attempts", self.attempts, most=MAX_ATTEMPTS)
-        check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
-        check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, 1.0)
         if self.observation != "geometric":
             lacks = {
                 f"shapes {shown(self.shapes)}": set(self.shapes) != {BALL_SHAPE},
@@ -159,11 +122,6 @@ class LiftOptions:
                 )
         if self.backend == "kinematic" and self.steps != SINGLE:
             raise InputError('backend="kinematic" is for steps="single": in small steps the dynamics decide')
-
-    @property
-    def noise(self) -> SensorNoise:
-        """Noise of the cameras, from `rgb_noise` and `depth_noise`."""
-        return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise)
 
 
 def check_objects(
@@ -406,11 +364,3 @@ class LiftTask:
         for name in names:
             check_known("shape", str(name), SHAPES)
         return np.array([[SHAPES.index(str(name))] for name in names])
-
-    def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
-        """Return checked actions, clipped to [-1, 1], shape (k, n + 1)."""
-        values, size = as_floats("action", actions), len(self.home) + 1
-        shape = (size,) if count is None else (count, size)
-        if values.shape != shape or not np.isfinite(values).all():
-            raise InputError(f"action must be finite and have shape {shape}, got {values.shape}")
-        return np.clip(values, -1.0, 1.0).reshape(-1, size)

@@ -2,86 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, as_vector
-from kinreach.envs._options import RENDER_MODES, check_started, options_from, with_options
+from kinreach.envs._options import with_options
 from kinreach.envs._reach.episodes import ReachEpisodes
-from kinreach.envs._reach.reach_task import (
-    MULTI_STEP,
-    SINGLE_STEP,
-    ReachOptions,
-    ReachTask,
-    ReachVariant,
-    action_space,
-    check_actions,
-    tool_goal,
-)
+from kinreach.envs._reach.reach_task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant, tool_goal
 from kinreach.envs._reach.space import SpaceOptions, SpaceTask
 from kinreach.envs._reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
-from kinreach.envs._single import ArmEnv
+from kinreach.envs._single import ArmEnv, ForfeitEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, PositionGoal
 from kinreach.sim import ArmSimulation
-from kinreach.sim.inside import FPS, ScenePicture
 
 
-class ReachEnv(ArmEnv):
-    """One arm that reaches for a ball; the subclasses are the tasks, and describe them.
+class PostureEnv(ForfeitEnv):
+    """An environment in which every action asks for a posture.
 
-    Attributes:
-        options: As given.
-        variant: Single- or multi-step.
+    Its episodes have a `ReachTask`, the arms' postures `q` and the `directions` of the tool.
     """
 
-    metadata = {  # noqa: RUF012 (declared by Gymnasium)
-        "render_modes": list(RENDER_MODES),
-        "render_fps": FPS,
-    }
-    variant: ClassVar[ReachVariant]
-
-    def __init__(self, **options: Any) -> None:
-        EzPickle.__init__(self, **options)
-        self._task = task = self._new_task(options)
-        self.options = task.options
-        if self.options.backend == "warp":
-            raise InputError(
-                'backend="warp" is of native batches: gym.make_vec(..., vectorization_mode="vector_entry_point")'
-            )
-        self.render_mode = mode = self.options.render_mode
-        self._simulation = ArmSimulation(task.arm, visual=mode is not None, imperfections=self.options.imperfections)
-        self._world: ReachWorld = (
-            SingleDynamicWorld(self._simulation)
-            if self.options.backend == "mujoco"
-            else KinematicWorld(task, 1, explain=True)
-        )
-        self._episodes = ReachEpisodes(task, self._world)
-        self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode)
-        self.action_space = action_space(task.arm)
-        self.observation_space = self._episodes.observation_space
-
-    @classmethod
-    def _new_task(cls, options: Mapping[str, Any]) -> ReachTask:
-        return ReachTask(options_from(ReachOptions, options), cls.variant)
-
-    def accept(self, q: ArrayLike) -> bool:
-        """Return whether a posture [rad], shape (n,), is free of collisions, and natural where that is rewarded.
-
-        Collisions are judged with the option `margin`; natural is a posture error below the thesis's 0.15.
-        In `kinreach/Reach-v0` with dynamics, the way there from where the arm stands must be free, too.
-
-        Raises:
-            InputError: Wrong shape, or not finite.
-        """
-        task, world = self._task, self._world
-        if not (task.natural(q, self._episodes.directions[0]) and task.checker.free(q)):
-            return False
-        return not world.dynamic or task.way_free(world.q[0], np.asarray(q))
+    @property
+    def home(self) -> Floats:
+        """The start posture [rad], shape (n,)."""
+        return np.array(self.episodes.task.home)
 
     def posture_for(self, action: ArrayLike) -> Floats:
         """Return the posture [rad], shape (n,), that an action asks for: inverse of `action_for`.
@@ -89,7 +37,8 @@ class ReachEnv(ArmEnv):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return self._task.targets(self._world.q, check_actions(action, None, len(self.arm.joints))[None])[0]
+        posture: Floats = self.episodes.task.targets(self.episodes.q, self.episodes.check_actions(action, None))[0]
+        return posture
 
     def action_for(self, q: ArrayLike) -> Floats:
         """Return the action that takes the arm to a posture, or in several steps straight towards it.
@@ -103,7 +52,9 @@ class ReachEnv(ArmEnv):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return self._task.action_for(self._world.q[0], as_vector("q", q, len(self.arm.joints)))
+        now = self.episodes.q[0]
+        action: Floats = self.episodes.task.action_for(now, as_vector("q", q, len(now)))
+        return action
 
     def waypoints_to(self, q: Floats, target: Floats) -> list[Floats]:
         """Return the postures that a move passes, the last is the target [rad].
@@ -112,7 +63,8 @@ class ReachEnv(ArmEnv):
             q: Where it begins [rad], shape (n,).
             target: [rad], shape (n,).
         """
-        return self._task.waypoints_to(q, target)
+        waypoints: list[Floats] = self.episodes.task.waypoints_to(q, target)
+        return waypoints
 
     def ik_goal(self, position: ArrayLike) -> AxisGoal | PositionGoal:
         """Return the goal of a solver that brings the tip to a point of the world [m], shape (3,).
@@ -122,7 +74,49 @@ class ReachEnv(ArmEnv):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return tool_goal(self.arm, position, self._episodes.directions[0])
+        return tool_goal(self.episodes.task.arm, position, self.episodes.directions[0])
+
+
+class ReachEnv(PostureEnv, ArmEnv):
+    """One arm that reaches for a ball; the subclasses are the tasks, and describe them."""
+
+    #: The task with the options.
+    new_task: ClassVar[Any]
+    goes_on = True
+
+    def _new_episodes(self, options: ReachOptions) -> ReachEpisodes:
+        if options.backend == "warp":
+            raise InputError(
+                'backend="warp" is of native batches: gym.make_vec(..., vectorization_mode="vector_entry_point")'
+            )
+        self._task = task = self.new_task(options)
+        visual = options.render_mode is not None
+        self._simulation = ArmSimulation(task.arm, visual=visual, imperfections=options.imperfections)
+        self._world: ReachWorld = (
+            SingleDynamicWorld(self._simulation)
+            if options.backend == "mujoco"
+            else KinematicWorld(task, 1, explain=True)
+        )
+        return ReachEpisodes(task, self._world)
+
+    @property
+    def variant(self) -> ReachVariant:
+        """Single- or multi-step."""
+        return self._task.variant
+
+    def accept(self, q: ArrayLike) -> bool:
+        """Return whether a posture [rad], shape (n,), is free of collisions, and natural where that is rewarded.
+
+        Collisions are judged with the option `margin`; natural is a posture error below the thesis's 0.15.
+        In `kinreach/Reach-v0` with dynamics, the way there from where the arm stands must be free, too.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        task, world = self._task, self._world
+        if not (task.natural(q, self.episodes.directions[0]) and task.checker.free(q)):
+            return False
+        return not world.dynamic or task.way_free(world.q[0], np.asarray(q))
 
     def starts(self, rng: np.random.Generator, count: int) -> dict[str, Floats]:
         """Draw options of `reset` for a number of episodes, as the environment does, each of `count` rows.
@@ -152,30 +146,12 @@ class ReachEnv(ArmEnv):
         """
         return super().reset(seed=seed, options=options)
 
-    def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """End the episode of an agent that finds no action: impossible, and the arm stays where it is.
-
-        Args:
-            reason: Why, for `info["impossible_reason"]`.
-
-        Returns:
-            As `step`.
-        """
-        check_started(self._started)
-        return self._answer(self._episodes.forfeit(str(reason)))
-
-    def _check_start(self, options: Mapping[str, Any] | None) -> Any:
-        return self._task.reset_options(options, None)
-
-    def _check_action(self, action: ArrayLike) -> Floats:
-        return check_actions(action, None, len(self.arm.joints))[None]
-
     def _follow(self) -> None:
         """Update the drawn scene where the world has no scene of its own."""
         if self._picture is not None and not self._world.dynamic:
             limits = self._simulation.controller
             self._simulation.reset(np.clip(self._world.q[0], limits.lower, limits.upper))
-            self._simulation.place_ball(self._episodes.goals[0])
+            self._simulation.place_ball(self.episodes.goals[0])
 
 
 @with_options(ReachOptions)
@@ -273,7 +249,7 @@ class UR5SingleStepEnv(ReachEnv):
     * v0: initial version
     """
 
-    variant = SINGLE_STEP
+    new_task = staticmethod(partial(ReachTask, variant=SINGLE_STEP))
 
 
 @with_options(ReachOptions)
@@ -345,7 +321,7 @@ class UR5MultiStepEnv(ReachEnv):
     * v0: initial version
     """
 
-    variant = MULTI_STEP
+    new_task = staticmethod(partial(ReachTask, variant=MULTI_STEP))
 
 
 @with_options(SpaceOptions)
@@ -407,11 +383,4 @@ class SpaceReachEnv(ReachEnv):
     * v0: initial version
     """
 
-    @property
-    def variant(self) -> ReachVariant:  # type: ignore[override]
-        """Single- or multi-step, by the option `steps`."""
-        return self._task.variant
-
-    @classmethod
-    def _new_task(cls, options: Mapping[str, Any]) -> SpaceTask:
-        return SpaceTask.of(options)
+    new_task = SpaceTask

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats
 from kinreach._tensors import copied, flags_like, like, namespace, on_host
-from kinreach.envs._batch import Outcome, texts
+from kinreach.envs._batch import Episodes, Outcome, texts, told_terms
 from kinreach.envs._reach.observers import PixelObserver, goal_observer, measured
-from kinreach.envs._reach.reach_task import CAMERA_RANGE, IMAGE, TOOL_DOWN, ReachTask, Start, joint_limits
+from kinreach.envs._reach.reach_task import (
+    CAMERA_RANGE,
+    IMAGE,
+    TOOL_DOWN,
+    ReachTask,
+    Start,
+    action_space,
+    check_actions,
+    joint_limits,
+)
 from kinreach.envs._reach.rewards import Score, term_names
 from kinreach.envs._reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
 from kinreach.vision.inside import GoalMeasurement, in_image
@@ -23,7 +33,7 @@ Flags = NDArray[np.bool_]
 _PHRASES = np.where(STATUSES == "completed", "", STATUSES)
 
 
-class ReachEpisodes:
+class ReachEpisodes(Episodes):
     """The state of the episodes and their rules, for one arm or thousands.
 
     Attributes:
@@ -39,8 +49,9 @@ class ReachEpisodes:
         self.goals = self.seen = np.empty((count, 3))
         self.found = np.empty((count, max(1, len(task.arm.goal_cameras))), dtype=np.bool_)
         self.directions = np.tile(TOOL_DOWN, (count, 1))
-        self.task = task
+        self.task, self.options = task, task.options
         self.world = world
+        self.action_space = action_space(task.arm)
         self._observer = goal_observer(task)
         self._pixels = PixelObserver(task.arm, task.options) if task.options.observation == "pixels" else None
         self._pictures: dict[str, NDArray[Any]] = {}
@@ -51,6 +62,17 @@ class ReachEpisodes:
         self._observation[:, task.layout.gripper] = task.gripper_opening
         self._move_time = np.empty(count)
         self._terms: tuple[str, ...] | None = None  # names of the reward's
+
+    @property
+    def q(self) -> Floats:
+        """Postures of the arms [rad], shape (count, n)."""
+        return self.world.q
+
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
+        return self.task.reset_options(options, count)
+
+    def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
+        return check_actions(actions, count, len(self.task.arm.joints))
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an arm its own generators, for goals and for noise."""
@@ -79,7 +101,7 @@ class ReachEpisodes:
             self._observation[rows, self.task.layout.direction] = start.directions
 
     @property
-    def measurement(self) -> GoalMeasurement | None:
+    def measurement(self) -> GoalMeasurement | None:  # type: ignore[override]
         """The cameras' last measurement of a goal; None where nothing is rendered."""
         return self._observer.last
 
@@ -184,7 +206,7 @@ class ReachEpisodes:
     ) -> dict[str, Any]:
         """Return the `info` of some arms, whose results have as many rows, without the target."""
         reasons = executed.reasons
-        info = {
+        return {
             **self.goal_info(rows),
             "q": q,
             "tip": tip,
@@ -197,10 +219,8 @@ class ReachEpisodes:
             "impossible_reason": _PHRASES[executed.status] if reasons is None else np.array(reasons, dtype=object),
             "status": STATUSES[executed.status],
             "move_s": np.array(self._move_time[rows]),
-            "reward_terms": score.terms,
+            **told_terms(score.terms),
         }
-        info |= {f"reward_{name}": term for name, term in score.terms.items()}
-        return info
 
     def _target_tips(self, targets: Floats, tip: Floats, impossible: Flags) -> Floats:
         """Where the tips would be in the targets [m], shape (count, 3)."""

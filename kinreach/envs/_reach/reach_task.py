@@ -6,7 +6,7 @@ Everything here works on stacks, so that one environment and thousands in a batc
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -16,7 +16,6 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import (
-    MAX_DISTANCE,
     Floats,
     as_floats,
     as_vector,
@@ -27,7 +26,7 @@ from kinreach._checks import (
     shown,
 )
 from kinreach.envs._batch import RowStreams
-from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
+from kinreach.envs._options import ARM_BACKENDS, CameraOptions, about, check_box_actions, option_rows
 from kinreach.envs._reach.goals import goal_streams
 from kinreach.envs._reach.rewards import RewardFunction, Score, Scorer, check_reward, default_reward, scorer_of
 from kinreach.errors import InputError
@@ -37,7 +36,7 @@ from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, get_arm
 from kinreach.sim.inside import BEYOND_LIMIT, IDEAL, Imperfections, as_imperfections
 from kinreach.thesis import REACHED_POSTURE_ERROR
 from kinreach.vision import SensorNoise, geometric_goal_view
-from kinreach.vision.inside import MAX_EXPOSURE, PIPELINES
+from kinreach.vision.inside import MAX_EXPOSURE
 
 #: How the tool points at a goal, in the world: straight down.
 TOOL_DOWN = (0.0, 0.0, -1.0)
@@ -48,39 +47,21 @@ CAMERA_RANGE = 2.0
 #: The same for an arm without cameras, whose goals are given in the world [m].
 GOAL_RANGE = 10.0
 
-OBSERVATION_KINDS = ("camera", "geometric", "pixels")
-BACKENDS = ("mujoco", "kinematic", "warp")
+BACKENDS = (*ARM_BACKENDS, "warp")
 #: How an observation gives the goal: in metres in the cameras' frames, or as places in their pictures and depth.
 CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReachOptions:
+class ReachOptions(CameraOptions):
     """Options of the reach environments, single and in native batches."""
 
-    observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
     backend: str = field(
         default="mujoco",
         metadata=about('`"mujoco"` (dynamics) or `"kinematic"`; in native batches also `"warp"` (tried on CPUs only)'),
     )
-    render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
-    arm: str | ArmDescription = field(
-        default=THESIS_ARM, metadata=about("name of a registered arm, or an `ArmDescription`")
-    )
     reward: RewardFunction | None = field(
         default=None, metadata=about("a function as `kinreach.envs._reach.rewards` describes; by default the arm's own")
-    )
-    pipeline: str = field(
-        default="hybrid",
-        metadata=about('how the ball is found: `"hybrid"` or the thesis\'s own, `"thesis"`', observation=CAMERA),
-    )
-    width: int = field(default=640, metadata=about("width of the cameras' images [px]", observation=CAMERA))
-    height: int = field(default=360, metadata=about("height of the cameras' images [px]", observation=CAMERA))
-    rgb_noise: float = field(
-        default=0.0, metadata=about("standard deviation of the colours' noise [levels of 255]", observation=CAMERA)
-    )
-    depth_noise: float = field(
-        default=0.0, metadata=about("standard deviation of the depth's noise [m]", observation=CAMERA)
     )
     exposure: float = field(
         default=1.0,
@@ -127,21 +108,15 @@ class ReachOptions:
             '`{"payload": 0.5}`; by default it is ideal'
         ),
     )
-    info: str = field(default="all", metadata=about(INFOS_TEXT, flag=None))
 
     def __post_init__(self) -> None:
-        check_known("observation", self.observation, OBSERVATION_KINDS)
-        check_known("backend", self.backend, BACKENDS)
-        check_known("info", self.info, INFOS)
-        if self.render_mode is not None:
-            check_known("render_mode", self.render_mode, RENDER_MODES)
-        check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, self.exposure)
+        super().__post_init__()
+        check_number("exposure", self.exposure, least=1.0, most=MAX_EXPOSURE)
         check_count("looks", self.looks, least=0, most=10**6)
         check_known("goal_in", self.goal_in, GOAL_FRAMES)
         check_number("tolerance", self.tolerance, least=0.0, most=math.pi)
         if self.tolerance and self.backend != "kinematic":
             raise InputError(f'a tolerance is for backend="kinematic", got {self.backend!r}, where the dynamics decide')
-        check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
         check_flag("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
@@ -157,21 +132,13 @@ class ReachOptions:
                 )
 
     @property
+    def _backends(self) -> Sequence[str]:
+        return BACKENDS
+
+    @property
     def noise(self) -> SensorNoise:
         """Noise of the cameras, from `rgb_noise`, `depth_noise` and `exposure`."""
         return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise, exposure=self.exposure)
-
-
-def check_cameras(
-    pipeline: object, width: object, height: object, rgb_noise: object, depth_noise: object, exposure: object
-) -> None:
-    """Check the options of cameras; for the values see `ReachOptions`."""
-    check_known("pipeline", pipeline, PIPELINES)
-    for name, size in (("width", width), ("height", height)):
-        check_count(f"{name} [px]", size, least=16, most=16384)
-    check_number("rgb_noise", rgb_noise, least=0.0, most=255.0)
-    check_number("depth_noise", depth_noise, least=0.0, most=1.0)
-    check_number("exposure", exposure, least=1.0, most=MAX_EXPOSURE)
 
 
 @dataclass(frozen=True)
@@ -317,19 +284,11 @@ def tool_goal(arm: ArmDescription, position: ArrayLike, direction: ArrayLike = T
 
 
 def check_actions(actions: ArrayLike, count: int | None, joints: int = JOINTS) -> Floats:
-    """Actions of shape (joints,), or (count, joints) for a batch, clipped to [-1, 1].
+    """Return actions as `check_box_actions` does, in an array in which what belongs to one joint lies side by side.
 
-    In the result what belongs to one joint lies side by side, as the formulas want it.
+    So the formulas want it.
     """
-    shape = (joints,) if count is None else (count, joints)
-    values = as_floats("action", actions)
-    if values.shape != shape:
-        raise InputError(f"action must have shape {shape}, got {values.shape}")
-    if values.min() >= -1.0 and values.max() <= 1.0:  # there is nothing to clip
-        return np.array(values.T, order="C").T
-    if not np.isfinite(values).all():
-        raise InputError("action must be finite")
-    return np.clip(values.T, -1.0, 1.0, order="C").T
+    return np.array(check_box_actions(actions, (joints,), count).T, order="C").T
 
 
 class Start(NamedTuple):

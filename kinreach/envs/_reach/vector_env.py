@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 
 from kinreach._checks import check_count
 from kinreach._registration import MAX_EPISODE_STEPS, MULTI
-from kinreach.envs._batch import BatchPicture, NativeVectorEnv, check_batch
-from kinreach.envs._options import options_from
+from kinreach.envs._batch import BatchPicture, NativeVectorEnv
 from kinreach.envs._reach.episodes import ReachEpisodes
-from kinreach.envs._reach.reach_task import (
-    MULTI_STEP,
-    SINGLE_STEP,
-    ReachOptions,
-    ReachTask,
-    ReachVariant,
-    action_space,
-    check_actions,
-)
-from kinreach.envs._reach.space import SpaceTask
+from kinreach.envs._reach.reach_task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask
+from kinreach.envs._reach.space import SpaceOptions, SpaceTask
 from kinreach.envs._reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
 from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import as_imperfections
@@ -38,85 +28,59 @@ class ReachVectorEnv(NativeVectorEnv):
     `info["final_info"]`, because `info["goal"]` is already the next one's. What would take long is left out of
     `info` with `backend="kinematic"`: `target_tip`, and in `impossible_reason` the names of what collides.
 
-    Args:
-        num_envs: Number of environments.
-        variant: Which of the thesis's tasks; None for reaching in space, whose variant is an option.
-        threads: Threads that step the dynamics (`backend="mujoco"`).
-        autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
-        max_episode_steps: Steps after which episodes are truncated.
-        device: Of torch, for tensors instead of arrays. With `backend="warp"` it is Warp's device too, and rewards are
-            computed on it; else they are computed in numpy and handed over.
-        **options: As in the single environments (`ReachOptions`, `SpaceOptions`). `render_mode` is None or
-            `"rgb_array"`, for up to 64 environments. With `observation="pixels"` one scene is drawn for all of them.
-
-    Attributes:
-        task: What is to be done.
-
-    Raises:
-        InputError: Invalid options.
+    With `backend="warp"` the `device` is Warp's device too, and rewards are computed on it; else they are computed in
+    numpy and handed over. With `observation="pixels"` one scene is drawn for all environments.
     """
 
     registered_limit = MAX_EPISODE_STEPS[MULTI]
+    Options: ClassVar[type[ReachOptions]] = ReachOptions
+    #: The task with the options.
+    new_task: ClassVar[Any]
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        variant: ReachVariant | None = None,
-        threads: int = 1,
-        max_episode_steps: int | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        device: str | None = None,
-        **options: Any,
-    ) -> None:
-        self.task = task = (
-            SpaceTask.of(options) if variant is None else ReachTask(options_from(ReachOptions, options), variant)
-        )
-        given = task.options
-        num_envs = check_batch(num_envs, threads, given.render_mode)
-        if given.observation == "pixels":
-            check_count("bytes of all pictures", num_envs * given.width * given.height * _PIXEL_BYTES, most=MAX_BYTES)
-        arm = task.arm
+    def _new_episodes(self, options: ReachOptions, threads: int, device: str | None) -> ReachEpisodes:
+        if options.observation == "pixels":
+            size = self.num_envs * options.width * options.height * _PIXEL_BYTES
+            check_count("bytes of all pictures", size, most=MAX_BYTES)
+        self.task = task = self.new_task(options)
         world: ReachWorld = (
-            KinematicWorld(task, num_envs)
-            if given.backend == "kinematic"
+            KinematicWorld(task, self.num_envs)
+            if options.backend == "kinematic"
             else BatchDynamicWorld(
-                arm,
-                num_envs,
+                task.arm,
+                self.num_envs,
                 threads=threads,
-                imperfections=as_imperfections(given.imperfections),
-                backend=given.backend,
-                device=device if given.backend == "warp" else None,
+                imperfections=as_imperfections(options.imperfections),
+                backend=options.backend,
+                device=device if options.backend == "warp" else None,
             )
         )
-        episodes = ReachEpisodes(task, world)
-        super().__init__(
-            episodes,
-            num_envs,
-            action_space=action_space(arm),
-            observation_space=episodes.observation_space,
-            check_actions=partial(check_actions, count=num_envs, joints=len(arm.joints)),
-            check_start=partial(task.reset_options, count=num_envs),
-            autoreset_mode=autoreset_mode,
-            picture=None if given.render_mode is None else _picture(episodes),
-            device=device,
-            numbers_only=given.info == "numbers",
-            max_episode_steps=max_episode_steps,
-        )
+        return ReachEpisodes(task, world)
+
+    def _new_picture(self) -> BatchPicture:
+        episodes, scene = self.episodes, ArmSimulation(self.task.arm, visual=True)
+        limits = scene.controller
+
+        def show(index: int) -> None:
+            scene.reset(np.clip(episodes.q[index], limits.lower, limits.upper))
+            scene.place_ball(episodes.goals[index])
+
+        return BatchPicture(scene, show)
 
 
-def _picture(episodes: ReachEpisodes) -> BatchPicture:
-    scene = ArmSimulation(episodes.task.arm, visual=True)
-    limits = scene.controller
+class SingleStepVectorEnv(ReachVectorEnv):
+    """A batch of `kinreach/UR5SingleStep-v0`."""
 
-    def show(index: int) -> None:
-        scene.reset(np.clip(episodes.world.q[index], limits.lower, limits.upper))
-        scene.place_ball(episodes.goals[index])
-
-    return BatchPicture(scene, show)
+    new_task = staticmethod(partial(ReachTask, variant=SINGLE_STEP))
 
 
-#: Entry points of the native batches.
-single_step = partial(ReachVectorEnv, variant=SINGLE_STEP)
-multi_step = partial(ReachVectorEnv, variant=MULTI_STEP)
-in_space = partial(ReachVectorEnv, variant=None)
+class MultiStepVectorEnv(ReachVectorEnv):
+    """A batch of `kinreach/UR5MultiStep-v0`."""
+
+    new_task = staticmethod(partial(ReachTask, variant=MULTI_STEP))
+
+
+class SpaceReachVectorEnv(ReachVectorEnv):
+    """A batch of `kinreach/Reach-v0`."""
+
+    Options = SpaceOptions
+    new_task = SpaceTask

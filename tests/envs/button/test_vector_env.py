@@ -108,7 +108,7 @@ def test_one_diverged_simulation_leaves_the_others_alone(tmp_path, monkeypatch):
     batch, untouched = make_vec(4), make_vec(4)
     for env in (batch, untouched):
         env.reset(seed=0)
-    batch.unwrapped._episodes.world.qd[2, 0] = np.nan
+    batch.unwrapped.episodes.world.qd[2, 0] = np.nan
     observations, _, terminated, truncated, info = batch.step(np.full(4, 13))
     assert truncated.tolist() == info["impossible"].tolist() == [False, False, True, False]
     assert not terminated.any()
