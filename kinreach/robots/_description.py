@@ -18,6 +18,7 @@ from kinreach.errors import InputError, UnknownNameError, UnknownOptionError
 from kinreach.robots._calibration import Calibration, place_by_calibration
 from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots._meshes import HULLS, MESHES_AS
+from kinreach.robots._srdf import read_srdf
 from kinreach.robots._tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
 from kinreach.robots._ur import ur_model
 from kinreach.robots._urdf import (
@@ -66,7 +67,7 @@ class ArmDescription:
         default_tip: Key of `tips` that tasks use; default is the first, and without `tips` the link
             with the most joints between it and the root.
         workcell: Obstacles around the arm and where its goals are; default is an empty one.
-        disabled_collisions: Link pairs that touch by construction (SRDF `disable_collisions`). None: neighbours, and
+        disabled_collisions: Link pairs that touch by construction, as `with_srdf` reads them. None: neighbours, and
             pairs that collide at home, and pairs that always collide, found by `kinreach.kinematics._collision`.
         package_root: Returns the folder that `package://` stands for, or None if the URDF names no mesh.
         meshes: What collision checks use of a mesh: `"hulls"`, its convex hull, as MuJoCo does; or `"triangles"`, the
@@ -307,6 +308,22 @@ class ArmDescription:
         arm = UrdfArm(self.name, robot, tip=self.tips[self.default_tip], joints=self.joints)
         lower, upper = zip(*arm.limits, strict=True)
         return replace(self, build_urdf=CheckedUrdf(robot), home=tuple(np.clip(self.home, lower, upper).tolist()))
+
+    def with_srdf(self, file: str | Path) -> ArmDescription:
+        """Return the same arm with the pairs of links that MoveIt's SRDF lets touch, and neighbours; all others count.
+
+        They take the place of `disabled_collisions`. Mount a tool or a gripper afterwards.
+
+        Args:
+            file: Path of the SRDF, expanded if it is xacro.
+
+        Raises:
+            InputError: The file cannot be read, is no SRDF, or names no two links of this arm.
+        """
+        robot = self._checked.robot
+        read = read_srdf(file, [link.get("name", "") for link in robot.findall("link")])
+        pairs = (*neighbours(robot), *read.may_touch)
+        return replace(self, disabled_collisions=pairs, notes=(*self.notes, *read.notes))
 
     def with_tool(self, tool: Tool | str | ArrayLike) -> ArmDescription:
         """Return the same arm with a tool on its flange, whose centre point becomes the tip `"tool"`.

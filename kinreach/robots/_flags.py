@@ -33,12 +33,13 @@ class ArmFlags:
         joints: Names of a file's joints that are the arm's.
         held: Where a file's other joints are held [rad, m].
         package_dirs: Folders of a file's packages.
+        srdf: MoveIt's file with the links that may touch.
     """
 
     #: The flags, as attributes of the parsed arguments.
     NAMES: ClassVar = (
         "calibration", "repair", "tool", "tool_radius", "tool_mass", "tool_mesh", "tool_mesh_scale", "tip", "joints",
-        "hold", "package_dir",
+        "hold", "package_dir", "srdf",
     )  # fmt: skip
 
     calibration: str | None = None
@@ -48,10 +49,11 @@ class ArmFlags:
     joints: Sequence[str] | None = None
     held: Mapping[str, float] | None = None
     package_dirs: Sequence[str] = ()
+    srdf: str | None = None
 
     @staticmethod
     def add_to(parser: argparse.ArgumentParser) -> None:
-        """Add `--calibration`, `--repair`, those of the tool, `--tip`, `--joints`, `--hold` and `--package-dir`."""
+        """Add the flags of `NAMES`."""
         group = parser.add_argument_group("the arm")
         group.add_argument(
             "--calibration",
@@ -97,13 +99,16 @@ class ArmFlags:
             help=f"of a file: folder of the packages with its meshes; may be repeated, or several separated by "
             f"{os.pathsep!r} (also looked for: around the file, in ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
         )
+        group.add_argument(
+            "--srdf", metavar="FILE", help="MoveIt's file: collision checks leave out its pairs of links that may touch"
+        )
 
     @classmethod
     def of(cls, arguments: argparse.Namespace) -> ArmFlags:
         """Read the flags of `add_to` from the parsed arguments."""
         return cls(
             arguments.calibration, arguments.repair, tool_of(arguments), arguments.tip, joints_of(arguments),
-            held_of(arguments), package_dirs_of(arguments),
+            held_of(arguments), package_dirs_of(arguments), arguments.srdf,
         )  # fmt: skip
 
     def arm(self, name: str) -> ArmDescription:
@@ -113,6 +118,8 @@ class ArmFlags:
         arm = arm_named(name, tip=self.tip, joints=self.joints, held=self.held, package_dirs=self.package_dirs)
         if self.calibration is not None:
             arm = arm.calibrated(self.calibration, repair=self.repair)
+        if self.srdf is not None:
+            arm = arm.with_srdf(self.srdf)
         if self.tool is not None:
             return arm.with_tool(self.tool)
         if self.tip is None:

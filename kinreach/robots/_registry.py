@@ -25,7 +25,7 @@ _OTHER_FILES = {
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), "USD, which is not read: take the URDF that it was made from"),
     **dict.fromkeys((".stl", ".obj", ".dae", ".step", ".stp", ".glb", ".gltf", ".iges"), "a shape, and no arm"),
     **dict.fromkeys((".yaml", ".yml", ".conf"), "a calibration or settings: name its UR, with --calibration FILE"),
-    ".srdf": "an SRDF, which says what MoveIt plans with: take the URDF beside it",
+    ".srdf": "an SRDF, which says what MoveIt plans with: take the URDF beside it, and give this with --srdf",
     ".py": "a program: name the object in it that describes the arm, as MODULE:ATTRIBUTE",
     **dict.fromkeys((".zip", ".gz", ".tar", ".tgz", ".7z"), "an archive: unpack it"),
     **dict.fromkeys((".urp", ".script", ".urscript"), "a program of a UR"),

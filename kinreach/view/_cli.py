@@ -14,7 +14,7 @@ from kinreach.robots.inside import FILES, ArmFlags
 from kinreach.view._results import read_results
 from kinreach.view._server import Server
 from kinreach.view._setup import Setup
-from kinreach.view._snippet import calibrated, with_tool
+from kinreach.view._snippet import calibrated, described, with_tool
 
 PORT, MAX_PORT = 8080, 65535
 
@@ -49,6 +49,7 @@ def setup_of(
     calibration: str | None = None,
     repair: bool = False,
     tool: Tool | None = None,
+    srdf: str | None = None,
     simple: bool = False,
     policy: str | None = None,
     results: str | None = None,
@@ -56,14 +57,16 @@ def setup_of(
     **options: Any,
 ) -> Setup:
     """Check the arguments and return the setup of every tab; the other options are those of `ArmFlags`."""
-    description = ArmFlags(calibration, repair, tool, **options).arm(arm)
-    nominal = None if calibration is None else ArmFlags(tool=tool, **options).arm(arm)
+    description = ArmFlags(calibration, repair, tool, srdf=srdf, **options).arm(arm)
+    nominal = None if calibration is None else ArmFlags(tool=tool, srdf=srdf, **options).arm(arm)
     given = "".join(f", {name}={value!r}" for name, value in options.items() if value)
     module, _, attribute = arm.partition(":")
     sheet = repr(arm.lower()) if arm.lower() in arm_names() else f"import_module({module!r}).{attribute}"
     if arm.lower().endswith(FILES):
         sheet = f"ArmDescription.from_file({arm!r}{given})"
     expression = sheet if calibration is None else calibrated(sheet, calibration, repair=repair)
+    if srdf is not None:
+        sheet, expression = (f"{described(each)}.with_srdf({srdf!r})" for each in (sheet, expression))
     if tool is not None:
         sheet, expression = with_tool(sheet, tool), with_tool(expression, tool)
     setup = Setup(
