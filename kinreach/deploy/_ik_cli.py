@@ -21,7 +21,6 @@ from kinreach.deploy._remarks import tool_note, why_none
 from kinreach.deploy._surroundings import add_surroundings, surrounded
 from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, CollisionChecker, PoseGoal, URKinematics
-from kinreach.kinematics.inside import ur_branch
 from kinreach.robots.inside import JOINTS, ArmFlags
 
 #: Columns of the poses that are read.
@@ -124,9 +123,10 @@ def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
         return NONE_FOUND
     names = [joint.removesuffix("_joint") for joint in kin.arm.joints]
     widths = [max(len(name), 9) for name in names]
-    named = isinstance(kin, URKinematics)
     heads = [f"{name:>{width}}" for name, width in zip(names, widths, strict=True)]
-    print("  ".join(["branch", *heads, *[f"{'shoulder, elbow, wrist':<24}"] * named, "collides"]))
+    print(
+        "  ".join(["branch", *heads, *[f"{'shoulder, elbow, wrist':<24}"] * isinstance(kin, URKinematics), "collides"])
+    )
     nearest = next((index for index, (*_, cause) in enumerate(found) if not cause), None)
     for index, (q, branch, cause) in enumerate(found):
         angles = "  ".join(
@@ -134,8 +134,8 @@ def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
         )
         mark = "*" if index == nearest else " "
         known = cause or ("no" if answers.checker is not None else "not known")
-        words = f"{', '.join(ur_branch(branch)):<24}  " if named else ""
-        print(printable(f"{mark} {branch:>4}  {angles}  {words}{known}"))
+        bent = f"{', '.join(kin.branch_words(branch)):<24}  " if isinstance(kin, URKinematics) else ""
+        print(printable(f"{mark} {branch:>4}  {angles}  {bent}{known}"))
     seed = ", ".join(f"{scale * angle:.{1 if degrees else 3}f}" for angle in answers.seed)
     print("every posture collides" if nearest is None else f"* nearest to the seed {seed}")
     if answers.note:

@@ -27,7 +27,7 @@ from kinreach.deploy._model import (
 from kinreach.deploy._planning import SPEED, Leg, planned_program
 from kinreach.deploy._primary import PRIMARY_PORT
 from kinreach.deploy._program import Program
-from kinreach.deploy._remarks import tool_note
+from kinreach.deploy._remarks import tool_note, why_none
 from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.deploy._states import RobotState
 from kinreach.deploy._surroundings import add_surroundings, surrounded
@@ -41,7 +41,7 @@ from kinreach.kinematics import (
     pose,
     pose_vector,
 )
-from kinreach.kinematics.inside import PATH_MARGIN
+from kinreach.kinematics.inside import PATH_MARGIN, described, postures_of
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import ArmFlags
 
@@ -69,7 +69,12 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     print_notes(arm.notes)
     check_is_ur(arm)
     arm = surrounded(ArmKinematics(arm, base="base"), arguments, cell=not arguments.no_cell)
-    job = _Job(arm, goals, linear=arguments.linear, speed=arguments.speed, blend=arguments.blend)
+    job = _Job(
+        arm, goals,
+        linear=arguments.linear, speed=arguments.speed, blend=arguments.blend,
+        branch=None if arguments.branch is None else _branch_of(arguments.branch),
+        max_travel=_max_travel(arguments.max_travel, degrees=arguments.degrees),
+    )  # fmt: skip
     if arguments.robot is None:
         start = _start(arguments.start, arm, degrees=arguments.degrees)
         job.tried(start, script, picture)
@@ -101,12 +106,15 @@ class _Job:
         linear: bool,
         speed: float,
         blend: float,
+        branch: int | str | None = None,
+        max_travel: float | None = None,
     ) -> None:
         kin = ArmKinematics.of(arm, base="base")
         if not isinstance(kin, ClosedFormKinematics):
             raise InputError(f"{arm.title} has not the geometry of a UR")
         self.arm, self.kinematics, self.goals = arm, kin, goals
         self.linear, self.speed, self.blend = linear, speed, blend
+        self.branch, self.max_travel = branch, max_travel
         self.checker = CollisionChecker(kin, margin=KEEPS + SAMPLING)
         self.flange, self.tcp = ArmKinematics(arm, tip="tool0", base="base"), tcp_of(arm)
         self.model = ModelCheck.of(arm)
@@ -119,10 +127,12 @@ class _Job:
         """
         kin = self.kinematics
         legs, program, done = self._planned(start)
+        for line in _cautions(kin, legs):
+            say(line)
         say(f"{self.arm.title}: tip {kin.tip} in {kin.base}, degrees")
         say(f"from     {_degrees(start)}")
         for leg in legs:
-            say(_described(leg))
+            say(_described(kin, leg))
         if done.status != FINISHED or done.reason:
             raise InputError(f"the dry run did not come to its end, nothing is sent: {done.reason}")
         for line in self._measured(done):
@@ -146,6 +156,7 @@ class _Job:
         legs, program = planned_program(
             self.kinematics, self.checker, start, self.goals,
             keeps=KEEPS, linear=self.linear, speed=self.speed, blend=self.blend,
+            branch=self.branch, max_travel=self.max_travel,
         )  # fmt: skip
         done = Controller(self.arm, q=start.tolist()).run(program.text)
         if done.status == FINISHED and not done.reason:
@@ -251,17 +262,54 @@ def _listed(six: Floats) -> str:
 def _start(text: str | None, arm: ArmDescription, *, degrees: bool) -> Floats:
     if text in (None, HOME):
         return np.array(arm.home)
-    kin = ArmKinematics(arm)
-    return posture_of("--from", str(text), 6, degrees=degrees, limits=(kin.lower, kin.upper))
+    kin = ArmKinematics.of(arm, base="base")
+    words, row, numbers = str(text).rpartition("@")
+    if not row:
+        return posture_of("--from", numbers, 6, degrees=degrees, limits=(kin.lower, kin.upper))
+    T, home = pose(pose_numbers_of("--from", numbers, strict=True)), np.array(arm.home)
+    if not isinstance(kin, ClosedFormKinematics):
+        raise InputError(f"{arm.title} has not the geometry of a UR")
+    solutions = kin.all_solutions(T, seed=home)
+    if not len(solutions):
+        raise InputError(f"--from: the pose has no posture: {why_none(kin, T, solutions.reason)}")
+    try:
+        return postures_of(kin, solutions, _branch_of(words), home)[0]
+    except InputError as error:
+        raise InputError(f"--from: {error}") from None
 
 
 def _degrees(q: Floats) -> str:
     return "  ".join(f"{angle:7.1f}" for angle in np.degrees(q))
 
 
-def _described(leg: Leg) -> str:
+def _branch_of(text: str) -> int | str:
+    return int(text) if text.strip().isdecimal() else text
+
+
+def _max_travel(text: str | None, *, degrees: bool) -> float | None:
+    if text is None:
+        return None
+    most = numbers_of("--max-travel", text, 1)[0]
+    check_number("--max-travel", most, above=0.0)
+    return float(np.radians(most)) if degrees else most
+
+
+def _cautions(kin: ClosedFormKinematics, legs: Sequence[Leg]) -> Iterator[str]:
+    """Say of each way that it turns a joint by more than half a turn, or ends in another branch than it began in."""
+    for number, leg in enumerate(legs, start=1):
+        to = f"to goal {number} " if len(legs) > 1 else ""
+        joint = int(leg.travels.argmax())
+        if leg.travels[joint] > np.pi:
+            name = kin.arm.joints[joint].removesuffix("_joint")
+            yield f"caution  {to}{name} turns by {np.degrees(leg.travels[joint]):.0f}°, more than half a turn"
+        if leg.branch != leg.before and min(leg.branch, leg.before) >= 0:
+            before, after = (described(kin, branch) for branch in (leg.before, leg.branch))
+            yield f"caution  {to}the arm leaves its branch: from {before} to {after}"
+
+
+def _described(kin: ClosedFormKinematics, leg: Leg) -> str:
     last, widest = leg.moves[-1], max(move.blend for move in leg.moves)
-    branch = f"branch {leg.branch}" if leg.branch >= 0 else "no branch of the closed form"
+    branch = f"branch {described(kin, leg.branch)}" if leg.branch >= 0 else "no branch of the closed form"
     count = f"{len(leg.moves)} x " if len(leg.moves) > 1 else ""
     blend = f", blend {1000 * widest:.0f} mm" if widest else ""
     if leg.reduced:
@@ -269,7 +317,8 @@ def _described(leg: Leg) -> str:
     speed = f"{last.speed:.2f} {'rad/s' if last.command == 'movej' else 'm/s'}"
     return (
         f"to       {_degrees(leg.end)}\n"
-        f"         {branch}, {leg.free} of {leg.postures} postures free; {count}{last.command}, {speed}{blend}"
+        f"         {branch}, {leg.free} of {leg.postures} postures free; {count}{last.command}, {speed}{blend}; "
+        f"a joint turns by {np.degrees(leg.travels.max()):.0f}° at most"
     )
 
 
@@ -296,9 +345,21 @@ def _parser(prog: str) -> Parser:
         "further goals",
     )
     parser.add_argument(
-        "--from", dest="start", metavar="Q1,...,Q6", help=f"start posture in radians, or {HOME} (default)"
+        "--from",
+        dest="start",
+        metavar="Q1,...,Q6|BRANCH@POSE",
+        help=f"start posture in radians; or a row of `kinreach ik`: its branch, @, and the pose; or {HOME} (default)",
     )
-    parser.add_argument("--degrees", action="store_true", help="the angles of --from are degrees")
+    parser.add_argument("--degrees", action="store_true", help="the angles of --from and --max-travel are degrees")
+    parser.add_argument(
+        "--branch",
+        metavar="N|WORDS|same",
+        help="how the arm is bent at every goal: the number or words of `kinreach ik`, such as "
+        "'right, up, straight' or only 'up'; or as in the start posture (default: whichever is nearest along the way)",
+    )
+    parser.add_argument(
+        "--max-travel", metavar="RAD", help="largest way of a joint to a goal, in radians or with --degrees in degrees"
+    )
     parser.add_argument("--linear", action="store_true", help="move the tool on straight lines")
     parser.add_argument(
         "--speed", type=float, default=SPEED, metavar="PART", help="of the joints' limits, or of 1 m/s (%(default)s)"

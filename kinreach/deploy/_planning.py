@@ -15,6 +15,7 @@ from kinreach.deploy._program import AT_START, MAX_TOOL_SPEED, MIN_AT_START, Mov
 from kinreach.deploy._remarks import why_none
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import ClosedFormKinematics, CollisionChecker, joint_line, plan_path, pose_vector, tool_line
+from kinreach.kinematics.inside import SAME, IKSolutions, branch_of, postures_of, travel, travels
 
 #: Default part of the joints' speed limits, and of `MAX_TOOL_SPEED`.
 SPEED = 0.25
@@ -37,6 +38,8 @@ class Leg:
     Attributes:
         end: Posture at the goal [rad], shape (6,).
         branch: Of that posture; -1 if it is none of the closed form's.
+        before: Branch in which the way begins; -1 if that is singular.
+        travels: Way of each joint [rad], shape (6,).
         free, postures: Postures of the goal that keep the margin, and all.
         reduced: The largest blend radius that was reduced, as it was planned [m]; 0 if none was.
     """
@@ -44,6 +47,8 @@ class Leg:
     moves: tuple[Move, ...]
     end: Floats
     branch: int
+    before: int
+    travels: Floats
     free: int
     postures: int
     reduced: float = 0.0
@@ -59,6 +64,8 @@ def planned_program(
     linear: bool = False,
     speed: float = SPEED,
     blend: float = 0.0,
+    branch: int | str | None = None,
+    max_travel: float | None = None,
 ) -> tuple[list[Leg], Program]:
     """Plan a way through goals that keeps a distance from everything, and its program.
 
@@ -74,6 +81,8 @@ def planned_program(
         linear: As for `plan`.
         speed: As for `plan`.
         blend: As for `plan`; turns around obstacles are rounded, too.
+        branch: As for `plan`.
+        max_travel: As for `plan`.
 
     Raises:
         InputError: A goal has no posture, a joint would be too fast, or blends overlap.
@@ -82,8 +91,9 @@ def planned_program(
 
     def planned(*, rounded: bool) -> tuple[list[Leg], Program]:
         legs = plan(
-            kinematics, checker, start, goals, keeps=keeps, linear=linear, speed=speed, blend=blend, rounded=rounded
-        )
+            kinematics, checker, start, goals,
+            keeps=keeps, linear=linear, speed=speed, blend=blend, rounded=rounded, branch=branch, max_travel=max_travel,
+        )  # fmt: skip
         program = Program.of(
             kinematics, start, [move for leg in legs for move in leg.moves], tolerance=_tolerance(checker, start, keeps)
         )
@@ -155,6 +165,8 @@ def plan(
     blend: float = 0.0,
     rounded: bool = False,
     keeps: float = 0.0,
+    branch: int | str | None = None,
+    max_travel: float | None = None,
 ) -> list[Leg]:
     """Plan the way from a posture through goals.
 
@@ -169,13 +181,17 @@ def plan(
         rounded: Blend also where a way around obstacles turns, with that radius or a smaller one. Blended ways are not
             checked.
         keeps: Distance from everything that the way keeps between its samples, too [m], as for `joint_line`.
+        branch: In which every goal is reached, as for `plan_path`; "same" is that of the start.
+        max_travel: Largest way of a joint to a goal [rad].
 
     Raises:
-        InputError: A goal has no posture.
+        InputError: A goal has no posture, or none of the branch.
         PathError: The start is not free, or no free way to a goal was found; the message names what is in the way.
     """
     legs: list[Leg] = []
-    q = start
+    q, before = start, _branch(kinematics, start)
+    if branch == SAME:
+        branch = branch_of(kinematics, start)
     for number, T in enumerate(goals, start=1):
         radius = blend if number < len(goals) else 0.0
         name = f"goal {number}" if len(goals) > 1 else "the goal"
@@ -185,21 +201,48 @@ def plan(
         try:
             if linear:
                 target, fastest = tuple(pose_vector(T).round(ROUNDED_POSE)), speed * MAX_TOOL_SPEED
-                end = tool_line(kinematics, q, T, checker=checker, keeps=keeps)[-1]
+                path = tool_line(kinematics, q, T, checker=checker, keeps=keeps)
+                _check_line(kinematics, solutions, path, branch, max_travel)
                 moves: tuple[Move, ...] = (Move("movel", target, fastest, TOOL_ACCELERATION, radius),)
             else:
-                path = plan_path(checker, q, solutions, timeout=TIMEOUT, keeps=keeps)
+                path = plan_path(
+                    checker, q, solutions, branch=branch, max_travel=max_travel, timeout=TIMEOUT, keeps=keeps
+                )
                 between = _radii(kinematics, path, blend) if rounded else [0.0] * (len(path) - 2)
                 moves = _joint(path, speed * kinematics.velocity_limit, [*between, radius])
-                end = path[-1]
         except PathError as error:
             raise PathError(f"{name}: {error}") from None
-        off = np.abs(wrapped(solutions.q - end)).max(axis=1)  # a full turn is no difference
-        branch = int(solutions.branch[off.argmin()]) if off.min() < 1e-4 else -1
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+        q = path[-1]
+        off = np.abs(wrapped(solutions.q - q)).max(axis=1)  # a full turn is no difference
+        ends = int(solutions.branch[off.argmin()]) if off.min() < 1e-4 else -1
         free = sum(not checker.in_collision(posture) for posture in solutions.q)
-        legs.append(Leg(moves, end, branch, free, len(solutions)))
-        q = end
+        legs.append(Leg(moves, q, ends, before, travels(path), free, len(solutions)))
+        before = ends
     return legs
+
+
+def _branch(kinematics: ClosedFormKinematics, q: Floats) -> int:
+    with suppress(InputError):
+        return branch_of(kinematics, q)
+    return -1
+
+
+def _check_line(
+    kinematics: ClosedFormKinematics,
+    solutions: IKSolutions,
+    path: Floats,
+    branch: int | str | None,
+    most: float | None,
+) -> None:
+    """Refuse a straight line of the tool, which has no choice, that ends in another branch or turns a joint too far."""
+    if branch is not None:
+        allowed = postures_of(kinematics, solutions, branch, path[0])
+        if np.abs(wrapped(allowed - path[-1])).max(axis=1).min() > 1e-4:
+            raise PathError(f"the straight line of the tool ends in another branch than {branch}", q=path[-1])
+    if most is not None and (turned := travel(path)) > most:
+        raise PathError(f"a joint would turn by {turned:.3g} rad along the straight line of the tool, above {most:g}")
 
 
 def _joint(path: Floats, speeds: Floats, radii: Sequence[float]) -> tuple[Move, ...]:

@@ -84,6 +84,15 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             placements=self._placements[:, :3].ravel().tolist(),
         )  # fmt: skip
 
+    @property
+    def has_named_branches(self) -> bool:
+        """Whether a branch index says how the arm is bent, at every pose; else it only counts the postures of one."""
+        return True
+
+    def branch_words(self, branch: int) -> tuple[str, ...]:
+        """Return words for how the arm is bent in a branch, by its index; none where there are no words."""
+        return ()
+
     @abstractmethod
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = TOLERANCE

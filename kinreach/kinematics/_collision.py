@@ -262,6 +262,8 @@ class CollisionChecker:
         )
         pin.computeCollisions(self.model, search.data, geometry, results, q, False)
         touching = [pair for pair, result in enumerate(results.collisionResults) if result.isCollision()]
+        # at the border, a second search for the nearest points, which begins where the last one ended, may find none
+        touching = touching or [*range(len(results.collisionResults))]
         nearest = min(touching, key=lambda pair: float(pin.computeDistance(geometry, results, pair).min_distance))
         deepest = geometry.collisionPairs[nearest]
         return f"{self.shapes[deepest.first].name} - {self.shapes[deepest.second].name}"

@@ -14,6 +14,7 @@ from kinreach._checks import MAX_ANGLE, Floats, as_floats, check_count, check_en
 from kinreach._rotations import TURN
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._branches import postures_of
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._motion_check import MotionCheck, check_waypoints
 from kinreach.kinematics._solutions import SLACK, IKSolutions, nearest_windings
@@ -22,7 +23,12 @@ from kinreach.kinematics._solutions import SLACK, IKSolutions, nearest_windings
 #: nothing is missed; if something was, the search is repeated with half of this.
 SEARCH_STEP = 0.1
 #: Number of random parts of a path that are replaced by straight lines where these are free.
-SHORTCUTS = 10
+SHORTCUTS = 25
+#: A search for a nearer way is for one whose travel is below this part of the best. It takes that many steps of a tree,
+#: and where the first way took many, twice as many as that, up to the last number.
+NEARER, LOOKS, MOST_LOOKS = 0.95, 400, 4000
+#: A goal posture that is farther away grows its tree so many steps after the one before it.
+HEAD_START = 60
 #: Largest change of a posture in one step of a tree [rad, each joint weighted by how far it moves the arm].
 RANGE = 0.3
 MAX_SEED = 2**32 - 2
@@ -63,15 +69,21 @@ def plan_path(
     start: ArrayLike,
     goals: ArrayLike | IKSolutions,
     *,
+    branch: int | str | None = None,
+    max_travel: float | None = None,
     seed: int = 0,
     timeout: float = 1.0,
     keeps: float = 0.0,
 ) -> Floats:
-    """Plan a path around obstacles to whichever goal posture is found first.
+    """Plan a path around obstacles to the goal posture that is nearest along it: the near way.
 
-    The straight line to each goal is tried first, the nearest goal first. Then RRTConnect [1] grows a tree from the
-    start and one from all goals, always the smaller one [2]. Then the path is shortened. The result depends on the
-    seed only, not on the time that it takes.
+    The travel of a path is the largest way of a joint, max_i sum_k |q_i(k+1) - q_i(k)|, and the straight line to a goal
+    posture has the least there is. So where the straight line to the nearest one is free, it is the path. Where it is
+    blocked, a posture that is farther away is a goal only if it is nearer than the detours to those before it:
+    RRTConnect [1] grows a tree from the start and one from the goal postures, the nearest ones first, always the
+    smaller one [2]; the path is shortened; then it looks for one with less travel, in the only box where such a path
+    can be, |q_i - s_i| + |g_i - q_i| below the best travel for each joint i. The result depends on the seed only, not
+    on the time that it takes, unless that runs out.
 
     Give it all solutions of a pose, `kin.all_solutions(T)`: some may be blocked where others are free. Two
     windings of each are goals: the one nearest to the start, and the one nearest to the middle of the joints' ranges.
@@ -85,6 +97,9 @@ def plan_path(
             two samples is missed. `CollisionChecker("ur5e", obstacles=[*workcell.obstacles, ...], margin=0.005)`.
         start: Posture [rad], shape (n,).
         goals: The solutions of a pose; or postures [rad], shape (n,) or (k, n).
+        branch: Of the solutions of a pose, only those of this one: its index, words of `branch_words`, such as
+            "right, up", or "same" for that of the start.
+        max_travel: Largest way of a joint [rad].
         seed: Of the random numbers.
         timeout: Time after which no path is found [s].
         keeps: As for `joint_line`.
@@ -93,8 +108,10 @@ def plan_path(
         Waypoints [rad], shape (m, n), from the start to one of the goals, straight in joint space between them.
 
     Raises:
-        PathError: The start collides, no goal is free, or no path was found in time; names links and obstacles.
-        InputError: Malformed input, a checker without a margin, or a pose without solutions.
+        PathError: The start collides, no goal is free or near enough, or no path was found in time; names links and
+            obstacles.
+        InputError: Malformed input, a checker without a margin, or a pose without solutions, or without any of that
+            branch.
 
     Examples:
         >>> from kinreach.kinematics import CollisionChecker, plan_path
@@ -110,27 +127,72 @@ def plan_path(
     if isinstance(goals, IKSolutions):
         if not goals.success:
             raise InputError(f"the goal has no posture: {goals.reason}")
-        goals = _windings(kin, start, goals.q)
+        goals = _windings(kin, start, goals.q if branch is None else postures_of(kin, goals, branch, start))
+    elif branch is not None:
+        raise InputError("branch chooses among the solutions of a pose, kin.all_solutions(T); postures are their own")
     goals = as_waypoints(np.atleast_2d(as_floats("goals", goals)), kin.n, name="goals")
     seed = check_count("seed", seed, least=0, most=MAX_SEED)
     deadline = time.monotonic() + check_number("timeout", timeout, above=0.0, most=3600.0)
     if reason := _why_not(motion, start):
         raise PathError(f"the start is not free: {reason}", q=start)
     goals = _free_goals(motion, start, goals)
-    for goal in goals:
-        if motion.motion_free(start, goal):
-            return np.array([start, goal])
-    step = SEARCH_STEP
-    while (found := _search(motion, start, goals, rng := np.random.default_rng(seed), step, deadline)) is not None:
+    most = math.inf if max_travel is None else check_number("max_travel [rad]", max_travel, above=0.0, most=MAX_ANGLE)
+    if (nearest_travel := travel(np.array([start, goals[0]]))) > most:
+        raise PathError(
+            f"a joint would turn by {nearest_travel:.3g} rad to the nearest of {len(goals)} free goal postures; "
+            f"max_travel is {most:g} rad"
+        )
+    path = _near_way(motion, start, goals, most, np.random.default_rng(seed), deadline)
+    if path is None:
+        nearest = checker.distance(start)
+        raise PathError(
+            f"no path was found within {timeout:g} s to any of {len(goals)} free goal postures"
+            f"{'' if max_travel is None else f' with a travel of {most:g} rad at most'}; the start is "
+            f"{nearest.distance:.3g} m from {' - '.join(nearest.pair)}"
+        )
+    return path
+
+
+def travels(path: Floats) -> Floats:
+    """Return the way that each joint makes along a path [rad], shape (n,)."""
+    return np.asarray(np.abs(np.diff(path, axis=0)).sum(axis=0))
+
+
+def travel(path: Floats) -> float:
+    """Return the largest of them."""
+    return float(travels(path).max())
+
+
+def _near_way(
+    motion: MotionCheck, start: Floats, goals: Floats, most: float, rng: np.random.Generator, deadline: float
+) -> Floats | None:
+    """Return the path of the least travel that is found to any of some goals, sorted by theirs; None if time runs out.
+
+    No goal is looked at that is farther away than the best path is long, or than the largest travel.
+    """
+    least = np.abs(goals - start).max(axis=1)
+    goals = goals[least <= most]
+    least = least[least <= most]
+    best = next((np.array([start, goal]) for goal in goals if motion.motion_free(start, goal)), None)
+    step, steps, left = SEARCH_STEP, 0, math.inf if best is None else LOOKS
+    while left > 0:
+        bound = most if best is None else NEARER * travel(best)
+        if best is not None and bound <= least[0]:
+            break
+        found, taken = _search(motion, start, goals[least <= bound], bound, rng, step, left, deadline)
+        if found is None:
+            break
+        steps, left = steps + taken, left - taken
         path = _shortened(motion, found, rng, step)
-        if all(motion.motion_free(a, b) for a, b in pairwise(path)):
-            return path
-        step /= 2.0
-    nearest = checker.distance(start)
-    raise PathError(
-        f"no path was found within {timeout:g} s to any of {len(goals)} free goal postures; the start is "
-        f"{nearest.distance:.3g} m from {' - '.join(nearest.pair)}"
-    )
+        if not all(motion.motion_free(a, b) for a, b in pairwise(path)):
+            step /= 2.0
+        elif travel(path) > most:
+            continue
+        elif best is None:
+            best, left = path, max(LOOKS, min(2 * steps, MOST_LOOKS))
+        elif travel(path) < travel(best):
+            best = path
+    return best
 
 
 def _windings(kin: ArmKinematics, start: Floats, goals: Floats) -> Floats:
@@ -167,17 +229,44 @@ def _free_goals(motion: MotionCheck, start: Floats, goals: Floats) -> Floats:
         reasons = dict.fromkeys(_why_not(motion, goal) for goal in goals)
         count = len(np.unique(np.cos(goals - start).round(6), axis=0))  # a full turn makes no other posture
         raise PathError(f"none of the {count} goal postures is free: {'; '.join(reasons)}")
-    order = np.argsort(np.abs(goals[free] - start) @ motion.reach, kind="stable")
+    order = np.argsort(np.abs(goals[free] - start).max(axis=1), kind="stable")
     return goals[free][order]
 
 
 def _search(
-    motion: MotionCheck, start: Floats, goals: Floats, rng: np.random.Generator, step: float, deadline: float
-) -> Floats | None:
-    """Search a path by RRTConnect whose motions are free at samples `step` apart; None if time runs out."""
-    lower, upper = _sampled_range(motion.checker.kinematics, start, goals)
-    of_start, of_goals = _Tree(motion, start[None], step), _Tree(motion, goals, step)
-    while time.monotonic() < deadline:
+    motion: MotionCheck,
+    start: Floats,
+    goals: Floats,
+    bound: float,
+    rng: np.random.Generator,
+    step: float,
+    most: float,
+    deadline: float,
+) -> tuple[Floats | None, int]:
+    """Search a path by RRTConnect whose motions are free at samples `step` apart.
+
+    Args:
+        motion: Judges motions.
+        start: Posture [rad].
+        goals: Postures, each with a larger travel than the one before it.
+        bound: Travel of interest [rad]; a path that is found may have more.
+        rng: Draws postures.
+        step: Between two samples [m].
+        most: Steps of the trees after which there is no path.
+        deadline: Time at which there is none [s].
+
+    Returns:
+        The path or None, and how many steps it took.
+    """
+    of_start, of_goals = _Tree(motion, start, step), _Tree(motion, goals[0], step)
+    planted, taken = 1, 0
+    lower, upper = _sampled_range(motion.checker.kinematics, start, goals[:1], bound)
+    while taken < most and time.monotonic() < deadline:
+        taken += 1
+        if taken > HEAD_START * planted and planted < len(goals):
+            of_goals.plant(goals[planted])
+            planted += 1
+            lower, upper = _sampled_range(motion.checker.kinematics, start, goals[:planted], bound)
         # the tree in the narrower place is the smaller one, and needs the tries
         grown, other = (of_start, of_goals) if len(of_start) < len(of_goals) else (of_goals, of_start)
         node = grown.extend(lower + rng.random(len(lower)) * (upper - lower))
@@ -189,26 +278,29 @@ def _search(
             met = other.extend(q)
         if met is not None:
             path = [*grown.branch(node)[::-1], *other.branch(met)[1:]]
-            return np.array(path if grown is of_start else path[::-1])
-    return None
+            return np.array(path if grown is of_start else path[::-1]), taken
+    return None, taken
 
 
 class _Tree:
-    """Postures, each with a free motion from an earlier one, its parent; the first have none."""
+    """Postures, each with a free motion from an earlier one, its parent; roots have none."""
 
-    def __init__(self, motion: MotionCheck, roots: Floats, step: float) -> None:
+    def __init__(self, motion: MotionCheck, root: Floats, step: float) -> None:
         self._motion, self._step = motion, step
         # a joint counts in distances as far as it moves the arm
         self._scale = np.sqrt(motion.reach / motion.reach.max())
-        self.postures = [*roots]
-        self._parents: list[int | None] = [None] * len(roots)
-        self._scaled = np.zeros((2 * len(roots), roots.shape[1]))
+        self.postures: list[Floats] = []
+        self._parents: list[int | None] = []
+        self._scaled = np.zeros((2, len(root)))
         self._squares = np.zeros(len(self._scaled))
-        for node, q in enumerate(roots):
-            self._place(node, q)
+        self.plant(root)
 
     def __len__(self) -> int:
         return len(self.postures)
+
+    def plant(self, root: Floats) -> None:
+        """Add a posture that has no parent."""
+        self._add(root, None)
 
     def extend(self, toward: Floats) -> int | None:
         """Go from the nearest posture towards another one, at most by `RANGE`; return the new one, None if blocked."""
@@ -219,12 +311,7 @@ class _Tree:
         end = toward if distance <= RANGE else q + RANGE / distance * (toward - q)
         if not (self._motion.free(end) and self._motion.motion_free(q, end, step=self._step)):
             return None
-        if count == len(self._scaled):
-            self._scaled = np.concatenate([self._scaled, np.zeros_like(self._scaled)])
-            self._squares = np.concatenate([self._squares, np.zeros_like(self._squares)])
-        self._place(count, end)
-        self.postures.append(end)
-        self._parents.append(nearest)
+        self._add(end, nearest)
         return count
 
     def branch(self, node: int | None) -> list[Floats]:
@@ -235,20 +322,31 @@ class _Tree:
             node = self._parents[node]
         return found
 
-    def _place(self, node: int, q: Floats) -> None:
-        scaled = q * self._scale
+    def _add(self, q: Floats, parent: int | None) -> None:
+        node, scaled = len(self), q * self._scale
+        if node == len(self._scaled):
+            self._scaled = np.concatenate([self._scaled, np.zeros_like(self._scaled)])
+            self._squares = np.concatenate([self._squares, np.zeros_like(self._squares)])
         self._scaled[node], self._squares[node] = scaled, scaled @ scaled
+        self.postures.append(q)
+        self._parents.append(parent)
 
 
-def _sampled_range(kin: ArmKinematics, start: Floats, goals: Floats) -> tuple[Floats, Floats]:
+def _sampled_range(kin: ArmKinematics, start: Floats, goals: Floats, bound: float = math.inf) -> tuple[Floats, Floats]:
     """Return the range of random postures: one turn about start and goals, or more where these are farther apart.
 
-    A UR's joints have two turns: their whole range holds each posture 64 times.
+    A UR's joints have two turns: their whole range holds each posture 64 times. Nor is a posture q of interest with
+    |q_i - s_i| + |g_i - q_i| above the bound on the travel, for the start s and every goal g.
     """
     known = np.vstack([start, goals])
     low, high = known.min(axis=0), known.max(axis=0)
     missing = (TURN - (high - low)).clip(0.0) / 2.0
-    return np.maximum(low - missing, kin.lower) - SLACK, np.minimum(high + missing, kin.upper) + SLACK
+    low, high = np.maximum(low - missing, kin.lower), np.minimum(high + missing, kin.upper)
+    if bound < math.inf:
+        spare = (bound - np.abs(goals - start)) / 2.0
+        low = np.maximum(low, (np.minimum(goals, start) - spare).min(axis=0))
+        high = np.minimum(high, (np.maximum(goals, start) + spare).max(axis=0))
+    return low - SLACK, high + SLACK
 
 
 def _shortened(motion: MotionCheck, path: Floats, rng: np.random.Generator, step: float) -> Floats:

@@ -1,5 +1,9 @@
 from ._arm import build_model as build_model
 from ._arm import link_frame as link_frame
+from ._branches import SAME as SAME
+from ._branches import branch_of as branch_of
+from ._branches import described as described
+from ._branches import postures_of as postures_of
 from ._chain import SerialChain as SerialChain
 from ._closed_form import POSE_JOINTS as POSE_JOINTS
 from ._collision import MARGIN as MARGIN
@@ -7,11 +11,13 @@ from ._collision import PATH_MARGIN as PATH_MARGIN
 from ._collision import check_shapes as check_shapes
 from ._collision import disabled_pairs as disabled_pairs
 from ._motion_check import MIN_MARGIN as MIN_MARGIN
+from ._planning import travel as travel
+from ._planning import travels as travels
 from ._solutions import SLACK as SLACK
 from ._solutions import Accept as Accept
+from ._solutions import IKSolutions as IKSolutions
 from ._solutions import nearest_windings as nearest_windings
 from ._solvers import SOLVERS as SOLVERS
 from ._solvers import new_solver as new_solver
 from ._ur.geometry import Miss as Miss
-from ._ur.geometry import ur_branch as ur_branch
 from ._ur.reach import Shortfall as Shortfall

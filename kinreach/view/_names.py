@@ -5,11 +5,10 @@ from __future__ import annotations
 from math import degrees
 
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
-from kinreach.kinematics.inside import ur_branch
 
 
 def branch_name(kinematics: ArmKinematics, branch: int) -> str:
-    if isinstance(kinematics, URKinematics) and (words := ur_branch(branch)):
+    if isinstance(kinematics, URKinematics) and (words := kinematics.branch_words(branch)):
         shoulder, elbow, wrist = words
         return f"shoulder {shoulder}, elbow {elbow}, wrist {wrist}"
     if isinstance(kinematics, Arm3Kinematics):

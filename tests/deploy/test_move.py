@@ -232,6 +232,7 @@ def run(capsys):
         code = main(["move", "--arm", "ur5e", "--calibration", str(CALIBRATION), *flags])
         return code, *capsys.readouterr()
 
+    command.calibration = str(CALIBRATION)
     return command
 
 
@@ -247,7 +248,8 @@ def test_without_a_robot_it_is_tried_and_written(run, tmp_path):
     assert [line.split()[0] for line in lines] == [
         "UR5E,", "from", "to", "branch", "dry", "no", "every", "the", "ends", "wrote", "picture"
     ]  # fmt: skip
-    assert "branch 6, " in out
+    assert "branch 6 (right, up, straight), " in out
+    assert "a joint turns by " in out
     assert "postures free; movej, 0.79 rad/s" in out
     assert "25 % of its limit" in out
     assert "no collision with itself, table, floor" in out
@@ -277,6 +279,36 @@ def test_several_goals_are_blended(run, tmp_path):
     ]
 
 
+def test_the_way_is_the_near_one_in_a_chosen_branch(run):
+    """A long turn and another branch are said first; a row of `kinreach ik` is a start."""
+    straight = run("--to", GOAL)[1]
+    assert straight.startswith("UR5E")
+    assert "branch 6 (right, up, straight), " in straight
+    assert run("--to", GOAL, "--branch", "same")[1] == run("--to", GOAL, "--branch", "6")[1] == straight
+    code, out, _ = run("--to", GOAL, "--branch", "right, up, flipped")
+    first, *_ = out.splitlines()
+    assert code == 0
+    assert first == "caution  the arm leaves its branch: from 6 (right, up, straight) to 4 (right, up, flipped)"
+    assert "branch 4 (right, up, flipped), " in out
+    out = run("--to", GOAL, "--branch", "1")[1]
+    assert re.match(r"caution  elbow turns by 20\d°, more than half a turn\n", out)
+    rows = {line.strip("* ").split()[0]: line.strip("* ").split()[1:7] for line in _ik(NEAR, run.calibration)}
+    for start, row in (("4", "4"), ("right,up,flipped", "4"), ("same", "6")):
+        out = run("--to", GOAL, "--from", f"{start}@{NEAR}")[1]
+        begins = next(line for line in out.splitlines() if line.startswith("from"))
+        angles = [float(word) for word in begins.split()[1:]]
+        np.testing.assert_allclose(angles, [float(word) for word in rows[row]], atol=0.051)
+
+
+def _ik(pose_text, calibration):
+    shown = subprocess.run(
+        [sys.executable, "-m", "kinreach", "ik", "--arm", "ur5e", "--calibration", calibration, f"--pose={pose_text}",
+         "--degrees"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return shown.stdout.splitlines()[2:-1]
+
+
 @pytest.mark.parametrize(("flags", "reason"), [
     (["--to", "-2,0,0,0,0,0"], "the goal has no posture: too far away"),
     (["--to", BELOW], "the goal: none of the .* goal postures is free: .*table"),
@@ -297,6 +329,16 @@ def test_several_goals_are_blended(run, tmp_path):
     (["--to", GOAL, "--robot", "127.0.0.1", "--from", "home"], "leave out --from"),
     (["--to", GOAL, "--robot", "127.255.9.9"], r"no robot answers at 127.255.9.9:30004: Connection refused"),
     (["--to", GOAL, "--ports", "1"], "--ports must be 2 numbers"),
+    (["--to", GOAL, "--branch", "upp"], "unknown word of a branch 'upp'; .*did you mean up"),
+    (["--to", GOAL, "--branch", "11"], "the goal: branch must be at most 7, got 11"),
+    (["--to", GOAL, "--max-travel", "0"], "--max-travel must be finite and above 0"),
+    (["--to", GOAL, "--max-travel", "0.2"], r"the goal: a joint would turn by 0.6\d+ rad .*; max_travel is 0.2 rad"),
+    (["--to", GOAL, "--max-travel", "10", "--degrees"], "the goal: a joint would turn by .* max_travel is 0.17"),
+    (["--to", GOAL, "--linear", "--max-travel", "0.2"], "a joint would turn by .* along the straight line of the tool"),
+    (["--to", GOAL, "--linear", "--branch", "left"], "the straight line of the tool ends in another branch than left"),
+    (["--to", GOAL, "--from", "17@-0.4,0.3,0.3,3.14,0,0"], "--from: branch must be at most 7, got 17"),
+    (["--to", GOAL, "--from", "2@5,0,0,0,0,0"], "--from: the pose has no posture: too far"),
+    (["--to", GOAL, "--from", "2@5,0"], "--from must be 6 numbers"),
     ([], "--to"),
 ])  # fmt: skip
 def test_what_cannot_be_is_refused_in_one_line(flags, reason, capsys):

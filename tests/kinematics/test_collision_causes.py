@@ -268,3 +268,26 @@ def test_a_described_arm_is_judged_as_by_pinocchio(tmp_path, geometry):
     assert min(free.sum(), touching.sum()) > 200
     assert not impossible[free].any()
     assert impossible[touching].all()
+
+
+def test_a_posture_at_the_border_has_its_reason():
+    """There the verdict of one search for the nearest points may not be that of the next one."""
+    wall = Box("wall", (0.5, 0.02, 0.55), (0.45, 0.0, 0.275))
+    borders, named, arm = 0, 0, get_arm("ur5e")
+    for seed in range(60):
+        rng, margin = np.random.default_rng(seed), (0.0, 0.005)[seed % 2]
+        checker = CollisionChecker(arm, obstacles=[*arm.workcell.obstacles, wall], margin=margin)
+        free = np.array(arm.home) + rng.normal(0.0, 0.5, 6)
+        touching = free + rng.normal(0.0, 1.0, 6)
+        if not checker.free(free) or checker.free(touching):
+            continue
+        for _ in range(60):
+            middle = (free + touching) / 2.0
+            if checker.free(middle):
+                free = middle
+            else:
+                touching = middle
+            named += " - " in checker.reason(middle)
+        borders += 1
+    assert borders >= 10
+    assert named >= 15 * borders

@@ -97,6 +97,10 @@ class SixAxisKinematics(CompiledKinematics):
         return WAYS[self._method.rank]
 
     @property
+    def has_named_branches(self) -> bool:
+        return bool(self._method.special_axes[0])
+
+    @property
     def special_axes(self) -> str:
         """Which axes give the arm its closed form, and how nearly; empty without one."""
         axes, what = self._method.special_axes

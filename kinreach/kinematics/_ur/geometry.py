@@ -149,16 +149,3 @@ _MISS_TEXT = {
 
 def miss_text(miss: int) -> str:
     return "; ".join(text for flag, text in _MISS_TEXT.items() if miss & flag)
-
-
-def ur_branch(branch: int) -> tuple[str, ...]:
-    """Name a branch by its index: shoulder, elbow and wrist; no words for one that the data sheet's arm has not.
-
-    The shoulder is the side of the first axis on which the upper arm passes, seen along the arm. The elbow is above or
-    below the line from shoulder to wrist, while the arm does not reach over itself. A flipped wrist has a positive
-    wrist_2.
-    """
-    if not 0 <= branch < BRANCHES:
-        return ()
-    right, straight, second = branch >> 2 & 1, branch >> 1 & 1, branch & 1
-    return "right" if right else "left", "up" if right != second else "down", "straight" if straight else "flipped"

@@ -170,6 +170,19 @@ class URKinematics(CompiledKinematics):
         except NotOfThisKind:
             return CalibratedURKinematics(arm, tip=tip, base=base, tool=tool)
 
+    def branch_words(self, branch: int) -> tuple[str, ...]:
+        """Return words for a branch by its index: shoulder, elbow and wrist; none for one from 8 on.
+
+        The shoulder is the side of the first axis on which the upper arm passes, seen along the arm. The elbow is
+        above or below the line from shoulder to wrist, while the arm does not reach over itself. A flipped wrist has a
+        positive wrist_2.
+        """
+        if not 0 <= branch < BRANCHES:
+            return ()
+        right, straight, second = branch >> 2 & 1, branch >> 1 & 1, branch & 1
+        elbow, wrist = "up" if right != second else "down", "straight" if straight else "flipped"
+        return "right" if right else "left", elbow, wrist
+
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = TOLERANCE
     ) -> IKSolutions:
