@@ -76,7 +76,7 @@ class ArmFlags:
             "--tool-mass", metavar="KG", help="mass of the tool, with its centre half way from flange to point"
         )
         group.add_argument(
-            "--tool-mesh", metavar="FILE", help="shape of the tool in the flange's frame: STL, OBJ or DAE"
+            "--tool-mesh", metavar="FILE", help="shape of the tool in the flange's frame: STL, OBJ, DAE or GLB"
         )
         group.add_argument("--tool-mesh-scale", metavar="S", help="metres per unit of that file; 0.001 for millimetres")
         group.add_argument("--tip", metavar="NAME", help="tip without a tool, such as tool0 (default: the arm's own)")

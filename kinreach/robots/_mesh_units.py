@@ -158,6 +158,8 @@ def _length(path: Path, scale: Floats, longer: float) -> tuple[float, float]:
         content = read_bytes(path, "the mesh", most=MAX_BYTES)
     except InputError:  # who uses it says so
         return 0.0, MILLIMETRE
+    if path.suffix.lower() == ".glb":  # which is in metres
+        return 0.0, 1.0
     with np.errstate(all="ignore"):
         if path.suffix.lower() == ".dae":
             return _length_of_collada(path, content, scale, longer)

@@ -6,6 +6,7 @@ Engines open no mesh themselves: a vertex that is not finite, or a hull without 
 from __future__ import annotations
 
 import io
+import json
 from collections import Counter, defaultdict
 from functools import cache, lru_cache
 from pathlib import Path
@@ -24,7 +25,7 @@ from kinreach.robots._urdf import MESHES, PACKAGE
 MESHES_AS = (HULLS, TRIANGLES) = ("hulls", "triangles")
 #: Largest file [bytes], largest coordinate after scaling [m], and most triangles of a file.
 MAX_BYTES, MAX_COORDINATE, MAX_FACES = 2**26, 100.0, 2_000_000
-#: Most shapes that the scene of a COLLADA file places.
+#: Most shapes that the scene of a COLLADA file or a GLB places.
 MAX_PLACED = 10_000
 #: Meshes that are kept in memory.
 MAX_KEPT = 64
@@ -32,6 +33,11 @@ MAX_KEPT = 64
 MIN_THICKNESS = 1e-4
 #: A mesh whose points are this near to one line has no surface [m].
 LINE = 1e-6
+
+
+#: From a GLB, which has y upwards, to a link, which has z: as in RViz since 2025, Drake and Blender.
+UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+_GLB, _JSON = b"glTF\x02\x00\x00\x00", b"JSON"
 
 
 class Mesh(NamedTuple):
@@ -86,6 +92,7 @@ def placed_parts(address: str, package_root: str | None, scale: Floats) -> list[
         raise InputError(f"the mesh {name} {error}") from None
     parts = [(scene.geometry[part], np.asarray(T)) for T, part in map(scene.graph.get, scene.graph.nodes_geometry)]
     parts = [(part, T) for part, T in parts if len(getattr(part, "faces", ()))]
+    parts = [(part, UP @ T) for part, T in parts] if path.suffix.lower() == ".glb" else parts
     if not parts:
         raise InputError(f"the mesh {name} has no triangles")
     if (count := sum(len(part.faces) for part, _ in parts)) > MAX_FACES:
@@ -160,6 +167,8 @@ def _read(path: Path) -> Any:
     try:
         if kind == ".dae":
             _check_collada(content)
+        elif kind == ".glb":
+            _check_glb(content)
         # An empty resolver: what the mesh names, such as materials and textures, is not opened.
         return trimesh.load_scene(io.BytesIO(content), file_type=kind[1:], resolver={}, process=False)
     except MemoryError:
@@ -168,6 +177,20 @@ def _read(path: Path) -> Any:
         raise
     except Exception as error:  # whatever a parser raises at what is not a mesh
         raise InputError(f"cannot be read: {type(error).__name__}: {shown(str(error))}") from None
+
+
+def _check_glb(content: bytes) -> None:
+    """Refuse what is no GLB of glTF 2, and one that places very many parts or has more numbers than bytes."""
+    size = int.from_bytes(content[12:16], "little")
+    if not content.startswith(_GLB) or content[16:20] != _JSON or size > len(content) - 20:
+        raise InputError("is no GLB of glTF 2")
+    head = json.loads(content[20 : 20 + size])
+    if any("uri" in part for kind in ("buffers", "images") for part in head.get(kind, ())):
+        raise InputError("names other files; save it with all that it has in one")
+    if len(head.get("nodes", ())) > MAX_PLACED:
+        raise InputError(f"places more than {MAX_PLACED} parts")
+    if sum(int(part["count"]) for part in head.get("accessors", ())) > len(content):
+        raise InputError("has more numbers than bytes")
 
 
 def _check_collada(content: bytes) -> None:

@@ -234,7 +234,7 @@ MAX_DEPTH, MIN_AXIS = 100, 1e-6
 PACKAGE = "package://"
 WORLD = "world"
 #: Mesh files that a URDF may name, by their ends.
-MESHES = (".stl", ".obj", ".dae")
+MESHES = (".stl", ".obj", ".dae", ".glb")
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 TURNING = ("revolute", "continuous")
 MOVED = (*TURNING, "prismatic")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import struct
 import subprocess
 import sys
 from dataclasses import replace
@@ -25,6 +27,8 @@ TWO = np.array([(0, 1, 2), (0, 2, 3)])
 #: Thickness of what is flat [m].
 MIN_THICKNESS = 1e-4
 BOX = trimesh.creation.box((0.2, 0.1, 0.06))
+#: From a link to a GLB, which has y upwards.
+Y_UP = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0))
 
 
 def with_mesh(folder, name, arm=ARM3, *, origin="0 0 0", rpy="0 0 0"):
@@ -121,8 +125,10 @@ def test_a_mesh_is_read_once_until_its_file_changes(tmp_path):
 def test_a_shape_is_the_same_in_every_format(tmp_path):
     expected = CollisionChecker(with_box(ARM3, "0.2 0.1 0.06", origin="0.05 0 0.1"))
     postures = np.random.default_rng(0).uniform(expected.kinematics.lower, expected.kinematics.upper, (50, 3))
-    for name, told in (("a.stl", "stl"), ("b.stl", "stl_ascii"), ("c.obj", "obj"), ("d.dae", "dae"), ("E.STL", "stl")):
-        BOX.export(tmp_path / name, file_type=told)
+    files = {"a.stl": "stl", "b.stl": "stl_ascii", "c.obj": "obj", "d.dae": "dae", "E.STL": "stl", "f.glb": "glb"}
+    for name, told in files.items():
+        upright = BOX if told != "glb" else BOX.copy().apply_transform(Y_UP)
+        upright.export(tmp_path / name, file_type=told)
         arm = with_mesh(tmp_path, name, origin="0.05 0 0.1")
         check, model = CollisionChecker(arm), build_scene(arm).compile()
         for q in postures:
@@ -184,6 +190,17 @@ def laughing_dae():
     ).encode()
 
 
+def glb(**changes) -> bytes:
+    """A GLB with other entries in its JSON."""
+    content = BOX.export(file_type="glb")
+    size = int.from_bytes(content[12:16], "little")
+    head = json.loads(content[20 : 20 + size]) | changes
+    text = json.dumps(head).encode()
+    text += b" " * (-len(text) % 4)
+    rest = content[20 + size :]
+    return content[:8] + struct.pack("<II", 20 + len(text) + len(rest), len(text)) + b"JSON" + text + rest
+
+
 DAE = BOX.export(file_type="dae")
 HOSTILE = {
     **{f"{name}.stl": (stl(changed(float(name)), BOX.faces), "not finite") for name in ("nan", "inf", "-inf")},
@@ -207,7 +224,15 @@ HOSTILE = {
     ),
     "deep.dae": (b"<node>" * 200_000, "cannot be read|is not XML"),
     "zip.dae": (b"PK\3\4" + bytes(100), "is not XML"),
-    "other.3ds": (stl(BOX.vertices, BOX.faces), "is not one of .stl, .obj, .dae"),
+    "other.3ds": (stl(BOX.vertices, BOX.faces), "is not one of .stl, .obj, .dae, .glb"),
+    "nothing.glb": (b"", "is no GLB of glTF 2"),
+    "cut.glb": (glb()[:60], "is no GLB of glTF 2"),
+    "short.glb": (glb()[:-200], "cannot be read"),
+    "bomb.glb": (glb(accessors=[{"componentType": 5126, "count": 10**12, "type": "VEC3"}] * 2), "more numbers than"),
+    "parts.glb": (glb(nodes=[{"mesh": 0}] * 20_000), "places more than"),
+    "circle.glb": (glb(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "cannot be read|no triangles"),
+    "outside.glb": (glb(buffers=[{"byteLength": 9, "uri": "/etc/passwd"}]), "names other files"),
+    "deep.glb": (b"glTF\2\0\0\0" + struct.pack("<II", 10**5 + 20, 10**5) + b"JSON" + b"[" * 10**5, "cannot be read"),
 }  # fmt: skip
 
 
