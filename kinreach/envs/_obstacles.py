@@ -30,7 +30,7 @@ from kinreach.envs._reach.reach_task import (
     check_actions,
     goal_block,
 )
-from kinreach.envs._reach.worlds import STATUS_OF_CAUSE, STATUSES, Status
+from kinreach.envs._reach.worlds import STATUS_OF_CAUSE, STATUSES, TargetStatus
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.kinematics.inside import MIN_MARGIN, PATH_MARGIN
@@ -231,13 +231,13 @@ class ObstaclesEpisodes(Episodes):
         impossible = reasons != ""
         near = (self._distance < REACHED_DISTANCE) & (self._posture_error < REACHED_POSTURE_ERROR)
         reached = acting & near & ~impossible
-        statuses[reached] = str(STATUSES[Status.COMPLETED])
+        statuses[reached] = str(STATUSES[TargetStatus.COMPLETED])
         verdict = Verdict(reached, impossible, reasons, statuses, targets)
         return self._outcome(verdict, reached | impossible | ends, collided=impossible).of(acting)
 
     def forfeit(self, reason: str) -> Outcome:
         """Return the verdict on agents that find no path: impossible, the arms stay, the episodes end."""
-        everyone, word = np.ones(self.count, dtype=np.bool_), STATUSES[Status.FORFEITED]
+        everyone, word = np.ones(self.count, dtype=np.bool_), STATUSES[TargetStatus.FORFEITED]
         reasons, statuses = (np.full(self.count, text, dtype=object) for text in (reason, word))
         verdict = Verdict(~everyone, everyone, reasons, statuses, self.q.copy())
         return self._outcome(verdict, everyone, collided=~everyone)

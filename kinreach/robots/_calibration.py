@@ -29,7 +29,7 @@ from kinreach._checks import Floats, check_known, check_path, shown
 from kinreach._files import read_bytes
 from kinreach._rotations import placement, rpy, turn
 from kinreach.errors import InputError
-from kinreach.robots._polyscope import Program, is_program, read_program
+from kinreach.robots._polyscope import PolyScopeProgram, is_program, read_program
 from kinreach.robots._ur import FLIP, JOINTS, UR_LENGTHS
 from kinreach.robots._urdf import MAX_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
 
@@ -184,7 +184,7 @@ def models_that_fit(figures: Floats) -> tuple[str, ...]:
     return tuple(model for model in fitting if offsets[model] <= nearest + 1e-9)
 
 
-def _only_robot(program: Program, name: str, model: str) -> Floats:
+def _only_robot(program: PolyScopeProgram, name: str, model: str) -> Floats:
     """The figures of the robot of this model in a program that has just one."""
     if not program.robots:
         raise InputError(f"{name} has no calibration: {program.unusable[0]}")

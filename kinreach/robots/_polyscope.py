@@ -49,7 +49,7 @@ class Kinematics(NamedTuple):
     checksums: str
 
 
-class Program(NamedTuple):
+class PolyScopeProgram(NamedTuple):
     """What a program says of its robots.
 
     Attributes:
@@ -87,7 +87,7 @@ def unpacked(content: bytes, name: str) -> bytes:
     return text
 
 
-def read_program(content: bytes, name: str) -> Program:
+def read_program(content: bytes, name: str) -> PolyScopeProgram:
     """Return the kinematics that the waypoints of a `.urp` carry.
 
     Raises:
@@ -111,7 +111,7 @@ def read_program(content: bytes, name: str) -> Program:
         robots[figures.tobytes()] = known._replace(waypoints=names)
     ranked = sorted(robots.values(), key=lambda robot: -len(robot.waypoints))
     tcps = np.unique(np.array(reader.tcps).reshape(-1, 6), axis=0)
-    return Program(tuple(ranked), tuple(dict.fromkeys(reader.unusable)), tcps)
+    return PolyScopeProgram(tuple(ranked), tuple(dict.fromkeys(reader.unusable)), tcps)
 
 
 class _Reader:

@@ -119,7 +119,7 @@ class ButtonStarts:
         return targets
 
 
-class Start(NamedTuple):
+class ButtonReset(NamedTuple):
     """The options of `reset`, one row an environment; None for those that are not given.
 
     Attributes:
@@ -169,18 +169,18 @@ class ButtonEpisodes(Episodes):
         self._streams.seed(index, rng)
         self._has_target[index] = False
 
-    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> ButtonReset:
         goals, q = option_rows(options, {"goal": 3, "q": JOINTS}, count)
         if goals is not None:
             self._refuse_unreachable("goal", goals)
         if q is not None and not self._starts.within_limits(q).all():
             raise InputError(f"q is outside the joint limits: {q[~self._starts.within_limits(q)][0]}")
-        return Start(goals, q)
+        return ButtonReset(goals, q)
 
     def check_actions(self, actions: ArrayLike, count: int | None) -> Actions:
         return check_actions(actions, count)
 
-    def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
+    def begin(self, ids: Ids, start: Start = ButtonReset()) -> None:  # noqa: B008 (immutable)
         """Start new episodes; by default targets are drawn, or kept, and postures are drawn, with velocities."""
         targets, postures, speeds = np.split(self._streams.draw(ids), 3, axis=1)
         if start.goals is not None:

@@ -17,14 +17,14 @@ from kinreach.envs._reach.reach_task import (
     CAMERA_RANGE,
     IMAGE,
     TOOL_DOWN,
+    ReachReset,
     ReachTask,
-    Start,
     action_space,
     check_actions,
     joint_limits,
 )
 from kinreach.envs._reach.rewards import Score, term_names
-from kinreach.envs._reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
+from kinreach.envs._reach.worlds import STATUSES, Executed, Ids, ReachWorld, TargetStatus
 from kinreach.vision.inside import GoalMeasurement, in_image
 
 Flags = NDArray[np.bool_]
@@ -68,7 +68,7 @@ class ReachEpisodes(Episodes):
         """Postures of the arms [rad], shape (count, n)."""
         return self.world.q
 
-    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> ReachReset:
         return self.task.reset_options(options, count)
 
     def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
@@ -79,7 +79,7 @@ class ReachEpisodes(Episodes):
         goal_rng, self._sensors[index] = rng.spawn(2)
         self._streams.seed(index, goal_rng)
 
-    def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
+    def begin(self, ids: Ids, start: ReachReset = ReachReset()) -> None:  # noqa: B008 (immutable)
         """Start new episodes with given values or drawn ones; goals are measured once, from the start pose."""
         goals, start = self.task.completed(start, self._streams, ids)
         self.world.reset(ids, goals, start.q)
@@ -170,7 +170,7 @@ class ReachEpisodes(Episodes):
             outcome = Outcome(score.reward, everyone, ~everyone, info)
         else:
             terminated = on_host(score.reached) & self.task.options.end_on_reached
-            lost = executed.status == Status.DIVERGED
+            lost = executed.status == TargetStatus.DIVERGED
             outcome = Outcome(score.reward, terminated, lost & ~terminated, info)
         return outcome if acting is None else outcome.of(acting)
 
@@ -187,7 +187,7 @@ class ReachEpisodes(Episodes):
         """Return the verdict on agents that find no action: impossible, the arms stay, the episodes end."""
         count = self.world.count
         everyone = np.ones(count, dtype=np.bool_)
-        statuses = np.full(count, Status.FORFEITED, dtype=np.uint8)
+        statuses = np.full(count, TargetStatus.FORFEITED, dtype=np.uint8)
         score, info = self._judge(self.world.q.copy(), Executed(everyone, statuses, [reason] * count))
         return Outcome(score.reward, everyone, ~everyone, info)
 

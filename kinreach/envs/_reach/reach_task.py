@@ -291,7 +291,7 @@ def check_actions(actions: ArrayLike, count: int | None, joints: int = JOINTS) -
     return np.array(check_box_actions(actions, (joints,), count).T, order="C").T
 
 
-class Start(NamedTuple):
+class ReachReset(NamedTuple):
     """The options of `reset`, one row an environment; None for those that are not given.
 
     Attributes:
@@ -348,11 +348,11 @@ class ReachTask:
     def observation_space(self) -> spaces.Box:
         return observation_space(self.arm, directed=self.directed)
 
-    def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
+    def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> ReachReset:
         """Check the options of `reset`."""
         arm = self.arm
         sizes = {"goal": 3, "q": len(arm.joints), "view": self.layout.goal.stop}
-        start = Start(*option_rows(options, sizes | ({"direction": 3} if self.directed else {}), count))
+        start = ReachReset(*option_rows(options, sizes | ({"direction": 3} if self.directed else {}), count))
         bound, where = (CAMERA_RANGE, "that the cameras see") if arm.goal_cameras else (GOAL_RANGE, "of goals")
         if start.q is not None:
             _refuse_outside_limits(arm, start.q)
@@ -381,7 +381,7 @@ class ReachTask:
             raise InputError(f"goals are drawn around a BoxRegion, arm {self.arm.name!r} has {shown(goals)}")
         return {"goal": goals.wider(beyond).sample(rng, count)}
 
-    def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
+    def completed(self, start: ReachReset, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, ReachReset]:
         """Return goals and a start, with missing values drawn from the streams of the given environments."""
         return streams.draw(ids) if start.goals is None else start.goals.copy(), start
 

@@ -23,9 +23,9 @@ from kinreach.envs._reach.reach_task import (
     MULTI_STEP,
     SINGLE_STEP,
     ReachOptions,
+    ReachReset,
     ReachTask,
     ReachVariant,
-    Start,
 )
 from kinreach.envs._reach.rewards import DirectedReward, Score
 from kinreach.errors import InputError
@@ -118,7 +118,7 @@ class SpaceTask(ReachTask):
     def streams(self, count: int) -> RowStreams:
         return RowStreams(self.sample, count, size=6 + len(self.arm.joints))
 
-    def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
+    def completed(self, start: ReachReset, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, ReachReset]:
         """Return goals and a start in which only the view may be missing; rows are drawn in any case."""
         drawn = streams.draw(ids)
         goals, directions, q = drawn[:, :3], drawn[:, 3:6], drawn[:, 6:]

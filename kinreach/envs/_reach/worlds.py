@@ -22,7 +22,7 @@ Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 
-class Status(IntEnum):
+class TargetStatus(IntEnum):
     """Result of an action as a number; `STATUSES` has the words."""
 
     COMPLETED = 0
@@ -39,22 +39,23 @@ class Status(IntEnum):
     FORFEITED = 7
 
 
-#: `info["status"]` for each `Status`.
+#: `info["status"]` for each `TargetStatus`.
 STATUSES = np.array(
     ["completed", "out of limits", "collision", "self-collision", "blocked", "timeout", "diverged", "forfeited"],
     dtype=object,
 )
-#: The status of a target by its `kinreach.kinematics._collision.Cause`.
+#: The status of a target by its `Cause`.
 STATUS_OF_CAUSE = np.array(
-    [Status.COMPLETED, Status.OUT_OF_LIMITS, Status.SELF_COLLISION, Status.COLLISION], dtype=np.uint8
+    [TargetStatus.COMPLETED, TargetStatus.OUT_OF_LIMITS, TargetStatus.SELF_COLLISION, TargetStatus.COLLISION],
+    dtype=np.uint8,
 )
 _OF_MOVE = {
-    MoveStatus.REACHED: Status.COMPLETED,
-    MoveStatus.OUT_OF_LIMITS: Status.OUT_OF_LIMITS,
-    MoveStatus.COLLISION: Status.SELF_COLLISION,
-    MoveStatus.BLOCKED: Status.BLOCKED,
-    MoveStatus.TIMEOUT: Status.TIMEOUT,
-    MoveStatus.DIVERGED: Status.DIVERGED,
+    MoveStatus.REACHED: TargetStatus.COMPLETED,
+    MoveStatus.OUT_OF_LIMITS: TargetStatus.OUT_OF_LIMITS,
+    MoveStatus.COLLISION: TargetStatus.SELF_COLLISION,
+    MoveStatus.BLOCKED: TargetStatus.BLOCKED,
+    MoveStatus.TIMEOUT: TargetStatus.TIMEOUT,
+    MoveStatus.DIVERGED: TargetStatus.DIVERGED,
 }
 
 
@@ -64,7 +65,7 @@ class Executed:
 
     Attributes:
         impossible: Whether the target was not reached, shape (count,).
-        status: How each ended, a `Status`, shape (count,).
+        status: How each ended, a `TargetStatus`, shape (count,).
         reasons: Why it was impossible, one phrase per arm (empty where possible), or None.
         durations: Simulated time [s], shape (count,); None without simulation.
     """
@@ -144,8 +145,8 @@ class KinematicWorld:
     def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
         status = STATUS_OF_CAUSE[self._checker.causes(targets)]
         if acting is not None:
-            status[~acting] = Status.COMPLETED
-        impossible = status != Status.COMPLETED
+            status[~acting] = TargetStatus.COMPLETED
+        impossible = status != TargetStatus.COMPLETED
         moved = np.flatnonzero(~impossible)
         q = targets.T.take(moved, axis=1)
         for array, values in ((self._q, q), (self._tip, self._kinematics.positions(q.T).T)):
@@ -173,7 +174,7 @@ class KinematicWorld:
 def _executed(moves: Sequence[MoveResult]) -> Executed:
     status = np.array([_OF_MOVE[move.status] for move in moves], dtype=np.uint8)
     durations = np.array([move.duration for move in moves])
-    return Executed(status != Status.COMPLETED, status, [move.reason for move in moves], durations)
+    return Executed(status != TargetStatus.COMPLETED, status, [move.reason for move in moves], durations)
 
 
 class SingleDynamicWorld:

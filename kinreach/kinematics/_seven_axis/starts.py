@@ -29,7 +29,7 @@ from kinreach._checks import Floats
 from kinreach._rotations import TURN, turns_about_z, wrapped
 from kinreach.kinematics._core import doubles, lib
 from kinreach.kinematics._general_6r import Chain, General6R
-from kinreach.kinematics._six_axis.methods import Method, method_of
+from kinreach.kinematics._six_axis.methods import IKMethod, method_of
 from kinreach.robots.inside import moved_frames
 
 JOINTS = 7
@@ -77,7 +77,7 @@ HeldStarts = Callable[[Floats], tuple[Floats, Floats]]
 class HeldEnd:
     """The first joint or the last held, and how the six others are solved."""
 
-    def __init__(self, held: int, placements: Floats, method: Method) -> None:
+    def __init__(self, held: int, placements: Floats, method: IKMethod) -> None:
         self.held, self.method, self._placements = held, method, placements
 
     def at(self, T: Floats) -> HeldStarts:

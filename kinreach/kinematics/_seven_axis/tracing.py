@@ -69,7 +69,7 @@ class SelfMotionTracer:
 
     @property
     def rank(self) -> int:
-        """Of the better method of the two ends, as in `Method`."""
+        """Of the better method of the two ends, as in `IKMethod`."""
         return self._starts.ends[0].method.rank
 
     def curves(self, T: Floats, seed: Floats | None = None) -> tuple[list[Curve], list[Floats]]:

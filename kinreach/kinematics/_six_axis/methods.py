@@ -60,7 +60,7 @@ _JOINTS = 6
 WAYS = ("by elimination", "by Newton's method from a closed form", "in closed form")
 
 
-class Method(Protocol):
+class IKMethod(Protocol):
     """Finds every posture of poses.
 
     Attributes:
@@ -138,7 +138,7 @@ class NearlyDecoupled:
         self.off, self.special_axes = off, arm.special_axes
 
     @cached_property
-    def _elimination(self) -> tuple[Method, float]:
+    def _elimination(self) -> tuple[IKMethod, float]:
         return by_elimination(self.chain.placements)
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
@@ -237,7 +237,7 @@ class Elimination:
 class Backwards:
     """The same arm from its tip to its base."""
 
-    def __init__(self, method: Method) -> None:
+    def __init__(self, method: IKMethod) -> None:
         self._method, self.branches, self.rank, self.starts_all = (
             method,
             method.branches,
@@ -261,7 +261,7 @@ class Backwards:
         return -q[:, ::-1], pose
 
 
-def method_of(placements: Floats) -> Method | float:
+def method_of(placements: Floats) -> IKMethod | float:
     """Choose how an arm is solved: in closed form, nearly so, or by elimination, from its base or from its tip.
 
     Returns:
@@ -285,11 +285,11 @@ def method_of(placements: Floats) -> Method | float:
     return method if least > NEARLY_SINGULAR and _finds_again(method, placements) else share
 
 
-def _closed_forms(placements: Floats) -> tuple[dict[bool, list[Method]], dict[bool, list[Method]]]:
+def _closed_forms(placements: Floats) -> tuple[dict[bool, list[IKMethod]], dict[bool, list[IKMethod]]]:
     """The closed forms that an arm has, by whether they are well-conditioned; and nearly has, by whether closely."""
     ways = list(enumerate((placements, _inverse(placements[::-1]))))
-    closed: dict[bool, list[Method]] = {True: [], False: []}
-    near: dict[bool, list[tuple[float, Method]]] = {True: [], False: []}
+    closed: dict[bool, list[IKMethod]] = {True: [], False: []}
+    near: dict[bool, list[tuple[float, IKMethod]]] = {True: [], False: []}
     for backwards, way in ways:
         dh = DenavitHartenberg.of(way, length=EXACTLY[0], angle=EXACTLY[1])
         if decouples(dh) and _apart(dh, Chain(way)) < EXACT_FIT:
@@ -305,7 +305,7 @@ def _closed_forms(placements: Floats) -> tuple[dict[bool, list[Method]], dict[bo
     }
 
 
-def _finds_again(method: Method, placements: Floats) -> bool:
+def _finds_again(method: IKMethod, placements: Floats) -> bool:
     """Whether random postures are among those for their poses, and none of these misses its pose."""
     q, chain = _random_postures(), Chain(placements)
     T = _poses(chain.fk(q))
@@ -318,7 +318,7 @@ def _finds_again(method: Method, placements: Floats) -> bool:
     return len(np.unique(pose[again])) == len(q)
 
 
-def by_elimination(placements: Floats) -> tuple[Method, float]:
+def by_elimination(placements: Floats) -> tuple[IKMethod, float]:
     """Solve an arm by elimination from its base or its tip, and the share of random postures that it finds again."""
     q = _random_postures()
     back = _inverse(placements[::-1])
@@ -340,12 +340,12 @@ def _inverse(T: Floats) -> Floats:
     return np.asarray(np.linalg.inv(T), dtype=np.float64)
 
 
-def _from_end(method: Method, *, backwards: int) -> Method:
+def _from_end(method: IKMethod, *, backwards: int) -> IKMethod:
     return Backwards(method) if backwards else method
 
 
 def _starts(arm: DecoupledArm, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """`Method.starts` of a closed form: its postures; and those of a wide tolerance, where a branch has none."""
+    """`IKMethod.starts` of a closed form: its postures; and those of a wide tolerance, where a branch has none."""
     room, poses = 2 * ROWS * len(T), np.ascontiguousarray(T)
     q, pose = np.empty((room, _JOINTS)), np.empty(room, dtype=np.int64)
     count = lib.kr_decoupled_starts(arm.core.pointer, doubles(poses), len(T), doubles(q), longs(pose))

@@ -82,8 +82,8 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
     return Fit(URGeometry(*x.tolist()), zeros, before, after, _chain(x, before, after), position, orientation)
 
 
-class CalibratedArm:
-    """A calibrated UR, of its flange in the chain's base."""
+class CalibratedChain:
+    """A calibrated UR as a chain from its base to its flange, with the closed form that is fitted to it."""
 
     def __init__(self, placements: Floats, start: URGeometry) -> None:
         self.chain = Chain(placements)

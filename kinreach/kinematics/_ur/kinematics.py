@@ -447,9 +447,9 @@ class CalibratedURKinematics(URKinematics):
         """Fit the nearest arm with a closed form."""
         placements, axes = self._joint_frames()
         placements[0] = np.linalg.inv(self.T_world_arm @ FLIP) @ placements[0]
-        from kinreach.kinematics._ur.calibrated import CalibratedArm  # loads the elimination
+        from kinreach.kinematics._ur.calibrated import CalibratedChain  # loads the elimination
 
-        self._calibrated = CalibratedArm(about_z(placements, axes, self._flange.homogeneous), self.geometry)
+        self._calibrated = CalibratedChain(about_z(placements, axes, self._flange.homogeneous), self.geometry)
         self.geometry = self._calibrated.fit.geometry
         self._way = lib.KR_CALIBRATED
         self._prepared = self._calibrated.for_core(self._T_dh_base, self._T_tip_flange)

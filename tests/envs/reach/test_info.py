@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kinreach.envs._reach.episodes import ReachEpisodes
-from kinreach.envs._reach.worlds import STATUSES, KinematicWorld, Status
+from kinreach.envs._reach.worlds import STATUSES, KinematicWorld, TargetStatus
 from kinreach.errors import InputError
 from kinreach.robots import get_arm
 from kinreach.vision import geometric_goal_view
@@ -49,8 +49,10 @@ def test_info_agrees_with_itself(name, backend):
 
 
 def test_every_status_is_called_by_its_name():
-    assert [int(status) for status in Status] == list(range(8))
-    assert [status.name.lower() for status in Status] == [said.replace("-", "_").replace(" ", "_") for said in STATUSES]
+    assert [int(status) for status in TargetStatus] == list(range(8))
+    assert [status.name.lower() for status in TargetStatus] == [
+        said.replace("-", "_").replace(" ", "_") for said in STATUSES
+    ]
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
