@@ -81,7 +81,7 @@ BUTTON_TASK = Task(
     environment=BUTTON,
     # 100 steps of the tuned actuation are 4 s, nearly twice what the analytic controller ever needed
     options={"max_episode_steps": 100, "actuation": "tuned"},
-    variants={"button": BUTTON},
+    variants=(BUTTON,),
     resets=_resets,
     methods={
         "analytic": Method(_analytic, CONTROLLER),

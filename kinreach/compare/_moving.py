@@ -126,7 +126,7 @@ MOVING_TASK = Task(
     title="A UR5 and a rolling ball",
     environment=MOVING,
     options={"sights": SIGHTS},
-    variants={"moving": MOVING},
+    variants=(MOVING,),
     resets=_resets,
     methods={
         "first-sight": Method(FirstSight, CONTROLLER),

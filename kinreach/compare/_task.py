@@ -94,7 +94,7 @@ class Task:
         arm_title: Title with another arm, after the arm's.
         arm_methods: By the name of another arm, its methods beside the task's solvers.
         options: Of the environments; `compare` can override them.
-        variants: Ids of environments for policies from files, by a short name; the first is the default.
+        variants: Ids of environments for policies from files.
         observations: Values of the environments' option `observation`; empty without that option.
         terms: Conditions of all methods, in words, by a short name.
         notes: From the contents of `results.json` to lines under the tables.
@@ -114,7 +114,7 @@ class Task:
     arm_title: str = "tip at the goal"
     arm_methods: Mapping[str, Mapping[str, Method]] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
-    variants: Mapping[str, str] = field(default_factory=dict)
+    variants: Sequence[str] = ()
     observations: tuple[str, ...] = ()
     terms: Mapping[str, str] = field(default_factory=dict)
     notes: Callable[[Mapping[str, Any]], list[str]] = lambda results: []

@@ -154,7 +154,7 @@ def playable(name: str) -> Playable:
         choices=CHOICES & set(inspect.signature(made).parameters) - set(spec.kwargs),
         solvable=hasattr(made, "action_for"),
         drawn="rgb_array" in getattr(made, "metadata", {}).get("render_modes", ()),
-        tasks=tuple(t for t in all_tasks() if name in (t.environment, *t.variants.values())),
+        tasks=tuple(t for t in all_tasks() if name in (t.environment, *t.variants)),
     )
 
 

@@ -25,12 +25,11 @@ from kinreach._checks import (
     check_entries,
     check_poses,
     check_tolerance,
-    shown,
 )
 from kinreach._rotations import wrap, wrapped
 from kinreach.errors import InputError
 from kinreach.kinematics._closed_form import ClosedFormKinematics
-from kinreach.kinematics._goals import Goal, PositionGoal
+from kinreach.kinematics._goals import PoseGoal, PositionGoal
 from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions, Row
 from kinreach.robots import ArmDescription, Tool
 
@@ -208,6 +207,7 @@ class Arm3Kinematics(ClosedFormKinematics):
     """
 
     joints, branches = 3, BRANCHES
+    unsolved = "a three-joint arm cannot choose its orientation; give a PositionGoal"
 
     def __init__(
         self,
@@ -246,14 +246,10 @@ class Arm3Kinematics(ClosedFormKinematics):
         found, miss = solve_position(p.tolist(), self.geometry, tol=tol)
         return self._solutions(found, "" if found else miss_text(miss), goal, start, limits, tol)
 
-    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """Solve a `PositionGoal`.
+    def _solve_pose(self, goal: PoseGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        raise InputError(self.unsolved)
 
-        Raises:
-            InputError: Any other goal, which asks for an orientation that three joints cannot choose.
-        """
-        if not isinstance(goal, PositionGoal):
-            raise InputError(f"a three-joint arm cannot choose its orientation; give a PositionGoal, not {shown(goal)}")
+    def _solve_position(self, goal: PositionGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         return self.nearest(goal.position, seed, accept=accept)
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -27,7 +27,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._chain import about_z
 from kinreach.kinematics._core import NULL, Struct, doubles, lib
-from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal
+from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, SolvesGoals, check_goal
 from kinreach.kinematics._solutions import (
     ANGLES,
     BRANCH,
@@ -56,7 +56,7 @@ FEW_POSES = 8
 TURNS_ABOUT = np.linspace(-np.pi, np.pi, 36, endpoint=False)
 
 
-class ClosedFormKinematics(ArmKinematics, ABC):
+class ClosedFormKinematics(SolvesGoals, ArmKinematics):
     """Limits, windings and the choice of a branch, shared by the arms with a closed form.
 
     Attributes:
@@ -227,18 +227,18 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             chosen[row], branch[row] = (every.q[0], every.branch[0]) if every else (np.nan, -1)
         return chosen, branch
 
-    @abstractmethod
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture for a goal that is nearest to a seed.
 
         Args:
-            goal: In the base frame, for the tip.
+            goal: In the base frame, for the tip: a `PoseGoal` or an `AxisGoal`; of a 3-DOF arm a `PositionGoal`.
             seed: Posture [rad], shape (n,).
             accept: Called with candidates in the order of their distance until it returns True.
 
         Raises:
             InputError: Malformed input, or a kind of goal for which the arm has no closed form.
         """
+        return check_goal(goal).solved_by(self, seed, accept)
 
     @abstractmethod
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:

@@ -6,18 +6,21 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from math import atan2, dist, hypot
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach._checks import MAX_DISTANCE, Floats, as_pose, as_vector, check_poses
+from kinreach._checks import MAX_DISTANCE, Floats, as_pose, as_vector, check_poses, shown
 from kinreach._engines import load
 from kinreach._rotations import pose as pose  # public here
 from kinreach._rotations import pose_error
 from kinreach._rotations import pose_vector as pose_vector
 from kinreach._tensors import blocks, like
 from kinreach.errors import InputError
+
+if TYPE_CHECKING:
+    from kinreach.kinematics._solutions import Accept, IKResult
 
 pin: Any = load("pinocchio")
 
@@ -80,6 +83,14 @@ class Goal(ABC):
         """
         raise InputError(f"{type(self).__name__} names no pose that meets it; the numeric solvers need none")
 
+    def solved_by(self, kinematics: SolvesGoals, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        """Return the posture nearest to a seed, as `ClosedFormKinematics.solve`.
+
+        Raises:
+            InputError: The kinematics do not solve this kind of goal.
+        """
+        raise InputError(f"closed forms do not know the goal {shown(self)}; the numeric solvers solve any")
+
 
 @dataclass(frozen=True)
 class PoseGoal(Goal):
@@ -119,6 +130,9 @@ class PoseGoal(Goal):
 
     def frame(self) -> Floats:
         return self.T
+
+    def solved_by(self, kinematics: SolvesGoals, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        return kinematics._solve_pose(self, seed, accept)
 
 
 @dataclass(frozen=True)
@@ -160,6 +174,9 @@ class AxisGoal(Goal):
         T[:3, 3] = self.position
         return T
 
+    def solved_by(self, kinematics: SolvesGoals, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        return kinematics._solve_axis(self, seed, accept)
+
 
 @dataclass(frozen=True)
 class PositionGoal(Goal):
@@ -180,6 +197,29 @@ class PositionGoal(Goal):
         T = np.eye(4)
         T[:3, 3] = self.position
         return T
+
+    def solved_by(self, kinematics: SolvesGoals, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        return kinematics._solve_position(self, seed, accept)
+
+
+class SolvesGoals(ABC):
+    """Kinematics that solve goals exactly; a class has a method for each kind of goal that its arms can."""
+
+    #: What is said of the other kinds.
+    unsolved: ClassVar[str]
+
+    @abstractmethod
+    def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Compute the posture for a pose that is nearest to a seed."""
+
+    def _solve_pose(self, goal: PoseGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        return self.nearest(goal.T, seed, accept=accept)
+
+    def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        raise InputError(self.unsolved)
+
+    def _solve_position(self, goal: PositionGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        raise InputError(self.unsolved)
 
 
 def _as_point(position: ArrayLike) -> Floats:

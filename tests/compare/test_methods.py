@@ -136,11 +136,11 @@ def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
 
 def test_a_policys_file_acts_where_its_card_says(tmp_path):
     task = get_task("ur5")
-    for name in ("single", "multi"):
+    for name, environment in zip(("single", "multi"), task.variants, strict=True):
         content = (files("kinreach.baselines") / "pretrained" / f"ranked-{name}.safetensors").read_bytes()
         (tmp_path / f"mine-{name}.safetensors").write_bytes(content)
         (method,) = resolve_methods(task, [str(tmp_path / f"mine-{name}.safetensors")]).values()
-        assert method.environment == task.variants[name]
+        assert method.environment == environment
         assert method.kind == "policy"
         assert len(method.versions) == 1
     with pytest.raises(InputError, match="is for kinreach/UR5SingleStep-v0"):

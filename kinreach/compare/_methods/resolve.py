@@ -150,8 +150,8 @@ def _from_file(task: Task, path: str) -> Method:
     """Make a method of a policy's file, for the environment of its card."""
     policy = load_policy(path)
     environment = policy.card.environment
-    if environment not in task.variants.values():
-        raise InputError(f"the policy {path} is for {environment}, not for one of: {', '.join(task.variants.values())}")
+    if environment not in task.variants:
+        raise InputError(f"the policy {path} is for {environment}, not for one of: {', '.join(task.variants)}")
     trained, arm = (policy.arm or THESIS_ARM), task.options.get("arm", task.arm)
     name = arm.name if isinstance(arm, ArmDescription) else arm
     if task.arm and name != trained:

@@ -180,7 +180,7 @@ class ButtonEpisodes(Episodes):
     def check_actions(self, actions: ArrayLike, count: int | None) -> Actions:
         return check_actions(actions, count)
 
-    def begin(self, ids: Ids, start: Start = ButtonReset()) -> None:  # noqa: B008 (immutable)
+    def begin(self, ids: Ids, start: ButtonReset = ButtonReset()) -> None:  # noqa: B008 (immutable)
         """Start new episodes; by default targets are drawn, or kept, and postures are drawn, with velocities."""
         targets, postures, speeds = np.split(self._streams.draw(ids), 3, axis=1)
         if start.goals is not None:

@@ -7,13 +7,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach._checks import MAX_ANGLE, Floats, as_pose, shown
+from kinreach._checks import MAX_ANGLE, Floats, as_pose
 from kinreach._rotations import pose_error
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._chain import poses_about
 from kinreach.kinematics._collision import CollisionChecker
-from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations
+from kinreach.kinematics._goals import AxisGoal, Goal, SolvesGoals, check_goal, nearest_rotations
 from kinreach.kinematics._seven_axis.curves import SelfMotions, surfaces_within_limits, within_limits
 from kinreach.kinematics._seven_axis.starts import JOINTS
 from kinreach.kinematics._seven_axis.tracing import SelfMotionTracer
@@ -25,7 +25,7 @@ TURNS = np.linspace(-np.pi, np.pi, 120, endpoint=False)
 UNREACHED = "no posture reaches the goal"
 
 
-class SevenAxisKinematics(ArmKinematics):
+class SevenAxisKinematics(SolvesGoals, ArmKinematics):
     """Kinematics of an arm with any seven revolute joints, by its data sheet or calibrated.
 
     A pose has a family of postures, the self-motion. `self_motions` computes all of it as curves in joint space;
@@ -45,6 +45,7 @@ class SevenAxisKinematics(ArmKinematics):
     joints: ClassVar[int] = JOINTS
     _closed_forms: ClassVar = {}
     knows_all_postures = True
+    unsolved = "a seven-joint arm is asked for a pose or a direction, not for a bare position"
 
     def _prepare(self) -> None:
         if self.n != JOINTS:
@@ -141,12 +142,9 @@ class SevenAxisKinematics(ArmKinematics):
         Raises:
             InputError: A `PositionGoal`, or an object of another kind.
         """
-        if isinstance(goal, PositionGoal):
-            raise InputError("a seven-joint arm is asked for a pose or a direction, not for a bare position")
-        if isinstance(goal, PoseGoal):
-            return self.nearest(goal.T, seed, accept=accept)
-        if not isinstance(goal, AxisGoal):
-            raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
+        return check_goal(goal).solved_by(self, seed, accept)
+
+    def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         check_accept(accept)
         start = self.as_posture("seed", seed)
         q = self._tracer.with_held(poses_about(goal.position, goal.axis, TURNS), start)

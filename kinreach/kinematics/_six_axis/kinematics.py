@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, as_floats, as_pose, check_tolerance, shown
+from kinreach._checks import Floats, as_floats, as_pose, check_tolerance
 from kinreach._rotations import wrapped
 from kinreach.errors import InputError
 from kinreach.kinematics._chain import poses_about
@@ -19,8 +19,6 @@ from kinreach.kinematics._core import NULL, as_rows, doubles, lib, new_rows
 from kinreach.kinematics._goals import (
     AxisGoal,
     Goal,
-    PoseGoal,
-    PositionGoal,
     rigid_poses,
 )
 from kinreach.kinematics._six_axis.methods import EXACTLY, FAR, MIN_SHARE, MISSED, NEARLY, SINGULAR, WAYS, method_of
@@ -65,6 +63,8 @@ class SixAxisKinematics(CompiledKinematics):
         UnknownNameError: The arm, the tip or the base does not exist.
         InputError: The arm does not have six joints, or is singular in every posture, or nearly.
     """
+
+    unsolved = "a six-axis arm has no finite list of postures for a bare position; give its direction"
 
     def _prepare(self) -> None:
         super()._prepare()
@@ -204,20 +204,9 @@ class SixAxisKinematics(CompiledKinematics):
         unreached = "" if found else (free and self._wrist_reach.why(T)) or UNREACHED
         return self._solutions(found, unreached, goal, start, limits, tol)
 
-    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """Compute the posture nearest to a seed for a `PoseGoal` or an `AxisGoal`.
-
-        Raises:
-            InputError: A `PositionGoal`, which leaves three of six joints free, or an object of another kind.
-        """
-        if isinstance(goal, PositionGoal):
-            raise InputError("a six-joint arm has no finite list of postures for a bare position; give its direction")
-        if isinstance(goal, AxisGoal):
-            start = self.as_posture("seed", seed)
-            return self._choose(self.axis_solutions(goal.position, goal.axis, seed=start), start, accept)
-        if not isinstance(goal, PoseGoal):
-            raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
-        return self.nearest(goal.T, seed, accept=accept)
+    def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        start = self.as_posture("seed", seed)
+        return self._choose(self.axis_solutions(goal.position, goal.axis, seed=start), start, accept)
 
     def _rows(self, T: Floats, start: Floats | None, *, limits: bool, tol: float) -> Floats:
         """Postures for a pose; free joints take values with which the posture is within the limits, if there are."""

@@ -12,7 +12,6 @@ from kinreach._checks import (
     Floats,
     as_pose,
     check_tolerance,
-    shown,
 )
 from kinreach._engines import load
 from kinreach._rotations import wrapped
@@ -26,9 +25,6 @@ from kinreach.kinematics._core import NULL, ROW, doubles, ffi, lib
 from kinreach.kinematics._general_6r import MAX_POSTURES
 from kinreach.kinematics._goals import (
     AxisGoal,
-    Goal,
-    PoseGoal,
-    PositionGoal,
     rigid_poses,
 )
 from kinreach.kinematics._solutions import (
@@ -97,6 +93,7 @@ class URKinematics(CompiledKinematics):
     """
 
     branches = BRANCHES
+    unsolved = "a six-joint arm has no closed form for a bare position; give an AxisGoal or a PoseGoal"
 
     def __init__(
         self,
@@ -326,19 +323,8 @@ class URKinematics(CompiledKinematics):
         nearest[:3, 3] += self._T_dh_base[:3, :3].T @ way_into_reach(self._flange_rows(T), self.geometry)
         return nearest
 
-    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """Compute the posture nearest to a seed for a `PoseGoal` or an `AxisGoal`.
-
-        Raises:
-            InputError: A `PositionGoal`, which leaves three of six joints free, or an object of another kind.
-        """
-        if isinstance(goal, PositionGoal):
-            raise InputError("a six-joint arm has no closed form for a bare position; give an AxisGoal or a PoseGoal")
-        if isinstance(goal, AxisGoal):
-            return self.axis_goal(goal.position, goal.axis, seed, accept=accept)
-        if not isinstance(goal, PoseGoal):
-            raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
-        return self.nearest(goal.T, seed, accept=accept)
+    def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        return self.axis_goal(goal.position, goal.axis, seed, accept=accept)
 
     def _tensor_batch(self, T: Any, tol: float, *, limits: bool) -> IKBatch:
         """`batch` for a tensor, on its device; poses near a singularity are solved by the core."""
