@@ -116,7 +116,7 @@ def _from_markdown(app: Sphinx, what: str, name: str, value: Any, options: Any, 
     for before, line, after in zip(["", *found], found, [*found[1:], ""], strict=False):
         text = next((earlier for earlier in reversed(lines) if earlier), " ")
         if line.startswith("    ") and not before and text[0] != " ":
-            lines += ["::", ""]
+            lines += [] if text.startswith(".. ") else ["::", ""]
             code = True
         code = code and (not line or line[0] == " ")
         if line.startswith("## "):

@@ -106,11 +106,15 @@ def placement(xyz: Sequence[float], angles: Sequence[float]) -> Floats:
 
 
 def pose(numbers: ArrayLike) -> Floats:
-    """Return the pose that a UR's pendant, URScript and RTDE write as six numbers.
+    r"""Return the pose that a UR's pendant, URScript and RTDE write as six numbers.
+
+    .. math::
+
+        T = \begin{pmatrix} e^{[r]_\times} & p \\ 0 & 1 \end{pmatrix}
 
     Args:
-        numbers: `[x, y, z, rx, ry, rz]`: position [m], and rotation vector [rad], whose length is the angle and whose
-            direction is the axis. Shape (6,) or (..., 6).
+        numbers: `[x, y, z, rx, ry, rz]`: position p [m], and rotation vector r [rad], whose length is the angle and
+            whose direction is the axis. Shape (6,) or (..., 6).
 
     Returns:
         Homogeneous transforms, shape (4, 4) or (..., 4, 4).

@@ -232,7 +232,14 @@ class ArmKinematics:
         return as_vector(name, q, self.n, most=MAX_ANGLE)
 
     def fk(self, q: ArrayLike) -> Floats:
-        """Compute the pose of the tip in the base frame.
+        r"""Compute the pose of the tip in the base frame.
+
+        .. math::
+
+            T(q) = \left(\prod_{i=1}^{n} A_i \, e^{[a_i] q_i}\right) A_{n+1}
+
+        with the placement A of each joint in the frame of the one before, its axis a, and the tip on the last joint
+        (Siciliano et al., Robotics, section 2.8).
 
         Args:
             q: Posture [rad], shape (n,), or a stack of them, shape (..., n). Up to 32 postures go through Pinocchio,
@@ -289,9 +296,15 @@ class ArmKinematics:
         return points.reshape(*q.shape[:-1], 3)
 
     def jacobian(self, q: ArrayLike) -> Floats:
-        """Compute the geometric Jacobian of the tip, (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
+        r"""Compute the geometric Jacobian of the tip, (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
 
-        Both are expressed along the axes of the base frame (Siciliano et al., Robotics, section 3.1).
+        .. math::
+
+            \begin{pmatrix} \dot p \\ \omega \end{pmatrix} = J \, \dot q, \qquad
+            J_i = \begin{pmatrix} z_i \times (p - p_i) \\ z_i \end{pmatrix}
+
+        with the tip at p, and axis i through p_i along z_i, all along the axes of the base frame (Siciliano et al.,
+        Robotics, equation 3.30).
 
         Args:
             q: Posture [rad], shape (n,), or a stack of them, shape (..., n), or a tensor of torch; all as in `fk`.
@@ -325,7 +338,7 @@ class ArmKinematics:
         return np.vstack([R @ J[:3], R @ J[3:]])
 
     def within_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> bool:
-        """Return whether every joint is within its limits."""
+        """Return whether every joint is within its limits, `lower - tolerance <= q <= upper + tolerance` [rad]."""
         return not self.past_limits(self.as_posture("q", q), tolerance).any()
 
     def joints_outside_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> tuple[str, ...]:

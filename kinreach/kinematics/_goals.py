@@ -94,7 +94,14 @@ class Goal(ABC):
 
 @dataclass(frozen=True)
 class PoseGoal(Goal):
-    """A full pose of the tip: position [m] and orientation. `T` has shape (4, 4).
+    r"""A full pose of the tip: position [m] and orientation. `T` has shape (4, 4).
+
+    With the tip at (R, p) and the goal at (R*, p*) the numeric solvers bring to zero, in the tip's axes (Siciliano et
+    al., Robotics, section 3.7),
+
+    .. math::
+
+        e = \begin{pmatrix} R^\top (p^* - p) \\ \log(R^\top R^*)^\vee \end{pmatrix}
 
     Examples:
         >>> from kinreach.kinematics import LevenbergMarquardtSolver, PoseGoal, URKinematics
@@ -137,7 +144,15 @@ class PoseGoal(Goal):
 
 @dataclass(frozen=True)
 class AxisGoal(Goal):
-    """The tip's origin is at `position` [m] and its z axis points along `axis`; rotation about it is free.
+    r"""The tip's origin is at `position` [m] and its z axis points along `axis`; rotation about it is free.
+
+    As in `PoseGoal`, with the x and y entries of the shortest turn that takes the z axis to the direction a
+
+    .. math::
+
+        \theta \, \frac{z \times R^\top a}{|z \times R^\top a|}, \qquad \theta = \angle(z, R^\top a)
+
+    in place of the rotation.
 
     Examples:
         >>> from kinreach.kinematics import AxisGoal, QPSolver, URKinematics

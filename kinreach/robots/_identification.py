@@ -56,7 +56,15 @@ class JointTerms(NamedTuple):
 
 
 class IdentifiedArm:
-    """The most probable arm, and its uncertainty.
+    r"""The most probable arm, and its uncertainty.
+
+    .. math::
+
+        \min_x \; \sum_{i=1}^{m} w_i \frac{|y_i - p(q_i; x)|^2}{\sigma^2} + \sum_k \frac{x_k^2}{s_k^2}, \qquad
+        \Sigma = \left(J^\top J / \sigma^2 + S^{-2}\right)^{-1}
+
+    over the errors x of the frames and the factors of the joints' terms, with their prior deviations s, the
+    measurements y and the noise.
 
     Args:
         placements: Of the arm by its data sheet, A0 to An of `T = A0 Rz(q0) A1 Rz(q1) ... An`, shape (n + 1, 4, 4).

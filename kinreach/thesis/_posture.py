@@ -65,11 +65,15 @@ class _Joints(NamedTuple):
 
 
 def natural_arm_error(q: ArrayLike) -> Floats:
-    """Compute how far wrist_2 is from where the gripper points down in a natural posture (section 3.4.4).
+    r"""Compute how far wrist_2 is from where the gripper points down in a natural posture (section 3.4.4).
 
-        |j4 + pi/2|      j0 <= 0 and j2 >= 0     (branch A)
-        |j4 - pi/2|      j0 >= 0 and j2 <= 0     (branch B)
-        25               otherwise
+    .. math::
+
+        \begin{cases}
+        |j_4 + \pi/2| & j_0 \le 0 \text{ and } j_2 \ge 0 \text{ (branch A)} \\
+        |j_4 - \pi/2| & j_0 \ge 0 \text{ and } j_2 \le 0 \text{ (branch B)} \\
+        25 & \text{otherwise}
+        \end{cases}
 
     Args:
         q: Postures [rad], shape (..., 6).
@@ -84,14 +88,17 @@ def natural_arm_error(q: ArrayLike) -> Floats:
 
 
 def pentagon_angles(q: ArrayLike) -> PentagonAngles:
-    """Compute the angles of the pentagon that the arm makes with the ground (section 3.4.4, figures 3.4-3.7).
+    r"""Compute the angles of the pentagon that the arm makes with the ground (section 3.4.4, figures 3.4-3.7).
 
-        alpha, beta, gamma = -j1, j2, -j3                on branch A
-        alpha, beta, gamma = pi + j1, -j2, pi + j3       on branch B
+    .. math::
 
-    The interior angles of a pentagon sum to 3 pi, two of them are right angles, hence
+        (\alpha, \beta, \gamma) = \begin{cases}
+        (-j_1,\ j_2,\ -j_3) & \text{branch A} \\
+        (\pi + j_1,\ -j_2,\ \pi + j_3) & \text{branch B}
+        \end{cases}
+        \qquad \delta = 2\pi - \gamma - (\pi - \beta) - \alpha
 
-        delta = 2 pi - gamma - (pi - beta) - alpha
+    because the interior angles of a pentagon sum to 3 pi, and two of them are right angles.
 
     Args:
         q: Postures [rad], shape (..., 6).
@@ -111,10 +118,16 @@ def pentagon_angles(q: ArrayLike) -> PentagonAngles:
 
 
 def gripper_angle_error(q: ArrayLike) -> Floats:
-    """Compute how far the gripper is from perpendicular to the ground (section 3.4.4): |pi/2 - delta|.
+    r"""Compute how far the gripper is from perpendicular to the ground (section 3.4.4).
 
-    It is |j1 + j2 + j3 + pi/2| on branch A and |j1 + j2 + j3 + 3 pi/2| on branch B. With wrist_2 at the branch's
-    ∓pi/2 it is the tilt of the tool axis from straight down, plus whole turns.
+    .. math::
+
+        |\pi/2 - \delta| = \begin{cases}
+        |j_1 + j_2 + j_3 + \pi/2| & \text{branch A} \\
+        |j_1 + j_2 + j_3 + 3\pi/2| & \text{branch B}
+        \end{cases}
+
+    With wrist_2 at the branch's ∓pi/2 it is the tilt of the tool axis from straight down, plus whole turns.
 
     Args:
         q: Postures [rad], shape (..., 6).
@@ -137,7 +150,15 @@ def posture_errors(q: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def posture_error(q: ArrayLike) -> Floats:
-    """Compute the error of the posture, r_e = natural-arm error + gripper-angle error (section 3.4.4).
+    r"""Compute the error of the posture (section 3.4.4), with the angles of `pentagon_angles`.
+
+    .. math::
+
+        r_e = n + |\pi/2 - \delta|, \qquad n = \begin{cases}
+        |j_4 + \pi/2| & j_0 \le 0 \text{ and } j_2 \ge 0 \text{ (branch A)} \\
+        |j_4 - \pi/2| & j_0 \ge 0 \text{ and } j_2 \le 0 \text{ (branch B)} \\
+        25 & \text{otherwise}
+        \end{cases}
 
     Args:
         q: Postures [rad], shape (..., 6).

@@ -77,10 +77,11 @@ class ReachReward:
 
 
 def distance_reward(d: ArrayLike) -> Floats:
-    """Compute the reward of the distance, r_d (section 3.4.4, figure 3.8).
+    r"""Compute the reward of the distance, r_d (section 3.4.4, figure 3.8).
 
-        r_d = 1 - d / 2              d >= 2
-        r_d = 0.5 - 0.5 log2(d)      d <  2
+    .. math::
+
+        r_d = \begin{cases} 1 - d/2 & d \ge 2 \\ 0.5 - 0.5 \log_2 d & d < 2 \end{cases}
 
     Both are 0 at d = 2 m. r_d falls with d, and is +inf at d = 0.
 
@@ -103,12 +104,16 @@ def distance_reward(d: ArrayLike) -> Floats:
 
 
 def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -> ReachReward:
-    """Compute the thesis's reward with its special cases (section 3.4.4).
+    r"""Compute the thesis's reward with its special cases (section 3.4.4).
 
-        r = -100            the action was impossible
-        r = 20              d < 0.01 and r_e < 0.15: the goal is reached
-        r = 10 - r_e        d < 0.01 otherwise
-        r = r_d - r_e       else
+    .. math::
+
+        r = \begin{cases}
+        -100 & \text{the action was impossible} \\
+        20 & d < 0.01 \text{ and } r_e < 0.15 \text{: the goal is reached} \\
+        10 - r_e & d < 0.01 \text{ otherwise} \\
+        r_d - r_e & \text{else}
+        \end{cases}
 
     Args:
         d: Distance from the tcp to the goal [m]; its shape broadcasts with (...).

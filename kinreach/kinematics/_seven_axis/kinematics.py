@@ -123,7 +123,7 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
         return self.self_motions(T).clearest(checker)
 
     def manipulable(self, T: ArrayLike) -> IKResult:
-        """Compute the posture for a pose with the largest manipulability (Yoshikawa 1985).
+        """Compute the posture for a pose with the largest manipulability, sqrt(det(J J^T)) (Yoshikawa 1985).
 
         Of postures with the same, as on either side of a Panda's shoulder, it is the one nearest to the middle of the
         joint limits. The same holds for `clearest`.

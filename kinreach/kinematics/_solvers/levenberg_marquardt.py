@@ -18,7 +18,12 @@ DAMPING_BIAS = 1e-6
 
 
 class LevenbergMarquardtSolver(IterativeSolver):
-    """Levenberg-Marquardt: (J^T J + lambda 1) dq = J^T e with lambda = 0.1 E + 1e-6, E = |e|^2 / 2.
+    r"""Levenberg-Marquardt, damped by the error.
+
+    .. math::
+
+        (J^\top J + \lambda 1)\, \Delta q = J^\top e, \qquad
+        \lambda = 0.1 E + 10^{-6}, \quad E = \tfrac{1}{2} |e|^2
 
     Damping by the error itself is robust for goals out of reach and near singularities, and converges quadratically
     where E vanishes (Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE

@@ -18,17 +18,19 @@ DAMPING_BIAS = 1e-6
 
 
 class QPSolver(SteppingSolver):
-    """The step of pink and mink, with daqp behind qpsolvers.
+    r"""The step of pink and mink, with daqp behind qpsolvers.
 
     Each step solves
 
-        minimise    |J dq - e|^2 + mu |dq|^2,    mu = 0.01 |e|^2 + 1e-6
-        subject to  max(lower - q, -v dt) <= dq <= min(upper - q, v dt)
+    .. math::
 
-    with the URDF's joint speed limits v (Kanoun et al., "Kinematic control of redundant manipulators", IEEE T-RO
-    27(4), 2011; the damping is Sugihara's, as in `LevenbergMarquardtSolver`). Joints that turn full circle have no
-    position limit on the way (see `JointSpace`). `iterative` has the equations of e and J. Threads may share an
-    instance.
+        \min_{\Delta q} \; |J \Delta q - e|^2 + \mu |\Delta q|^2, \quad \mu = 0.01 |e|^2 + 10^{-6}
+        \quad \text{with} \quad \max(l - q, -v \Delta t) \le \Delta q \le \min(u - q, v \Delta t)
+
+    with the limits l and u and the URDF's joint speed limits v (Kanoun et al., "Kinematic control of redundant
+    manipulators", IEEE T-RO 27(4), 2011; the damping is Sugihara's, as in `LevenbergMarquardtSolver`). Joints that turn
+    full circle have no position limit on the way (see `JointSpace`). `iterative` has the equations of e and J. Threads
+    may share an instance.
 
     The arguments are those of `SteppingSolver`.
 

@@ -59,9 +59,16 @@ class NotOfThisKind(InputError):
 
 
 class URKinematics(CompiledKinematics):
-    """Kinematics of a UR-type arm. Threads may share an instance.
+    r"""Kinematics of a UR-type arm. Threads may share an instance.
 
-    Link lengths are read from the URDF.
+    .. math::
+
+        T_{\text{base}}^{\text{flange}}(q) = \prod_{i=1}^{6}
+        R_z(q_i) \, D_z(d_i) \, D_x(a_i) \, R_x(\alpha_i), \qquad
+        \alpha = (\tfrac{\pi}{2}, 0, 0, \tfrac{\pi}{2}, -\tfrac{\pi}{2}, 0)
+
+    with rotations R and translations D, and the lengths d1, d4, d5, d6 and a2, a3 of the URDF, all others 0 (Hawkins,
+    Analytic inverse kinematics for the UR-5/UR-10, 2013).
 
     Args:
         arm: Name of a UR, "ur3" to "ur30" or "ur5-thesis", or the description of a UR-type arm.
