@@ -55,6 +55,19 @@ def robot():
         yield served
 
 
+@pytest.fixture(autouse=True)
+def no_signal_is_ignored():
+    """As in a terminal: under `nohup` SIGHUP is ignored, and stays so."""
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in SIGNALS if _is_ignored(number)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def _is_ignored(number):
+    return signal.getsignal(number) is signal.SIG_IGN
+
+
 def fast(state):
     """Whether the arm is at full speed."""
     return np.abs(state.target_qd).max() > 0.9
