@@ -7,9 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import shown
+from kinreach._checks import MAX_ANGLE, shown
 from kinreach.cli import complain
 from kinreach.errors import InputError
+
+#: Angles of more turns than this may be degrees.
+MANY_TURNS = 3
 
 
 def numbers_of(flag: str, text: str, count: int) -> list[float]:
@@ -50,14 +53,22 @@ def may_be_degrees(of: str, rotation: Sequence[float]) -> str:
 def posture_of(
     flag: str, text: str, count: int, *, degrees: bool, limits: Sequence[ArrayLike] = ()
 ) -> NDArray[np.float64]:
-    """Return the joint angles of a flag [rad], within a turn, or within the limits of joints that turn farther."""
+    """Return the joint angles of a flag [rad], within a turn, or within the limits of joints that turn farther.
+
+    Those of joints that turn without end, whose limits are infinite, are within `MAX_ANGLE`.
+    """
     angles = np.array(numbers_of(flag, text, count))
     q = np.radians(angles) if degrees else angles
-    most = np.abs(np.array([np.full(count, 2.0 * np.pi), *limits])).max(axis=0)
+    most = np.abs(np.array([np.full(count, 2.0 * np.pi), *limits])).max(axis=0).clip(max=MAX_ANGLE)
     beyond = ~(np.abs(q) <= most + 1e-6)
     if beyond.any():
         joint = int(np.where(beyond, np.abs(q), 0.0).argmax())
         unit = f"±{np.degrees(most[joint]):g} degrees" if degrees else f"±{most[joint]:.4g} rad"
         hint = "" if degrees else "; for degrees add --degrees"
         raise InputError(f"{flag} must be within {unit}, got {angles[joint]:g}{hint}")
+    many = np.abs(q) > MANY_TURNS * 2.0 * np.pi
+    if many.any() and not degrees:
+        angle = q[many][0]
+        turns = abs(angle) / (2.0 * np.pi)
+        complain(f"note: {angle:g} rad of {flag} are {turns:.3g} turns; for degrees add --degrees")
     return q

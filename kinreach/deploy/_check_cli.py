@@ -140,10 +140,9 @@ def _joints(kin: ArmKinematics) -> Iterator[str]:
     rows = zip(kin.arm.joints, kin.lower, kin.upper, kin.velocity_limit, kin.arm.home, strict=True)
     for index, (name, low, high, speed, home) in enumerate(rows):
         head = "joints" if index == 0 else ""
-        yield (
-            f"{head:<12} {name:<{width}}  {low:+7.3f} to {high:+7.3f} rad ({np.rad2deg(high - low):.0f}°), "
-            f"{speed:.2f} rad/s, starts at {home:+.3f}"
-        )
+        limits = f"{low:+7.3f} to {high:+7.3f} rad ({np.rad2deg(high - low):.0f}°)"
+        limits = limits if np.isfinite(high - low) else f"{'turns without end':<29}"
+        yield f"{head:<12} {name:<{width}}  {limits}, {speed:.2f} rad/s, starts at {home:+.3f}"
 
 
 def _collisions(kin: ArmKinematics, seed: int) -> str:

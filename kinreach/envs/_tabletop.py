@@ -17,7 +17,7 @@ from kinreach._objects import load_object
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, RowStreams, told_terms
 from kinreach.envs._lift.lift_task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
 from kinreach.envs._options import DrawnOptions, check_box_actions, option_rows
-from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, joint_limits
+from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, joint_limits, seen_joints, within_joint_limits
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
@@ -261,8 +261,8 @@ class TabletopEpisodes(Episodes):
 
     def observe(self) -> Floats:
         state = self._state
-        turned = state.rotation[:, :, :2].reshape(self.count, 6)
-        numbers = (state.q, state.opening[:, None], state.tip, state.position, turned, self.goals)
+        q, turned = seen_joints(self.setup.arm, state.q), state.rotation[:, :, :2].reshape(self.count, 6)
+        numbers = (q, state.opening[:, None], state.tip, state.position, turned, self.goals)
         space = self.setup.observation_space
         return np.clip(np.concatenate(numbers, axis=1), space.low, space.high)
 
@@ -272,7 +272,7 @@ class TabletopEpisodes(Episodes):
         lost = np.zeros(self.count, dtype=np.bool_)
         if len(ids):
             before = world.states(ids)
-            q = np.clip(self._state.q[ids] + STEP_ANGLE * actions[ids, :joints], *self.setup.limits)
+            q = within_joint_limits(self.setup.arm, self._state.q[ids] + STEP_ANGLE * actions[ids, :joints])
             opening = np.full(len(ids), self.setup.opening)
             if self.setup.task.fingers:
                 opening = self._state.opening[ids] + STEP_OPENING * actions[ids, -1]

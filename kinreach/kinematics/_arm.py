@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import threading
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -28,7 +29,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription, Tool, get_arm
-from kinreach.robots.inside import FLANGE, FLIP, JOINTS, TOOL
+from kinreach.robots.inside import FLANGE, FLIP, JOINTS, TOOL, endless_joints, one_number_each
 
 pin: Any = load("pinocchio")
 
@@ -66,7 +67,7 @@ class ArmKinematics:
         tip: As given, `"tool"` with a tool.
         base: As given, `"own"` for a frame of your own.
         model: Pinocchio model with the gripper locked; its joint order is that of `q`.
-        lower, upper: Joint limits [rad], shape (n,).
+        lower, upper: Joint limits [rad], shape (n,); -inf and inf of a joint that turns without end.
         velocity_limit: Joint speed limits of the URDF [rad/s], shape (n,).
         T_world_base: Pose of the base frame in the world (4, 4).
         no_closed_form: Why `of` found no class that lists every posture; empty where it did, or was not asked.
@@ -337,6 +338,11 @@ class ArmKinematics:
         R = self.T_base_world[:3, :3]
         return np.vstack([R @ J[:3], R @ J[3:]])
 
+    @property
+    def sampling_limits(self) -> tuple[Floats, Floats]:
+        """Limits between which random postures are drawn [rad], shape (n,): -pi and pi of a joint without end."""
+        return sampling_limits(self.model)
+
     def within_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> bool:
         """Return whether every joint is within its limits, `lower - tolerance <= q <= upper + tolerance` [rad]."""
         return not self.past_limits(self.as_posture("q", q), tolerance).any()
@@ -380,9 +386,16 @@ def link_frame(model: Any, link: str) -> int:
     return int(model.getFrameId(link, pin.BODY))
 
 
+def sampling_limits(model: Any) -> tuple[Floats, Floats]:
+    """Return the joint limits of a Pinocchio model [rad], shape (n,), with one turn of a joint without end."""
+    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+    return np.where(np.isinf(lower), -np.pi, lower), np.where(np.isinf(upper), np.pi, upper)
+
+
 def build_model(arm: ArmDescription) -> Any:
     """Build the Pinocchio model of an arm, with the joints that are not part of `q` held in place."""
-    urdf = arm.urdf
+    robot = one_number_each(arm.robot)
+    urdf = arm.urdf if robot is arm.robot else ET.tostring(robot, encoding="unicode")
     try:
         full = pin.buildModelFromXML(urdf)
     except (RuntimeError, ValueError) as error:
@@ -404,7 +417,10 @@ def build_model(arm: ArmDescription) -> Any:
     for index, name in enumerate(arm.joints, start=1):
         kind = model.joints[index].shortname()
         if model.joints[index].nq != 1 or not ("Revolute" in kind or kind in PLAIN_AXES):
-            raise InputError(f"arm {arm.name!r}: joint {name!r} ({kind}) is not a revolute joint with limits")
+            raise InputError(f"arm {arm.name!r}: joint {name!r} ({kind}) does not turn")
+    endless = np.isin(arm.joints, endless_joints(arm.robot))
+    model.lowerPositionLimit = np.where(endless, -np.inf, model.lowerPositionLimit)
+    model.upperPositionLimit = np.where(endless, np.inf, model.upperPositionLimit)
     for frame in (arm.base, *arm.tips.values()):
         if not model.existFrame(frame, pin.BODY):
             raise InputError(f"arm {arm.name!r}: the URDF has no link {frame!r}")

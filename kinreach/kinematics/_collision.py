@@ -25,7 +25,7 @@ from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_entries, che
 from kinreach._engines import load
 from kinreach._rotations import placement, pose
 from kinreach.errors import InputError, NoShapesError
-from kinreach.kinematics._arm import ArmKinematics, build_model
+from kinreach.kinematics._arm import ArmKinematics, build_model, sampling_limits
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription, Box, Obstacle, arm_names, get_arm
 from kinreach.robots.inside import MESHES_AS, Mesh, as_obstacles, collision_mesh, neighbours, without_shapes
@@ -335,7 +335,7 @@ def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
     at_home = touching(np.array(arm.home, dtype=np.float64))
     rng, always = np.random.default_rng(0), set(names)
     for _ in range(SAMPLES):
-        always &= touching(rng.uniform(model.lowerPositionLimit, model.upperPositionLimit))
+        always &= touching(rng.uniform(*sampling_limits(model)))
     return (*beside, *sorted(at_home | always))
 
 

@@ -197,8 +197,8 @@ def _near_way(
 
 def _windings(kin: ArmKinematics, start: Floats, goals: Floats) -> Floats:
     """Return the goals in the full turns nearest to the start and to the middle of the limits, shape (k, n)."""
-    found = []
-    for near in (start, (kin.lower + kin.upper) / 2.0):
+    found, (low, high) = [], kin.sampling_limits
+    for near in (start, (low + high) / 2.0):
         wound, within = nearest_windings(goals.T, near[:, None], kin.lower, kin.upper)
         found.append(wound.T[within])
     return np.unique(np.vstack(found).round(12), axis=0) if any(map(len, found)) else goals

@@ -157,7 +157,7 @@ def random_postures(kin: ArmKinematics, count: int, seed: int) -> Floats:
 def _ranges(kin: ArmKinematics) -> tuple[Floats, Floats]:
     """Ends of each joint's range within ±pi, and of all of it where it lies beyond [rad], shape (n,)."""
     low, high = np.maximum(kin.lower, -np.pi), np.minimum(kin.upper, np.pi)
-    beyond = low >= high
+    beyond = low >= high  # a joint without end is not
     return np.where(beyond, kin.lower, low), np.where(beyond, kin.upper, high)
 
 

@@ -287,7 +287,8 @@ class ArmDescription:
     def with_limits(self, limits: float | Mapping[str, tuple[float, float]]) -> ArmDescription:
         """Return the same arm with other joint limits, such as those that are set on its pendant.
 
-        Where the start posture is beyond them, it moves to the limit.
+        A joint that turns without end has limits, too, once it is given them. Where the start posture is beyond limits,
+        it moves to them.
 
         Args:
             limits: Lower and upper limit [rad] by the name of the joint; others stay. A number is ± that for all.

@@ -16,7 +16,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from kinreach._checks import Floats, check_known, shown
+from kinreach._checks import MAX_ANGLE, Floats, check_known, shown
 from kinreach._rotations import placement
 from kinreach.errors import InputError, raise_unknown
 from kinreach.robots._workcell import CameraMount
@@ -129,12 +129,42 @@ def set_origin(robot: ET.Element, joint: str, xyz: Sequence[float], rpy: Sequenc
 
 
 def set_limits(robot: ET.Element, joint: str, lower: float, upper: float, **others: float) -> None:
-    """Set a joint's limits [rad, m], and others by their names in URDF: velocity and effort in SI units."""
+    """Set a joint's limits [rad, m], and others by their names in URDF: velocity and effort in SI units.
+
+    A joint that turns without end is a revolute one from then on.
+    """
     element = named(robot, "joint", joint)
-    limit = None if element is None or element.get("type") not in _LIMITED else element.find("limit")
-    if limit is None:
+    if element is None or element.get("type") not in MOVED:
         raise InputError(f"the URDF has no joint {shown(joint)} of a kind that has limits")
+    limit = limit_of(element)
+    if element.get("type") == ENDLESS:
+        element.set("type", "revolute")
     limit.attrib.update({key: repr(value) for key, value in {"lower": lower, "upper": upper, **others}.items()})
+
+
+def limit_of(joint: ET.Element) -> ET.Element:
+    """Return the `<limit>` of a joint that moves; one without is given it, with no torque and no speed known."""
+    limit = joint.find("limit")
+    return ET.SubElement(joint, "limit", effort="0", velocity=repr(MAX_SPEED)) if limit is None else limit
+
+
+def endless_joints(robot: ET.Element) -> list[str]:
+    """Return the names of the joints that turn without end."""
+    return [joint.get("name", "") for joint in robot.findall("joint") if joint.get("type") == ENDLESS]
+
+
+def one_number_each(robot: ET.Element) -> ET.Element:
+    """Return a URDF in which joints that turn without end are revolute, with limits that no posture reaches.
+
+    Pinocchio and placo then have an angle for such a joint, not its cosine and sine.
+    """
+    names = endless_joints(robot)
+    if not names:
+        return robot
+    robot = deepcopy(robot)
+    for name in names:
+        set_limits(robot, name, -MAX_ANGLE, MAX_ANGLE)
+    return robot
 
 
 def add_link(
@@ -217,9 +247,9 @@ def skeleton(robot: ET.Element, tip: str) -> tuple[str, str]:
     """Return a URDF's text without shapes, and so without files, and the link that is the tip in it.
 
     Some engines, such as placo, find links and joints by one name: where a joint has the tip's, a link in the same
-    place is the tip.
+    place is the tip. They have one number for each joint (`one_number_each`).
     """
-    robot = without_shapes(robot, "visual", "collision")
+    robot = one_number_each(without_shapes(robot, "visual", "collision"))
     if named(robot, "joint", tip) is not None:
         add_link(robot, f"{tip} (link)")
         add_joint(robot, f"{tip} (link) mount", tip, f"{tip} (link)")
@@ -235,8 +265,10 @@ PACKAGE = "package://"
 WORLD = "world"
 #: Mesh files that a URDF may name, by their ends.
 MESHES = (".stl", ".obj", ".dae", ".glb")
-KINDS = ("revolute", "continuous", "prismatic", "fixed")
-TURNING = ("revolute", "continuous")
+#: Kind of joint that turns without end.
+ENDLESS = "continuous"
+KINDS = ("revolute", ENDLESS, "prismatic", "fixed")
+TURNING = ("revolute", ENDLESS)
 MOVED = (*TURNING, "prismatic")
 _LIMITED = ("revolute", "prismatic")
 #: Parts of the names of a gripper's joints, and of its fingers'.
@@ -516,7 +548,7 @@ class UrdfArm:
     Attributes:
         tip: Link at the end of the arm.
         joints: Names of the joints of `q`, from the root to the tip.
-        limits: Lower and upper limit of each [rad].
+        limits: Lower and upper limit of each [rad]; infinite for one that turns without end.
         passed_over: Link that would be the default tip if it were not a sensor's; empty if there is none.
     """
 
@@ -588,7 +620,7 @@ class UrdfArm:
     @property
     def home(self) -> tuple[float, ...]:
         """The middle of each joint's range [rad]; 0 for a joint without limits."""
-        return tuple(0.5 * (low + high) for low, high in self.limits)
+        return tuple(0.5 * (low + high) if math.isfinite(high - low) else 0.0 for low, high in self.limits)
 
     @property
     def damping(self) -> tuple[float, ...]:
@@ -763,9 +795,9 @@ def check_home(name: str, robot: ET.Element, home: Mapping[str, float]) -> None:
 
 
 def limits_of(joint: ET.Element) -> tuple[float, float]:
-    """Return lower and upper limit of a joint [rad, m]; one that is missing is 0."""
-    if joint.get("type") == "continuous":
-        return -math.pi, math.pi
+    """Return lower and upper limit of a joint [rad, m]; one that is missing is 0, and one without end has none."""
+    if joint.get("type") == ENDLESS:
+        return -math.inf, math.inf
     return _value(joint, "limit", "lower"), _value(joint, "limit", "upper")
 
 

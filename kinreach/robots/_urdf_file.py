@@ -22,6 +22,7 @@ from kinreach.robots._mesh_units import scale_to_metres
 from kinreach.robots._mjcf import MJCF, Mjcf, read_mjcf
 from kinreach.robots._packages import find_meshes
 from kinreach.robots._urdf import (
+    ENDLESS,
     KINDS,
     LIMIT_DIGITS,
     MAX_CHARACTERS,
@@ -37,6 +38,7 @@ from kinreach.robots._urdf import (
     check_parts,
     gripper_joints,
     joints_above,
+    limit_of,
     limits_of,
     link_at,
     links_below,
@@ -147,8 +149,8 @@ def read_arm(
         also = f", or {listed_names(rest)}" if rest else ""
         notes.append(f"the tip is {arm.tip}; give tip= for {arm.passed_over}, which is a sensor's by its name{also}")
     notes += [f"no collision checks and no simulation: {missing}"] if missing else []
-    for endless in robot.findall("joint[@type='continuous']"):
-        _limit_to_a_turn(endless)
+    for endless in robot.findall(f"joint[@type='{ENDLESS}']"):
+        limit_of(endless)
     for limit in robot.findall("joint/limit"):
         if float(limit.get("velocity", "0")) == 0.0:  # missing: a solver's steps would hold the joint still
             limit.set("velocity", repr(MAX_SPEED))
@@ -327,7 +329,9 @@ def _stuck(robot: ET.Element) -> list[str]:
 def _many_turns(arm: UrdfArm) -> list[str]:
     """A note on limits that may be degrees."""
     many = [
-        name for name, ends in zip(arm.joints, arm.limits, strict=True) if max(map(abs, ends)) > MOST_TURNS * math.tau
+        name
+        for name, ends in zip(arm.joints, arm.limits, strict=True)
+        if math.inf > max(map(abs, ends)) > MOST_TURNS * math.tau
     ]
     which = "joints" if len(many) > 1 else "joint"
     said = (
@@ -397,8 +401,7 @@ class _Holding:
         lower, upper = limits_of(joint)
         if name in self._held:
             place = check_number(f"the place of joint {name!r}", self._held[name])
-            endless = joint.get("type") == "continuous" or lower > upper
-            if not endless and not lower - LIMIT_DIGITS <= place <= upper + LIMIT_DIGITS:
+            if lower <= upper and not lower - LIMIT_DIGITS <= place <= upper + LIMIT_DIGITS:
                 degrees = "; it is in radians, not degrees" if unit == "rad" and abs(place) > 2 * math.pi else ""
                 raise InputError(
                     f"the place of joint {name!r} must be within its limits, {lower:g} to {upper:g} {unit}, got "
@@ -474,13 +477,3 @@ def _fix(joint: ET.Element, place: float) -> None:
     for element in list(joint):
         if element.tag not in ("origin", "parent", "child"):
             joint.remove(element)
-
-
-def _limit_to_a_turn(joint: ET.Element) -> None:
-    """Make a continuous joint a revolute one from -pi to pi, so that a posture is a plain vector."""
-    joint.set("type", "revolute")
-    limit = joint.find("limit")
-    if limit is None:
-        limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
-    limit.set("lower", repr(-math.pi))
-    limit.set("upper", repr(math.pi))

@@ -163,7 +163,9 @@ class JointController:
         self.tolerance = check_number("tolerance", tolerance, above=0.0, most=np.pi)
         joints = [model.joint(name) for name in arm.joints]
         self.qpos = as_index([joint.qposadr[0] for joint in joints])
-        self.lower, self.upper = np.array([joint.range for joint in joints]).T
+        endless = (-np.inf, np.inf)
+        ranges = [joint.range if model.jnt_limited[joint.id] else endless for joint in joints]
+        self.lower, self.upper = np.array(ranges).T
         self.ctrl = as_index([model.actuator(name).id for name in arm.joints])
         free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         self.objects = frozenset(model.body(model.jnt_bodyid[joint]).name for joint in free)

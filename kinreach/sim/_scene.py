@@ -214,7 +214,7 @@ def _exclude_out_of_reach(spec: Any, arm: ArmDescription) -> None:
     data = mujoco.MjData(model)
     joint = model.joint(arm.joints[0])
     link = model.body(model.jnt_bodyid[joint.id])
-    low, high = joint.range
+    low, high = joint.range if model.jnt_limited[joint.id] else (-np.pi, np.pi)
     step = (high - low) / (ANGLES - 1)
     for geom in range(link.geomadr[0], link.geomadr[0] + link.geomnum[0]):
         # Between two angles no point of the shape moves further.

@@ -314,7 +314,7 @@ class TargetModel:
     def _ends(self, goal: Goal, seed: Floats) -> list[IKResult]:
         """Ends of searches from fixed starts."""
         rng, kinematics = np.random.default_rng(0), self.kinematics
-        starts = [seed, self.home, *rng.uniform(kinematics.lower, kinematics.upper, (STARTS - 2, kinematics.n))]
+        starts = [seed, self.home, *rng.uniform(*kinematics.sampling_limits, (STARTS - 2, kinematics.n))]
         return [self._search.solve(goal, start) for start in starts]
 
     def _approach(self, goal: Goal, seed: Floats) -> Approach:

@@ -171,10 +171,10 @@ def test_an_arm_is_named_by_its_urdf_else_by_its_file(tmp_path):
         assert ArmDescription.from_urdf(file, name="mine").title == "mine"
 
 
-def test_a_joint_without_end_turns_once(tmp_path):
+def test_a_joint_without_end_has_no_limits(tmp_path):
     kin = ArmKinematics.from_urdf(write(tmp_path, a="continuous", limit=""))
     assert kin.arm.joints == ("a", "b")
-    np.testing.assert_allclose((kin.lower[0], kin.upper[0]), (-np.pi, np.pi))
+    assert (kin.lower[0], kin.upper[0]) == (-np.inf, np.inf)
     np.testing.assert_allclose(kin.fk([0.4, 1.0])[:3, 3], kin.fk([0.4 - 2 * np.pi, 1.0])[:3, 3], atol=1e-12)
 
 
@@ -305,11 +305,11 @@ def test_names_may_have_any_characters_that_can_be_printed(tmp_path):
 
 
 @pytest.mark.parametrize("limit", ["", LIMIT])
-def test_limits_of_a_joint_without_end_are_refused(tmp_path, limit):
-    text = write(tmp_path, a="continuous", limit=limit).read_text()
-    arm = ArmDescription("two", "two", lambda: text, joints=("a", "b"), tips={"end": "end"})
-    with pytest.raises(InputError, match="no joint 'a' of a kind that has limits"):
-        arm.with_limits({"a": (-1.0, 1.0)})
+def test_a_joint_without_end_takes_limits(tmp_path, limit):
+    arm = ArmDescription.from_urdf(write(tmp_path, a="continuous", limit=limit))
+    assert ArmKinematics(arm).upper[0] == np.inf
+    kin = ArmKinematics(arm.with_limits({"a": (-1.0, 1.0)}))
+    assert (kin.lower[0], kin.upper[0]) == (-1.0, 1.0)
 
 
 @pytest.mark.usefixtures("needs_placo")
@@ -394,7 +394,7 @@ def test_arms_of_other_makers():
     for file, (joints, tip) in tips.items():
         kin = ArmKinematics.from_urdf(SHARE / "example-robot-data/robots" / file)
         assert (kin.n, kin.tip) == (joints, tip)
-        q = np.random.default_rng(1).uniform(kin.lower, kin.upper, (50, joints))
+        q = np.random.default_rng(1).uniform(*kin.sampling_limits, (50, joints))
         np.testing.assert_allclose(kin.fk(q), [kin.fk(row) for row in q], atol=2e-10)
 
 

@@ -28,7 +28,7 @@ from kinreach.envs._lift.lift_task import (
 )
 from kinreach.envs._options import check_box_actions
 from kinreach.envs._reach.observers import CameraObserver, PixelObserver
-from kinreach.envs._reach.reach_task import CAMERA, joint_limits
+from kinreach.envs._reach.reach_task import CAMERA, within_joint_limits
 from kinreach.sim.inside import CUBE, SHAPES, Grasping, MoveStatus, Objects
 from kinreach.vision.inside import GoalMeasurement
 
@@ -313,7 +313,7 @@ class LiftEpisodes(Episodes):
         task = self.task
         world: Any = self.world
         before = world.states(ids)
-        q = np.clip(self.q[ids] + STEP_ANGLE * actions[ids, :-1], *joint_limits(task.arm))
+        q = within_joint_limits(task.arm, self.q[ids] + STEP_ANGLE * actions[ids, :-1])
         opening = np.clip(self._opening[ids] + STEP_OPENING * actions[ids, -1], 0.0, task.gripper.stroke)
         world.steer(ids, q, opening, STEP_S)
         lost = self._put_back(world, ids, before)

@@ -29,6 +29,7 @@ from kinreach.envs._reach.reach_task import (
     Layout,
     action_range,
     joint_limits,
+    seen_joints,
 )
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
@@ -268,7 +269,7 @@ class LiftTask:
             np.nan_to_num(np.where(cube, face_angle(yaws - outwards), 0.0))[:, None],
             kinds.size[:, None],
             kinds.shape[:, None] == np.arange(len(SHAPES)),
-            q,
+            seen_joints(self.arm, q),
             openings[:, None],
             np.clip(np.where(np.isfinite(seen), seen - tips, 0.0), -2 * GOAL_RANGE, 2 * GOAL_RANGE),
         ]

@@ -21,7 +21,8 @@ from kinreach.envs._reach.reach_task import (
     ReachTask,
     action_space,
     check_actions,
-    joint_limits,
+    seen_joints,
+    within_joint_limits,
 )
 from kinreach.envs._reach.rewards import Score, term_names
 from kinreach.envs._reach.worlds import STATUSES, Executed, Ids, ReachWorld, TargetStatus
@@ -113,7 +114,7 @@ class ReachEpisodes(Episodes):
         """Return the observations, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
         if self._pixels is not None:
             return self._taken_pictures(self._pixels)
-        self._observation[:, self.task.layout.q] = self.world.q
+        self._observation[:, self.task.layout.q] = seen_joints(self.task.arm, self.world.q)
         observation = self._observation.copy()
         if self.task.options.goal_in == IMAGE:
             block = observation[:, self.task.layout.goal]
@@ -176,12 +177,12 @@ class ReachEpisodes(Episodes):
 
     def _ends(self, targets: Floats, acting: Flags | None) -> Floats:
         """Where joints end near targets within their limits [rad], shape (count, n); other targets are kept."""
-        (low, high), tolerance = joint_limits(self.task.arm), self.task.options.tolerance
+        arm, tolerance = self.task.arm, self.task.options.tolerance
         errors = np.zeros_like(targets)
         for row in range(self.world.count) if acting is None else np.flatnonzero(acting):
-            errors[row] = self._sensors[row].uniform(-tolerance, tolerance, len(low))
-        inside = (low <= targets) & (targets <= high)
-        return np.where(inside, np.clip(targets + errors, low, high), targets)
+            errors[row] = self._sensors[row].uniform(-tolerance, tolerance, len(arm.joints))
+        inside = targets == within_joint_limits(arm, targets)
+        return np.where(inside, within_joint_limits(arm, targets + errors), targets)
 
     def forfeit(self, reason: str) -> Outcome:
         """Return the verdict on agents that find no action: impossible, the arms stay, the episodes end."""

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from kinreach._checks import Floats
-from kinreach.envs._reach.reach_task import CAMERA_RANGE, ReachOptions, ReachTask, goal_block, joint_limits, opening_of
+from kinreach.envs._reach.reach_task import (
+    CAMERA_RANGE,
+    ReachOptions,
+    ReachTask,
+    goal_block,
+    joint_limits,
+    opening_of,
+    seen_joints,
+)
 from kinreach.envs._reach.worlds import Ids
 from kinreach.robots import ArmDescription
 from kinreach.sim import ArmSimulation
@@ -165,7 +173,7 @@ class PixelObserver:
 
     def __init__(self, arm: ArmDescription, options: ReachOptions | LiftOptions) -> None:
         height, width, (lower, upper) = options.height, options.width, joint_limits(arm)
-        self._noise, self._opening = options.noise, opening_of(arm)
+        self._arm, self._noise, self._opening = arm, options.noise, opening_of(arm)
         self._simulation = ArmSimulation(arm)
         self._cameras = {
             mount.name: RGBDCamera(self._simulation, mount.name, width=width, height=height)
@@ -203,7 +211,7 @@ class PixelObserver:
                 frame = camera.capture(noise=self._noise, rng=rng)
                 seen[f"{name}_rgb"][row] = frame.rgb
                 seen[f"{name}_depth"][row, ..., 0] = np.minimum(frame.depth, np.float32(DEPTH_RANGE))
-        seen["joints"][:] = postures
+        seen["joints"][:] = seen_joints(self._arm, postures)
         seen["gripper"][:, 0] = self._opening if openings is None else openings
         return seen
 

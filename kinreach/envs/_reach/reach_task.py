@@ -25,6 +25,7 @@ from kinreach._checks import (
     check_number,
     shown,
 )
+from kinreach._rotations import wrapped
 from kinreach.envs._batch import RowStreams
 from kinreach.envs._options import ARM_BACKENDS, CameraOptions, about, check_box_actions, option_rows
 from kinreach.envs._reach.goals import goal_streams
@@ -213,18 +214,41 @@ def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
 def joint_limits(arm: ArmDescription) -> tuple[Floats, Floats]:
     """Lower and upper joint limits [rad], each of shape (n,); where a URDF has pi with eleven digits, pi.
 
-    A joint with more than two turns each way, such as the endless wrist_3 of a UR3, is used within one: actions are
-    parts of the range.
+    A joint with more than two turns each way, such as wrist_3 of a UR3, is used within one: actions are parts of the
+    range. A joint that turns without end is used from -pi to pi, which is every posture of it once.
     """
     kinematics = ArmKinematics(arm)
     low, high = (
         # URDFs write pi with eleven digits
         np.where(np.abs(np.abs(limits) - math.pi) < 1e-9, np.copysign(math.pi, limits), limits)
-        for limits in (kinematics.lower, kinematics.upper)
+        for limits in kinematics.sampling_limits
     )
     turn = 2.0 * math.pi
     many = high - low > 4.0 * turn
     return np.where(many, np.maximum(low, -turn), low), np.where(many, np.minimum(high, turn), high)
+
+
+@lru_cache
+def _endless(arm: ArmDescription) -> NDArray[np.bool_]:
+    """Which joints turn without end, shape (n,)."""
+    return np.isinf(ArmKinematics(arm).upper)
+
+
+def within_joint_limits(arm: ArmDescription, q: Floats) -> Floats:
+    """Return postures (k, n) [rad] held within `joint_limits`; joints that turn without end keep their turns."""
+    held = np.clip(q, *joint_limits(arm))
+    return np.where(_endless(arm), q, held) if _endless(arm).any() else held
+
+
+def seen_joints(arm: ArmDescription, q: Any) -> Any:
+    """Return joint angles as observations have them, shape (..., n): those of joints without end within ±pi.
+
+    A posture looks the same however often such a joint has turned, and an observation is bounded. It stays an angle, as
+    that of any other joint, and is not its cosine and sine: a solver finds the posture in it, and a policy one number
+    for each joint of each arm.
+    """
+    endless = _endless(arm)
+    return np.where(endless, wrapped(np.asarray(q)), q) if endless.any() else q
 
 
 def opening_of(arm: ArmDescription) -> float:
@@ -309,7 +333,7 @@ class ReachReset(NamedTuple):
 
 def _refuse_outside_limits(arm: ArmDescription, q: Floats) -> None:
     lower, upper = joint_limits(arm)
-    beyond = np.maximum(lower - q, q - upper)
+    beyond = np.where(_endless(arm), 0.0, np.maximum(lower - q, q - upper))
     if beyond.max() > 0.0:
         row, joint = np.unravel_index(beyond.argmax(), q.shape)
         raise InputError(
@@ -339,6 +363,7 @@ class ReachTask:
         self.gripper_opening = opening_of(arm)
         _check_views(arm)
         self._half, self._middle = action_range(arm)
+        self._endless = _endless(arm)
 
     def default_reward(self) -> Scorer:
         """Return the reward without the option `reward`: the arm's own."""
@@ -401,17 +426,21 @@ class ReachTask:
         return self.scorer.posture_error(q)
 
     def targets(self, q: Floats, actions: Floats) -> Floats:
-        """Joint targets [rad] of checked actions in postures `q`, all of shape (k, n)."""
+        """Joint targets [rad] of checked actions in postures `q`, all of shape (k, n).
+
+        A joint that turns without end goes to the angle of an action by the shorter way.
+        """
         if self.variant.relative:
             return q + self.variant.scale * actions
-        return self._half * actions + self._middle
+        targets = self._half * actions + self._middle
+        return np.where(self._endless, q + wrapped(targets - q), targets) if self._endless.any() else targets
 
     def action_for(self, q: Floats, target: Floats) -> Floats:
         """Return the action from a posture `q` to a target [rad], or straight towards it; shape (n,)."""
         if self.variant.relative:
             way = (target - q) / self.variant.scale
             return np.asarray(way / max(1.0, float(np.abs(way).max())))
-        return np.asarray((target - self._middle) / self._half)
+        return np.asarray((seen_joints(self.arm, target) - self._middle) / self._half)
 
     def waypoints_to(self, q: Floats, target: Floats) -> list[Floats]:
         """Return the postures that a move passes: with two phases, that in which `arm.moves_last` has yet to move."""

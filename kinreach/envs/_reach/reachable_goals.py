@@ -37,7 +37,7 @@ class ReachableGoals:
     def _one(self, rng: np.random.Generator) -> Floats:
         kin, home = self._kinematics, np.array(self.arm.home)
         for _ in range(MAX_TRIES):
-            point = kin.positions(rng.uniform(kin.lower, kin.upper))
+            point = kin.positions(rng.uniform(*kin.sampling_limits))
             away = np.hypot(*(point - self._base)[:2])
             if point[2] < self._base[2] or not MIN_SHARE * self._reach < away < MAX_SHARE * self._reach:
                 continue
@@ -60,7 +60,7 @@ class ReachableGoals:
     @cached_property
     def _reach(self) -> float:
         kin = self._kinematics
-        q = np.random.default_rng(0).uniform(kin.lower, kin.upper, (POSTURES, kin.n))
+        q = np.random.default_rng(0).uniform(*kin.sampling_limits, (POSTURES, kin.n))
         return float(np.hypot(*(kin.positions(q) - self._base)[:, :2].T).max())
 
     @cached_property

@@ -184,7 +184,8 @@ class SelfMotions:
         climbed = [(*self._uphill(measure, value, q, t, max(step, LONGEST)), i) for value, i, q, t in best]
         most = max(value for value, _, _ in climbed)
         equal = [(q, index) for value, q, index in climbed if value >= most - EQUAL * abs(most)]
-        middle, reach = 0.5 * (kin.lower + kin.upper), kin.upper - kin.lower
+        lower, upper = kin.sampling_limits
+        middle, reach = 0.5 * (lower + upper), upper - lower
         q, index = min(equal, key=lambda each: float(np.linalg.norm((each[0] - middle) / reach)))
         if accept is not None and not accept(q):
             return self._result(q, index, Status.REJECTED, reason)

@@ -83,7 +83,7 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
         T[:3, :3] = nearest_rotations(T[:3, :3])
         curves, wide = self._tracer.curves(T, None if seed is None else self.as_posture("seed", seed))
         far = np.full(self.n, MAX_ANGLE)
-        lower, upper = (self.lower, self.upper) if limits else (-far, far)
+        lower, upper = (np.maximum(self.lower, -far), np.minimum(self.upper, far)) if limits else (-far, far)
         found = within_limits(self._tracer, T, curves, lower, upper)
         surfaces = surfaces_within_limits(wide, lower, upper)
         status, reason = Status.OK, ""

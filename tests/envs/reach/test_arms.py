@@ -10,10 +10,13 @@ from gymnasium.utils.env_checker import check_env
 from kinreach.envs._reach.reach_task import action_range, layout_of
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, PositionGoal
-from kinreach.robots import _registry, get_arm
+from kinreach.robots import ArmDescription, BoxRegion, Workcell, _registry, get_arm
+from tests.robots import peoples_files as people
+from tests.robots.peoples_files import MASS, shape
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 BACKENDS = ["kinematic", "mujoco"]
+HOME = (0.1, 0.5, 0.9, -0.4, 0.9, 0.2)
 BLIND = replace(get_arm("arm3"), name="blind", cameras=())
 
 
@@ -128,6 +131,69 @@ def test_six_joints_are_asked_to_point_the_tool_down():
     goal = env.ik_goal([0.4, 0.1, -0.1])
     assert isinstance(goal, AxisGoal)
     np.testing.assert_array_equal(goal.axis, [0, 0, -1])
+
+
+def without_end(tmp_path, *, region=True):
+    """An arm with shapes whose first and last joint turn without end."""
+    free = {"kind": "continuous", "inside": '<limit effort="50" velocity="3"/>'}
+    limited = '<limit lower="-3.1" upper="3.1" effort="50" velocity="3"/>'
+    joints = {i: free if i in (1, 6) else {"inside": limited} for i in range(1, 7)}
+    solid = shape('<cylinder radius="0.02" length="0.05"/>', "collision") + MASS.replace("0.1", "0.001")
+    file = tmp_path / "free.urdf"
+    file.write_text(people.arm(joints=joints, links=dict.fromkeys(range(7), solid)))
+    goals = BoxRegion((0.3, 0.5), (-0.2, 0.2), (0.1, 0.3))
+    return ArmDescription.from_urdf(file, workcell=Workcell(goals=goals) if region else None, home=HOME)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", [SINGLE, MULTI, "kinreach/Reach-v0"])
+def test_a_joint_without_end_in_an_environment(name, backend, tmp_path):
+    env = gym.make(name, backend=backend, arm=without_end(tmp_path))
+    check_env(env.unwrapped, skip_render_check=True)
+    space, layout = env.observation_space, layout_of(env.unwrapped.arm, directed="Reach" in name)
+    assert np.isfinite(space.high).all()
+    assert np.isfinite(space.low).all()
+    assert space.high[layout.q][0] == pytest.approx(np.pi + 0.5)
+    env.reset(seed=0)
+    for q in ([3.0, *HOME[1:]], [-3.0, *HOME[1:]], [3 * 2 * np.pi + 1.0, *HOME[1:5], -1.0]):
+        env.reset(options={"q": q})
+        for target in (np.array(q), np.array([-q[0], *HOME[1:]])):
+            posture = env.unwrapped.posture_for(env.unwrapped.action_for(target))
+            assert np.abs(posture - q)[[0, 5]].max() < np.pi + 1e-9  # the shorter way
+
+
+def test_a_joint_without_end_turns_on(tmp_path):
+    """Five degrees a step: past half a turn it goes on, and looks as it did a turn before."""
+    env = gym.make(MULTI, backend="kinematic", arm=without_end(tmp_path), max_episode_steps=400)
+    before, _ = env.reset(seed=0, options={"q": HOME})
+    layout, seen = layout_of(env.unwrapped.arm), []
+    for _ in range(216):
+        observation, *_, info = env.step(np.array([1.0, 0, 0, 0, 0, -1.0]))
+        assert not info["impossible"]
+        assert env.observation_space.contains(observation)
+        seen.append(observation[layout.q][0])
+    assert info["q"][0] == pytest.approx(3 * 2 * np.pi + HOME[0])
+    np.testing.assert_allclose(observation[layout.q], before[layout.q], atol=1e-9)
+    assert np.ptp(seen) > 6.0
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_single_step_goes_the_shorter_way(backend, tmp_path):
+    env = gym.make(SINGLE, backend=backend, arm=without_end(tmp_path))
+    env.reset(seed=0, options={"q": [np.deg2rad(179), *HOME[1:]]})
+    target = np.array([np.deg2rad(181), *HOME[1:]])
+    *_, info = env.step(env.unwrapped.action_for(target))
+    assert not info["impossible"], info["impossible_reason"]
+    np.testing.assert_allclose(info["q"], target, atol=0.01)
+
+
+def test_a_joint_without_end_in_native_batches(tmp_path):
+    arm = without_end(tmp_path)
+    envs = gym.make_vec(MULTI, num_envs=3, vectorization_mode="vector_entry_point", arm=arm, backend="kinematic")
+    envs.reset(seed=0)
+    for _ in range(90):
+        observation, *_ = envs.step(np.tile([1.0, 0, 0, 0, 0, -1.0], (3, 1)).astype(np.float32))
+        assert envs.observation_space.contains(observation)
 
 
 def test_an_endless_joint_is_used_within_one_turn_each_way():
