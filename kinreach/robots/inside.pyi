@@ -22,7 +22,6 @@ from ._ur import UR_LENGTHS as UR_LENGTHS
 from ._ur import ur_model as ur_model
 from ._ur import ur_speeds as ur_speeds
 from ._urdf import endless_joints as endless_joints
-from ._urdf import link_at as link_at
 from ._urdf import neighbours as neighbours
 from ._urdf import one_number_each as one_number_each
 from ._urdf import origin_of as origin_of

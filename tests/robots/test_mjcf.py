@@ -156,7 +156,7 @@ def test_forward_kinematics_is_mujocos(file, arm, model):
     rng = np.random.default_rng(0)
     for tip in arm.tips:
         kin = ArmKinematics(arm, base="world", tip=tip)
-        for q in rng.uniform(kin.lower, kin.upper, (50, 6)):
+        for q in rng.uniform(*kin.sampling_limits, (50, 6)):
             np.testing.assert_allclose(kin.fk(q), placed(model, arm.joints, q, tip), atol=1e-12)
     held = ArmKinematics.from_file(file, held={"l": 0.03, "r": 0.02}, tip="left", base="world")
     np.testing.assert_allclose(held.fk(arm.home), placed(model, arm.joints, arm.home, "left", {"l": 0.03}), atol=1e-12)
@@ -182,7 +182,7 @@ def test_contacts_are_mujocos(arm, model):
     own = {"pedestal", "turret", "upper", "fore", "w3", "left", "right"}
     assert {"w3", "left"} not in [set(pair) for pair in checker.pairs]
     data = mujoco.MjData(model)
-    for q in rng.uniform(kin.lower, kin.upper, (400, 6)):
+    for q in rng.uniform(*kin.sampling_limits, (400, 6)):
         data.qpos[:] = model.qpos0
         for joint, angle in zip(arm.joints, q, strict=True):
             data.qpos[model.joint(joint).qposadr[0]] = angle
@@ -249,7 +249,7 @@ def test_random_chains(tmp_path, plain):
         kin = ArmKinematics(ArmDescription.from_file(file, tip=tip), base="world")
         assert kin.n == sum(model.jnt_bodyid <= int(tip[1:]) + 1)
         other = pin.buildModelFromMJCF(str(file)) if plain else None
-        for q in rng.uniform(kin.lower, kin.upper, (5, kin.n)):
+        for q in rng.uniform(*kin.sampling_limits, (5, kin.n)):
             T = placed(model, kin.arm.joints, q, tip)
             np.testing.assert_allclose(kin.fk(q), T, atol=1e-12)
             if other is not None:  # it places sites otherwise; bodies it has right
