@@ -35,14 +35,6 @@ def flags_like(values: Any, flags: Any) -> Any:
     return torch_module().as_tensor(flags, device=values.device) if is_tensor(values) else flags
 
 
-def where(condition: Any, chosen: Any, other: Any) -> Any:
-    """Choose entries of one where a condition holds, else of the other; beside a tensor that may be a number."""
-    values = chosen if is_tensor(chosen) else other
-    if not is_tensor(values):
-        return np.where(condition, chosen, other)
-    return torch_module().where(flags_like(values, condition), like(values, chosen), like(values, other))
-
-
 def empty(values: Any, *shape: int, flags: bool = False) -> Any:
     """Allocate an array of the kind of values for numbers, or for flags."""
     if is_tensor(values):

@@ -151,6 +151,7 @@ class SerialChain:
         """The frames in which the joints turn about z, each after its turn."""
         frame = Frame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
         root, total = frame, q[0]
+        cos_sin = _of_tensors if is_tensor(total) else _of_arrays
         for index, (angle, constant) in enumerate(zip(q, self._constants, strict=True)):
             if (
                 index > 0 and constant[2, 2] == 1.0 and not constant[:2, 2].any()
@@ -159,7 +160,7 @@ class SerialChain:
                 root = root._replace(p=frame.point(constant[:3, 3].tolist()))
             else:
                 root, total = frame.moved(constant), angle
-            c, s = _cos_sin(total)
+            c, s = cos_sin(total)
             frame = root.turned(c, s)
             yield frame
 
@@ -178,7 +179,12 @@ def _evaluated(entries: Callable[[Vector], Sequence[Vector]], q: Any, rows: int,
     return found
 
 
-def _cos_sin(angle: Entry) -> tuple[Entry, Entry]:
+def _of_tensors(angle: Entry) -> tuple[Entry, Entry]:
+    """Cosine and sine of an angle [rad]."""
+    return angle.cos(), angle.sin()
+
+
+def _of_arrays(angle: Entry) -> tuple[Entry, Entry]:
     """Cosine and sine of an angle [rad].
 
     numpy has a fast tangent in double precision (where the processor has AVX-512), but no fast sine: both from the
@@ -186,8 +192,6 @@ def _cos_sin(angle: Entry) -> tuple[Entry, Entry]:
     """
     if isinstance(angle, float):
         return float(np.cos(angle)), float(np.sin(angle))
-    if is_tensor(angle):
-        return angle.cos(), angle.sin()
     t = np.tan(0.5 * angle)
     t2 = t * t
     scale = 1.0 / (1.0 + t2)

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_ANGLE, Floats, as_floats, check_entries, check_tensor, is_tensor
-from kinreach._tensors import like, namespace, where
+from kinreach._tensors import namespace
 from kinreach.errors import InputError
 
 #: Natural-arm error of a posture on neither branch.
@@ -110,10 +110,11 @@ def pentagon_angles(q: ArrayLike) -> PentagonAngles:
         InputError: Wrong shape, or an angle that is not finite.
     """
     _, j1, j2, j3, _ = joints = _joints(q)
-    on_b = _on_branch_b(joints)
-    alpha = where(on_b, math.pi + j1, -j1)[()]
-    beta = where(on_b, -j2, j2)[()]
-    gamma = where(on_b, math.pi + j3, -j3)[()]
+    xp = namespace(j1)
+    on_b = _on_branch_b(joints, xp)
+    alpha = xp.where(on_b, math.pi + j1, -j1)[()]
+    beta = xp.where(on_b, -j2, j2)[()]
+    gamma = xp.where(on_b, math.pi + j3, -j3)[()]
     return PentagonAngles(alpha, beta, gamma, 2.0 * math.pi - gamma - (math.pi - beta) - alpha)
 
 
@@ -144,9 +145,10 @@ def gripper_angle_error(q: ArrayLike) -> Floats:
 def posture_errors(q: ArrayLike) -> tuple[Floats, Floats]:
     """Compute `natural_arm_error` and `gripper_angle_error` in one pass."""
     j0, _, j2, _, _ = joints = _joints(q)
-    wrist, angle = _errors_on(_on_branch_b(joints), joints)
+    xp = namespace(j0)
+    wrist, angle = _errors_on(_on_branch_b(joints, xp), joints, xp)
     natural = ((j0 <= 0.0) & (j2 >= 0.0)) | ((j0 >= 0.0) & (j2 <= 0.0))
-    return where(natural, wrist, UNNATURAL_ERROR)[()], angle
+    return xp.where(natural, wrist, UNNATURAL_ERROR)[()], angle
 
 
 def posture_error(q: ArrayLike) -> Floats:
@@ -184,21 +186,23 @@ def _joints(q: Any) -> _Joints:
     return _Joints(*(q[..., joint] for joint in range(_DOF - 1)))
 
 
-def _on_branch_b(joints: _Joints) -> Flags:
-    """Whether branch B counts: the elbow decides, with a straight elbow the base, and with both at 0 the errors."""
+def _on_branch_b(joints: _Joints, xp: Any) -> Flags:
+    """Whether branch B counts: the elbow decides, with a straight elbow the base, and with both at 0 the errors.
+
+    The joints are arrays of the library `xp`.
+    """
     j0, _, j2, _, _ = joints
     straight = j2 == 0.0
-    on_b = (j2 < 0.0) | (straight & (j0 > 0.0))
-    if is_tensor(straight) or straight.any():  # to ask a tensor would wait for its device
-        xp = namespace(straight)
-        error_a, error_b = (sum(_errors_on(xp.full_like(straight, branch), joints)) for branch in (False, True))
+    on_b: Flags = (j2 < 0.0) | (straight & (j0 > 0.0))
+    if xp is not np or straight.any():  # to ask a tensor would wait for its device
+        error_a, error_b = (sum(_errors_on(xp.full_like(straight, branch), joints, xp)) for branch in (False, True))
         on_b = xp.where(straight & (j0 == 0.0), error_b < error_a, on_b)
     return on_b
 
 
-def _errors_on(on_b: Flags, joints: _Joints) -> tuple[Floats, Floats]:
+def _errors_on(on_b: Flags, joints: _Joints, xp: Any) -> tuple[Floats, Floats]:
     """Errors of wrist_2 and of the gripper's angle, |pi/2 - delta| with the pentagon's angles put in, on a branch."""
     _, j1, j2, j3, j4 = joints
-    wrist_2 = where(on_b, like(j4, -_HALF_PI), _HALF_PI)
-    gripper = where(on_b, like(j3, 3.0 * _HALF_PI), _HALF_PI)
-    return abs(j4 + wrist_2), abs(j1 + j2 + j3 + gripper)
+    bend = j1 + j2 + j3
+    wrist_2 = xp.where(on_b, j4 - _HALF_PI, j4 + _HALF_PI)
+    return abs(wrist_2), abs(xp.where(on_b, bend + 3.0 * _HALF_PI, bend + _HALF_PI))

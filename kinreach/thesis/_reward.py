@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, as_flags, as_floats, check_tensor, is_tensor, torch_module
-from kinreach._tensors import flags_like, like, namespace, where
+from kinreach._checks import Floats, as_flags, as_floats, check_tensor, is_tensor
+from kinreach._tensors import flags_like, like, namespace
 from kinreach.errors import InputError
 from kinreach.thesis._posture import posture_errors
 
@@ -99,8 +99,9 @@ def distance_reward(d: ArrayLike) -> Floats:
         >>> distance_reward([4.0, 0.5, 0.125]).tolist()
         [-1.0, 1.0, 2.0]
     """
+    distances = _distances(d)
     with np.errstate(divide="ignore"):
-        return _distance_reward(_distances(d))
+        return _distance_reward(distances, namespace(distances))
 
 
 def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -> ReachReward:
@@ -126,27 +127,31 @@ def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -
     Raises:
         InputError: Wrong shapes, a negative distance, or a value that is not finite.
     """
-    d = _distances(d)
-    natural, angle = posture_errors(like(d, q) if is_tensor(d) else q)
-    d = like(natural, d) if is_tensor(natural) else d
-    failed = flags_like(d, impossible) if is_tensor(d) else as_flags("impossible", impossible)[()]
-    if not np.shape(natural) == d.shape == failed.shape:
-        broadcast = torch_module().broadcast_tensors if is_tensor(d) else np.broadcast_arrays
+    away: Any = _distances(d)
+    natural, angle = posture_errors(like(away, q) if is_tensor(away) else q)
+    if is_tensor(natural):
+        xp, away, failed = namespace(natural), like(natural, away), flags_like(natural, impossible)
+        broadcast = xp.broadcast_tensors
+    else:
+        xp, failed = np, as_flags("impossible", impossible)[()]
+        broadcast = xp.broadcast_arrays
+    if not np.shape(natural) == away.shape == failed.shape:
         try:
-            natural, angle, d, failed = broadcast(natural, angle, d, failed)
+            natural, angle, away, failed = broadcast(natural, angle, away, failed)
         except (ValueError, RuntimeError):
-            shapes = f"d {d.shape}, q {(*np.shape(natural), 6)}, impossible {failed.shape}"
+            shapes = f"d {away.shape}, q {(*np.shape(natural), 6)}, impossible {failed.shape}"
             raise InputError(f"leading shapes do not fit: {shapes}") from None
     r_e = natural + angle
-    near = (d < REACHED_DISTANCE) & ~failed
+    at_goal = away < REACHED_DISTANCE
+    near = at_goal & ~failed
     reached = near & (r_e < REACHED_POSTURE_ERROR)
     without_posture, without_distance = reached | failed, near | failed
-    at_goal = where(reached, REACHED_REWARD, where(near, like(d, NEAR_REWARD), 0.0))
+    paid = xp.where(reached, REACHED_REWARD, xp.where(near, NEAR_REWARD, xp.zeros_like(away)))
     terms = RewardTerms(
-        natural_arm=where(without_posture, 0.0, 0.0 - natural)[()],
-        gripper_angle=where(without_posture, 0.0, 0.0 - angle)[()],
-        distance=where(without_distance, 0.0, _distance_reward(namespace(d).maximum(d, like(d, REACHED_DISTANCE))))[()],
-        special=where(failed, IMPOSSIBLE_REWARD, at_goal)[()],
+        natural_arm=xp.where(without_posture, 0.0, 0.0 - natural)[()],
+        gripper_angle=xp.where(without_posture, 0.0, 0.0 - angle)[()],
+        distance=xp.where(without_distance, 0.0, _distance_reward(xp.where(at_goal, REACHED_DISTANCE, away), xp))[()],
+        special=xp.where(failed, IMPOSSIBLE_REWARD, paid)[()],
     )
     reward = terms.natural_arm + terms.gripper_angle + terms.distance + terms.special
     return ReachReward(reward, terms, r_e, reached)
@@ -163,5 +168,5 @@ def _distances(d: Any) -> Floats:
     return d[()]
 
 
-def _distance_reward(d: Floats) -> Floats:
-    return where(d >= 2.0, 1.0 - d / 2.0, 0.5 - 0.5 * namespace(d).log2(d))[()]
+def _distance_reward(d: Floats, xp: Any) -> Floats:
+    return xp.where(d >= 2.0, 1.0 - d / 2.0, 0.5 - 0.5 * xp.log2(d))[()]

@@ -6,6 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from kinreach._checks import is_tensor
 from kinreach._tensors import on_device, on_host
 from kinreach.envs._reach.episodes import ReachEpisodes
 from kinreach.envs._reach.reach_task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask
@@ -159,3 +160,27 @@ def test_what_cannot_be(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(InstallationError, match=r"pip install 'kinreach\[train\]'"):
         batch("single", device="cpu")
+
+
+@pytest.mark.parametrize("count", [1, 64])
+@pytest.mark.parametrize("task", ["single", "space"])
+def test_a_step_asks_seldom_whether_it_has_tensors(task, count):
+    """At its boundaries: formulas get the library that they compute with."""
+    name, options = TASKS[task]
+    env = gym.make(name, **options) if count == 1 else gym.make_vec(name, count, "vector_entry_point", **options)
+    env = env.unwrapped
+    asked = []
+
+    def profile(frame, event, _):
+        if event == "call" and frame.f_code is is_tensor.__code__:
+            asked.append(frame.f_back.f_code.co_qualname)
+
+    env.reset(seed=0)
+    action = np.zeros(env.action_space.shape)
+    env.step(action)
+    sys.setprofile(profile)
+    try:
+        env.step(action)
+    finally:
+        sys.setprofile(None)
+    assert 1 <= len(asked) <= 16, asked

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats
-from kinreach._tensors import copied, flags_like, like, namespace, on_host
+from kinreach._checks import Floats, torch_module
+from kinreach._tensors import copied, on_device, on_host
 from kinreach.envs._batch import Episodes, Outcome, texts, told_terms
 from kinreach.envs._reach.observers import PixelObserver, goal_observer, measured
 from kinreach.envs._reach.reach_task import (
@@ -52,6 +52,7 @@ class ReachEpisodes(Episodes):
         self.directions = np.tile(TOOL_DOWN, (count, 1))
         self.task, self.options = task, task.options
         self.world = world
+        self._library: Any = np if world.device is None else torch_module()
         self.action_space = action_space(task.arm)
         self._observer = goal_observer(task)
         self._pixels = PixelObserver(task.arm, task.options) if task.options.observation == "pixels" else None
@@ -143,10 +144,11 @@ class ReachEpisodes(Episodes):
     def start_info(self, ids: Ids) -> dict[str, Any]:
         count = len(ids)
         q, tip = self.world.snapshot(ids)
-        directions, distance = like(q, self.directions[ids]), self._distance(tip, self.goals[ids])
         nobody = np.zeros(count, dtype=np.bool_)
+        goals, directions, impossible = self._on_device(self.goals[ids], self.directions[ids], nobody)
+        distance = self._distance(tip, goals)
         if self._terms is None:
-            self._terms = term_names(self.task.score, distance, q, flags_like(distance, nobody), directions)
+            self._terms = term_names(self.task.score, distance, q, impossible, directions)
         terms = {name: np.zeros(count) for name in self._terms}
         score = Score(np.zeros(count), terms, self.task.posture_error(q, directions), nobody)
         nothing = Executed(nobody, np.zeros(count, dtype=np.uint8), [""] * count if self.world.explains else None)
@@ -194,8 +196,9 @@ class ReachEpisodes(Episodes):
 
     def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
         q, tip = self.world.snapshot()
-        distance = self._distance(tip, self.goals)
-        score = self.task.score(distance, q, flags_like(distance, executed.impossible), like(distance, self.directions))
+        goals, directions, impossible = self._on_device(self.goals, self.directions, executed.impossible)
+        distance = self._distance(tip, goals)
+        score = self.task.score(distance, q, impossible, directions)
         self._terms = tuple(score.terms)
         info = self._info(slice(None), executed, score, q, tip, distance) | {"target": targets}
         if self.world.explains:  # not in large kinematic batches, where it would take long
@@ -233,10 +236,14 @@ class ReachEpisodes(Episodes):
         return tips
 
     def _distance(self, tip: Floats, goals: Floats) -> Floats:
-        goals = like(tip, goals)
         x, y, z = (tip[:, axis] - goals[:, axis] for axis in range(3))
-        distance: Floats = namespace(tip).sqrt(x * x + y * y + z * z)
+        distance: Floats = self._library.sqrt(x * x + y * y + z * z)
         return distance
+
+    def _on_device(self, *values: Any) -> Sequence[Any]:
+        """Return arrays as what the world has its arms' places in."""
+        device = self.world.device
+        return values if device is None else [on_device(value, device) for value in values]
 
     def close(self) -> None:
         self._observer.close()

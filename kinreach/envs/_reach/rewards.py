@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats, as_flags, as_floats, check_entries, check_number, shown
-from kinreach._tensors import like, on_host, where
+from kinreach._tensors import like, namespace, on_host
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 from kinreach.thesis import REACHED_POSTURE_ERROR, distance_reward, posture_error, reach_reward
@@ -138,13 +138,14 @@ class DirectedReward:
         (error,) = angle
         near = distance < self.radius
         reached = near & (error < REACHED_POSTURE_ERROR) & ~impossible
-        at_goal = where(reached, REACHED_REWARD, where(near, like(distance, NEAR_REWARD), 0.0))
+        xp, zeros = namespace(distance), nothing(distance)
+        at_goal = xp.where(reached, REACHED_REWARD, xp.where(near, NEAR_REWARD, zeros))
         terms = {
-            "direction": where(reached | impossible, 0.0, -error),
-            "distance": where(near | impossible, 0.0, distance_reward(distance)),
-            "special": where(impossible, IMPOSSIBLE_REWARD, at_goal),
+            "direction": xp.where(reached | impossible, 0.0, -error),
+            "distance": xp.where(near | impossible, 0.0, distance_reward(distance)),
+            "special": xp.where(impossible, IMPOSSIBLE_REWARD, at_goal),
         }
-        return Score(sum(terms.values(), nothing(q)), terms, error, reached)
+        return Score(sum(terms.values(), zeros), terms, error, reached)
 
     def posture_error(self, q: Floats) -> Floats:
         """Zeros, shape (k,): without a direction nothing is asked of a posture."""

@@ -83,11 +83,13 @@ class ReachWorld(Protocol):
         count: How many.
         dynamic: Whether they are simulated.
         explains: Whether there is a reason for each impossible target.
+        device: Of the tensors that `snapshot` gives; None for arrays.
     """
 
     count: int
     dynamic: bool
     explains: bool
+    device: Any
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         """Put arms into postures [rad], shape (k, n), or the start pose, and balls to goals [m], shape (k, 3)."""
@@ -125,6 +127,7 @@ class KinematicWorld:
     """
 
     dynamic = False
+    device = None
 
     def __init__(self, task: ReachTask, count: int, *, explain: bool = False) -> None:
         self.count = count
@@ -182,6 +185,7 @@ class SingleDynamicWorld:
 
     count = 1
     dynamic = explains = True
+    device = None
 
     def __init__(self, simulation: ArmSimulation) -> None:
         self.simulation = simulation
@@ -226,7 +230,7 @@ class BatchDynamicWorld:
         device: str | None = None,
     ) -> None:
         self.count = count
-        self._device = None if device is None else as_device(device)
+        self.device = None if device is None else as_device(device)
         self._kinematics = ArmKinematics.of(arm, base="world")
         simulated_on = device if backend == WARP else None  # else it is only where tensors are wanted
         self._batch = BatchSimulation(
@@ -246,9 +250,9 @@ class BatchDynamicWorld:
     def snapshot(self, ids: Ids | None = None) -> tuple[Any, Any]:
         """Return postures and tips; as tensors, tips are computed on the device."""
         rows = np.arange(self.count) if ids is None else ids
-        if self._device is None:
+        if self.device is None:
             return self.q[rows], self._batch.tip_positions_of(rows)
-        q = on_device(self.q[rows], self._device)
+        q = on_device(self.q[rows], self.device)
         return q, self._kinematics.positions(q)
 
     @property
