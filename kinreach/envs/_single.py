@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
 from abc import abstractmethod
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import gymnasium as gym
 import numpy as np
@@ -13,9 +16,10 @@ from gymnasium.utils import EzPickle
 from gymnasium.wrappers import RecordVideo
 from numpy.typing import ArrayLike
 
-from kinreach._checks import Floats
+from kinreach._checks import Floats, shown
 from kinreach.envs._batch import Episodes, Ids, Outcome, first_row, numbers_of
 from kinreach.envs._options import RENDER_MODES, EnvOptions, check_seed, check_started, options_from
+from kinreach.envs._state import put_back, saved
 from kinreach.errors import InputError, NoDynamicsError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription
@@ -25,6 +29,17 @@ from kinreach.vision.inside import GoalMeasurement
 
 #: The environments of episodes with a count of one.
 ONLY: Ids = np.zeros(1, dtype=np.intp)
+
+
+#: Attributes of an environment that change.
+_CHANGING = ("episodes", "_np_random", "_np_random_seed", "_started", "_over")
+
+
+@dataclass(frozen=True, eq=False)
+class EnvState:
+    """The state of an environment; `values` are its own business."""
+
+    values: Mapping[str, Any]
 
 
 class WithModel:
@@ -121,6 +136,37 @@ class SingleEnv(WithModel, gym.Env[Any, Any]):
             raise InputError("the episode is over; reset the environment")
         return self._answer(self.episodes.step(self.episodes.check_actions(action, None)))
 
+    def save_state(self) -> EnvState:
+        """Return the state in mid-episode: of the arm, its world, the task and the random numbers.
+
+        The limit of steps is a wrapper's and not a part of it. Nor are meshes and textures of MuJoCo's model; its other
+        fields are, so that what was randomised there comes back.
+
+        Raises:
+            InputError: There was no reset yet.
+        """
+        check_started(self._started)
+        return EnvState({name: saved(vars(self).get(name)) for name in _CHANGING})
+
+    def restore_state(self, state: EnvState) -> None:
+        """Go on from a state, bit for bit: in this environment, or in another one with the same options.
+
+        Args:
+            state: Of `save_state`; it can be restored any number of times.
+
+        Raises:
+            InputError: It is none, or of an environment with other options.
+        """
+        if not isinstance(state, EnvState):
+            raise InputError(f"state must be what save_state returned, got {shown(state)}")
+        if not self._started:
+            self.reset(seed=0)  # what is made by the first reset is filled in
+        with suppress(NoDynamicsError):
+            _ = self.model  # and so is a simulation that is made by the first step
+        for name, then in state.values.items():
+            setattr(self, name, put_back(vars(self).get(name), then))
+        self._follow()
+
     def _follow(self) -> None:
         """Update the drawn scene after a reset; of an `ArmEnv` after a step, too."""
 
@@ -157,7 +203,7 @@ class ForfeitEnv(SingleEnv):
 class DrawnEnv(SingleEnv, EzPickle):
     """An environment with a `render_mode`.
 
-    Copies and pickles keep only the options, as in Gymnasium: reset the result before its first step.
+    Deep copies keep the state. Pickles keep only the options, as in Gymnasium: reset the result before its first step.
     """
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012 (declared by Gymnasium)
@@ -180,6 +226,12 @@ class DrawnEnv(SingleEnv, EzPickle):
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)
         self.spec = state["spec"]
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        new = pickle.loads(pickle.dumps(self))
+        if self._started:
+            new.restore_state(self.save_state())
+        return new
 
     def render(self) -> Any:
         """Draw a frame in the `render_mode`; with "human" update the viewer.

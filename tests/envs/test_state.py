@@ -1,0 +1,144 @@
+"""The state of an environment: saved in mid-episode and restored, here or in a copy, everything goes on bit for bit."""
+
+import copy
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import kinreach  # noqa: F401 (registers the environments)
+from kinreach.errors import InputError
+
+IDS = sorted(name for name in gym.registry if name.startswith("kinreach/"))
+#: Trays that are small.
+QUICK = {"kinreach/RealArm-v0": {"balls": 2, "budgets": (0, 5), "again": 1}}
+#: Ids whose episodes are longer than these tests.
+LONG = {f"kinreach/{name}-v0" for name in ("UR5MultiStep", "UR5MultiStepKinematic", "ButtonPress", "Moving", "Reach")}
+VARIANTS = [
+    *((name, QUICK.get(name, {})) for name in IDS),
+    ("kinreach/Lift-v0", {"backend": "kinematic"}),
+    ("kinreach/Lift-v0", {"steps": "multi", "shapes": ("ball", "cube", "cylinder"), "masses": (0.02, 0.2)}),
+    ("kinreach/UR5MultiStep-v0", {"backend": "kinematic"}),
+    ("kinreach/UR5MultiStep-v0", {"imperfections": {"payload": 0.5}}),
+]
+
+
+def made(name, options):
+    return gym.make(name, disable_env_checker=True, **options).unwrapped
+
+
+def drawn(env, count):
+    env.action_space.seed(4)
+    return [env.action_space.sample() for _ in range(count)]
+
+
+def goes_on(env, actions):
+    """What steps and resets return, episode after episode."""
+    found = []
+    for action in actions:
+        found.append(env.step(action))
+        if found[-1][2] or found[-1][3]:
+            found.append(env.reset())
+    return found
+
+
+def assert_same(one, other):
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for name in one:
+            assert_same(one[name], other[name])
+    elif isinstance(one, tuple | list):
+        assert len(one) == len(other)
+        for each in zip(one, other, strict=True):
+            assert_same(*each)
+    else:
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+def test_it_goes_on_bit_for_bit(name, options):
+    check(name, options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["kinreach/UR5MultiStep-v0", "kinreach/Lift-v0"])
+@pytest.mark.parametrize("kind", ["camera", "pixels"])
+def test_what_cameras_see_goes_on_bit_for_bit(name, kind, needs_gl):
+    check(name, {"observation": kind})
+
+
+def check(name, options):
+    """Again and again, after other episodes, in a new environment, in a copy, and in a copy of a copy."""
+    env = made(name, options)
+    env.reset(seed=3)
+    actions = drawn(env, 12)
+    goes_on(env, actions[:3])
+    state = env.save_state()
+    expected = goes_on(env, actions)
+    cases = 0
+    for _ in range(2):
+        env.restore_state(state)
+        assert_same(goes_on(env, actions), expected)
+        cases += 1
+    env.reset(seed=9)
+    goes_on(env, actions[:5])
+    env.restore_state(state)
+    twin = copy.deepcopy(env)
+    another = made(name, options)
+    another.restore_state(state)
+    late = made(name, options)
+    late.reset(seed=1)
+    goes_on(late, actions[:4])
+    late.restore_state(state)
+    for each in (env, twin, another, late, copy.deepcopy(copy.deepcopy(_with(env, state)))):
+        assert_same(goes_on(each, actions), expected)
+        cases += 1
+    assert cases == 7
+    ended = sum(len(step) == 2 for step in expected)
+    assert ended or name in LONG or options.get("steps") == "multi"
+
+
+def _with(env, state):
+    env.restore_state(state)
+    return env
+
+
+@pytest.mark.parametrize("name", ["kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0", "kinreach/Obstacles-v0"])
+def test_what_was_randomised_in_the_model_comes_back(name):
+    env = made(name, {})
+    env.reset(seed=0)
+    env.model.opt.gravity[2], env.model.opt.timestep = -3.0, 0.001
+    env.model.dof_damping[:] *= 1.5
+    damping = env.model.dof_damping.copy()
+    state = env.save_state()
+    env.model.opt.gravity[2], env.model.opt.timestep, env.model.dof_damping[:] = -9.81, 0.002, 0.0
+    for each in (env, copy.deepcopy(_with(env, state)), _with(made(name, {}), state)):
+        each.restore_state(state)
+        assert each.model.opt.gravity[2] == -3.0
+        assert each.model.opt.timestep == 0.001
+        np.testing.assert_array_equal(each.model.dof_damping, damping)
+
+
+def test_a_copy_of_wrapped_environments_keeps_their_steps():
+    env = gym.make("kinreach/UR5MultiStepKinematic-v0", max_episode_steps=6)
+    env.reset(seed=2)
+    actions = drawn(env.unwrapped, 6)
+    for action in actions[:4]:
+        env.step(action)
+    twin = copy.deepcopy(env)
+    for one in (env, twin):
+        assert not one.step(actions[4])[3]
+        assert one.step(actions[5])[3]
+
+
+def test_what_is_no_state_of_it_is_refused():
+    env = made("kinreach/UR5MultiStepKinematic-v0", {})
+    with pytest.raises(InputError, match="reset the environment"):
+        env.save_state()
+    with pytest.raises(InputError, match="state must be what save_state returned, got 3"):
+        env.restore_state(3)
+    env.reset(seed=0)
+    other = made("kinreach/ButtonPress-v0", {})
+    other.reset(seed=0)
+    with pytest.raises(InputError, match="the state is of an environment with other options: it has a ReachEpisodes"):
+        other.restore_state(env.save_state())
