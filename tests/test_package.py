@@ -133,7 +133,7 @@ def test_rooms_use_each_other_through_their_doors():
 
 
 #: A private module or name of a room, as code imports it or `monkeypatch` names it.
-INSIDE = re.compile(rf"\bkinreach\.({'|'.join(ROOMS)})(\.\w+)*?\._(?!_)\w")
+INSIDE = re.compile(rf"\bkinreach\.({'|'.join(ROOMS)})(\.\w+)*?(\.| import )_(?!_)\w")
 
 
 def test_tests_of_rooms_go_through_their_doors():

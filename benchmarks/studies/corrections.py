@@ -22,7 +22,7 @@ from kinreach._checks import check_count
 from kinreach._files import make_writable
 from kinreach.cli import Parser, finish
 from kinreach.compare import compare
-from kinreach.compare._methods.correction import LearnedCorrection
+from kinreach.compare._methods.learned import LearnedCorrection
 from kinreach.compare._methods.practice import LookingPolicy
 
 PROG = "python -m benchmarks.studies.corrections"

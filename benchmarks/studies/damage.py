@@ -36,7 +36,7 @@ from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.random_arms import on_table, ur5
 from kinreach.cli import Parser, finish
-from kinreach.compare._methods.tuned_policies import Trained, Tuned
+from kinreach.compare._methods.learned import Trained, Tuned
 from kinreach.compare._real_arm import LEARNED_POLICY
 from kinreach.envs._reach.reach_task import TOOL_DOWN
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE

@@ -27,7 +27,7 @@ from kinreach._registration import LIFT
 from kinreach.baselines._loop import rollout_batch
 from kinreach.baselines._policies import load_policy
 from kinreach.cli import Parser, finish
-from kinreach.compare._methods.grasp import GraspPolicy
+from kinreach.compare._lift import GraspPolicy
 from kinreach.kinematics._solvers import SOLVERS, new_solver
 from kinreach.plots._style import INK, new_figure
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 
 from kinreach._statistics import Trial, bootstrap_intervals, median, number, wilson_interval
 from kinreach.compare._figures import Measure, by_method, colours_in, origin
-from kinreach.compare._task import Draw
+from kinreach.compare._task import Draw, of_reached
 from kinreach.plots import key, label_ends, new_figure
 from kinreach.plots.inside import name_label, plain_ticks, text_colour
 
@@ -69,7 +69,7 @@ def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     """
     figure, (axes,) = new_figure("Share of goals pressed so far", size=(7.6, 4.4), note=origin(results), grid="both")
     most = max(trial["steps"] for trial in trials)
-    reached = by_method(trials, results, lambda t: t["steps"] if t["reached"] else None)
+    reached = by_method(trials, results, of_reached("steps"))
     colours = dict(zip(reached, colours_in(results), strict=True))
     ends = {}
     never = [name_label(method["name"]) for method in results["methods"] if not reached[method["name"]].size]

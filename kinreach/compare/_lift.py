@@ -1,21 +1,25 @@
-"""Lifting an object: scripted grasps by solvers of inverse kinematics, and policies."""
+"""Lifting: scripted grasps with the solvers, trained policies, and what fails where."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from matplotlib.figure import Figure
 
+from kinreach._checks import Floats
 from kinreach._registration import LIFT
+from kinreach._rotations import turn
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, thousandfold
 from kinreach.compare._button import decision_ms
 from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
-from kinreach.compare._methods.grasp import GraspPolicy
-from kinreach.compare._task import SOLVER, Method, Task, episode_seed
+from kinreach.compare._task import SOLVER, Method, Task, episode_seed, of_reached
 from kinreach.envs.inside import lift_task
+from kinreach.kinematics import PoseGoal, Solver
 from kinreach.kinematics.inside import new_solver
 from kinreach.plots import new_figure
 from kinreach.plots.inside import name_label
@@ -32,6 +36,13 @@ _STAGES = {
 CAUSES = tuple(_STAGES)
 #: Title of the second table.
 TIME_TABLE = "Distances and times"
+#: How much narrower than the object the fingers are set [m], so that each presses with its whole force, 120 N.
+SQUEEZE = 0.024
+#: Least height of the tip above the table [m]; the fingers end 10 mm beyond it.
+MIN_HEIGHT = 0.012
+#: Turns of the fingers that are tried around a ball or a cylinder; a cube has one for each pair of faces.
+TURNS = 6
+UP = np.array([0.0, 0.0, 1.0])
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
@@ -40,10 +51,6 @@ def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[s
 
 def _failed(cause: str) -> Callable[[Trial], bool]:
     return lambda trial: trial["cause"] == cause
-
-
-def _when_lifted(trial: Trial) -> float | None:
-    return trial["move_s"] if trial["reached"] else None
 
 
 def _scripted(name: str) -> Method:
@@ -75,6 +82,65 @@ def draw_causes(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     return figure
 
 
+class GraspPolicy:
+    """Grasp objects of `kinreach/Lift-v0` with postures of a solver, in single steps.
+
+    The fingers are as in the start pose, turned outwards with the object; on a cube they are parallel to its faces.
+    The first turn with an accepted posture is used.
+
+    Args:
+        solver: For the arm of the environment, from the world to the tip.
+
+    Attributes:
+        diagnostics: Iterations of the solver, and poses that were asked for.
+        reason: Why the last action was None, else empty.
+    """
+
+    def __init__(self, solver: Solver, env: gym.Env[Any, Any]) -> None:
+        self._solver, self._env = solver, env.unwrapped
+        task: Any = self._env
+        self._home: Floats = task.home
+        self._upright: Floats = task.kinematics.fk(self._home)[:3, :3]
+        self.diagnostics: Mapping[str, float] = {}
+        self.reason = ""
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Do nothing: a grasp depends on the observation only."""
+
+    def act(self, observation: Any) -> Any:
+        """Return the action of a grasp; None if no camera saw the object or no posture is accepted."""
+        env: Any = self._env
+        iterations = poses = 0
+        self.reason = "no camera found the object"
+        if observation[lift_task.SEEN].any():
+            for T in self._poses(observation):
+                found: Any = self._solver.solve(PoseGoal(T), self._home, accept=env.accept)
+                iterations, poses, self.reason = iterations + found.iterations, poses + 1, found.reason
+                if found.success:
+                    self.diagnostics = {"iterations": iterations, "poses": poses}
+                    return env.grasp_action(found.q, max(0.0, 2.0 * observation[lift_task.SIZE] - SQUEEZE))
+        self.diagnostics = {"iterations": iterations, "poses": poses}
+        return None
+
+    def _poses(self, observation: Floats) -> Iterator[Floats]:
+        place, size = observation[lift_task.SEEN].copy(), float(observation[lift_task.SIZE])
+        place[2] += max(0.0, MIN_HEIGHT - size)
+        outwards = math.atan2(place[1], place[0])
+        step, first = math.pi / TURNS, 0.0
+        if observation[lift_task.IS_CUBE]:
+            step = math.pi / 2
+            first = float(
+                lift_task.face_angle(
+                    observation[lift_task.FACES] - math.atan2(self._upright[1, 1], self._upright[0, 1])
+                )
+            )
+        for count in range(round(2 * math.pi / step)):
+            T = np.eye(4)
+            aside = (count + 1) // 2 * (-1) ** count * step
+            T[:3, :3], T[:3, 3] = turn(UP, outwards + first + aside) @ self._upright, place
+            yield T
+
+
 LIFT_TASK = Task(
     name="lift",
     title="A UR5 grasps an object and lifts it",
@@ -104,7 +170,7 @@ LIFT_TASK = Task(
         ),
         Column("posture_error", "posture_error", QUANTILES, "posture\nerror, rad", "median", TIME_TABLE),
         Column("clearance_mm", thousandfold("clearance"), QUANTILES, "height at\nthe end, mm", "median", TIME_TABLE),
-        Column("move_s", _when_lifted, QUANTILES, "move s\nmedian", "median", TIME_TABLE),
+        Column("move_s", of_reached("move_s"), QUANTILES, "move s\nmedian", "median", TIME_TABLE),
         Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "quantiles", TIME_TABLE),
     ),
     figures={"causes": draw_causes},

@@ -16,7 +16,7 @@ from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
 from kinreach.compare._methods.interception import FirstSight, Interception, LastSight
-from kinreach.compare._task import CONTROLLER, Method, Replay, Task, resets_in_turn
+from kinreach.compare._task import CONTROLLER, Method, Replay, Task, of_reached, resets_in_turn
 from kinreach.envs.inside import moving as ball
 from kinreach.kinematics import ArmKinematics
 from kinreach.plots import INK, new_figure
@@ -44,11 +44,6 @@ def touched(*, speed: float | None = None, path: str | None = None) -> Callable[
         return None if other else bool(trial["reached"])
 
     return value
-
-
-def _touched_at(trial: Trial) -> float | None:
-    """Return when the ball was touched [s]."""
-    return trial["time"] if trial["reached"] else None
 
 
 def _rates(group: str, path: str | None, table: str) -> list[Column]:
@@ -142,7 +137,7 @@ MOVING_TASK = Task(
         *(column for path in ball.PATHS for column in _rates(path, path, f"Paths: {path}")),
         Column("impossible", "impossible", RATE, "collided\n%", "share"),
         Column("distance_mm", thousandfold("distance"), QUANTILES, "least\ndistance, mm", "quantiles", TIME_TABLE),
-        Column("time_s", _touched_at, QUANTILES, "time to\ntouch, s", "median", TIME_TABLE),
+        Column("time_s", of_reached("time"), QUANTILES, "time to\ntouch, s", "median", TIME_TABLE),
         Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "median", TIME_TABLE),
     ),
     figures={

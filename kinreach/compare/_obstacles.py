@@ -14,7 +14,7 @@ from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import draw_strip_grid
 from kinreach.compare._methods import waypoints as ways
 from kinreach.compare._reach import METHODS
-from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, resets_in_turn
+from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, of_reached, resets_in_turn
 from kinreach.envs.inside import MAX_CLUTTER, ObstaclesOptions
 from kinreach.kinematics.inside import PATH_MARGIN
 
@@ -32,10 +32,6 @@ def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any
 
 def _reached_among(count: int) -> Callable[[Trial], bool | None]:
     return lambda trial: bool(trial["reached"]) if trial["clutter"] == count else None
-
-
-def _of_reached(name: str) -> Callable[[Trial], float | None]:
-    return lambda trial: trial[name] if trial["reached"] else None
 
 
 OBSTACLES_TASK = Task(
@@ -67,9 +63,9 @@ OBSTACLES_TASK = Task(
         Column("impossible", "impossible", RATE, "collided or\nno way, %", "share"),
         Column("distance_mm", thousandfold("distance"), QUANTILES, "distance mm\nmedian / p95"),
         Column("solve_ms", thousandfold("solve_s"), QUANTILES, "to plan, ms\nmedian / p95", "quantiles"),
-        Column("length", _of_reached("length"), QUANTILES, "length, rad\nmedian / p95", "quantiles", WAY_TABLE),
-        Column("moves", _of_reached("steps"), QUANTILES, "moves\nmedian / p95", "quantiles", WAY_TABLE, digits=3),
-        Column("move_s", _of_reached("move_s"), QUANTILES, "duration, s\nmedian / p95", "quantiles", WAY_TABLE),
+        Column("length", of_reached("length"), QUANTILES, "length, rad\nmedian / p95", "quantiles", WAY_TABLE),
+        Column("moves", of_reached("steps"), QUANTILES, "moves\nmedian / p95", "quantiles", WAY_TABLE, digits=3),
+        Column("move_s", of_reached("move_s"), QUANTILES, "duration, s\nmedian / p95", "quantiles", WAY_TABLE),
     ),
     figures={
         "clutter": draw_shares(
@@ -78,10 +74,10 @@ OBSTACLES_TASK = Task(
         "ways": draw_strip_grid(
             "Ways, and what they cost",
             {
-                "length of the way, of goals reached [rad]": (_of_reached("length"), False),
-                "duration of the motion, of goals reached [s]": (_of_reached("move_s"), False),
+                "length of the way, of goals reached [rad]": (of_reached("length"), False),
+                "duration of the motion, of goals reached [s]": (of_reached("move_s"), False),
                 "wall time to plan, one thread [ms]": (thousandfold("solve_s"), False),
-                "moves, of goals reached": (_of_reached("steps"), True),
+                "moves, of goals reached": (of_reached("steps"), True),
             },
             marks={},
             legend="dot: one goal · bar: median",

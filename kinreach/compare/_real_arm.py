@@ -13,10 +13,9 @@ from kinreach._statistics import QUANTILES, RATE, Column, Trial, thousandfold
 from kinreach.baselines import load_policy
 from kinreach.baselines.inside import policy_version
 from kinreach.compare._curves import draw_looks
-from kinreach.compare._methods.correction import LearnedCorrection
+from kinreach.compare._methods.learned import Informed, LearnedCorrection, Trained, Tuned
 from kinreach.compare._methods.models import ALL_PARAMETERS, JOINT_TERMS, REGISTERED, DataSheet, Identified, Residual
 from kinreach.compare._methods.practice import Learner, LookingPolicy
-from kinreach.compare._methods.tuned_policies import Informed, Trained, Tuned
 from kinreach.compare._task import Method, Task, episode_seed
 from kinreach.envs.inside import real_arm
 from kinreach.sim.inside import PosedScene

@@ -1,6 +1,7 @@
-"""Write a comparison as one HTML file without external resources.
+"""Write a comparison as one HTML file without external resources, and its finding in a few sentences.
 
 Texts are escaped, and the page's policy allows no script except its own, which sorts tables and links downloads.
+Methods are ranked by their intervals: which reach the goals, and which of those are nearest and fastest.
 """
 
 from __future__ import annotations
@@ -21,12 +22,11 @@ from typing import Any
 import gymnasium as gym
 from PIL import Image
 
-from kinreach._checks import printable
+from kinreach._checks import listed, printable
 from kinreach._files import replacing, write_text
 from kinreach._statistics import QUANTILES, SPREAD, Column, Trial, number
 from kinreach.compare._figures import DPI
 from kinreach.compare._options import options_class
-from kinreach.compare._ranking import RANKED, best_in, finding, reaching
 from kinreach.compare._task import Task, arm_in
 from kinreach.errors import DrawingError, InstallationError
 from kinreach.sim.inside import PosedScene, Scene, ScenePicture
@@ -51,7 +51,15 @@ HEADINGS = {
     "errors": "What is off",
     "there": "In the second move",
 }
+#: Measures of a ranking, smaller is better -> a sentence about the best method.
+RANKED = {
+    "distance_mm": "comes nearest: {} mm in the median",
+    "decision_ms": "decides fastest: {} ms in the median",
+    "solve_ms": "decides fastest: {} ms in the median",
+}
 OBSERVATIONS = {"geometric": "the true goal", "camera": "where the cameras saw the goal"}
+
+Summary = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -374,3 +382,79 @@ def _option(task: Task, name: str, value: Any) -> str:
 
 def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:].rstrip('.')}."
+
+
+def reaching(entries: Sequence[Summary]) -> list[Summary]:
+    """Return the methods with the largest share of goals reached, and those whose intervals overlap with it."""
+    shares = [entry for entry in entries if entry.get("reached")]
+    if not shares:
+        return []
+    best = max(shares, key=lambda entry: entry["reached"])
+    found = [entry for entry in shares if _overlap(entry["reached_ci"], best["reached_ci"])]
+    return sorted(found, key=lambda entry: -entry["reached"])
+
+
+def best_in(entries: Sequence[Summary], key: str) -> list[Summary]:
+    """Return the entry with the least median of a measure, then those that do not differ significantly.
+
+    If an entry lacks the measure, return none.
+    """
+    medians = [(entry.get(key) or {}).get("median") for entry in entries]
+    if not entries or None in medians:
+        return []
+    order = sorted(entries, key=lambda entry: float(entry[key]["median"]))
+    bounds = order[0][f"{key}_ci"]["median"]
+    return [entry for entry in order if entry is order[0] or _overlap(entry[f"{key}_ci"]["median"], bounds)]
+
+
+def finding(results: Mapping[str, Any]) -> list[str]:
+    """Return the finding in a few sentences; none if the task has no column of goals that were reached.
+
+    Methods are ranked only among those that reach as many goals as any, and are called indistinguishable where their
+    95 % intervals overlap.
+    """
+    entries, goals = results["methods"], results["settings"]["goals"]
+    if any(entry.get("reached") is None for entry in entries):
+        return []
+    ranked = reaching(entries)
+    if not ranked:
+        return [f"No method reaches any of {goals} goals."]
+    share = ranked[0]["reached"]
+    top = [entry for entry in ranked if entry["reached"] == share]
+    near = ranked[len(top) :]
+    every = f"every one of {goals} goals" if goals > 1 else "the goal"
+    share_text = every if share == 1 else f"{100 * share:.1f} % of {goals} goals"
+    who = listed(_names(top)) if len(top) <= 3 else f"{len(top)} of {len(entries)} methods"
+    if len(top) == len(entries) > 1:
+        who = "Both methods" if len(top) == 2 else f"All {len(top)} methods"
+    sentence = f"{who} {'reach' if len(top) > 1 else 'reaches'} {share_text}"
+    if near:
+        sentence += f"; {_shares(near)} {'are' if len(near) > 1 else 'is'} indistinguishable"
+    sentences = [sentence]
+    if len(ranked) > 1:
+        measures = [key for key in RANKED if all((entry.get(key) or {}).get("median") for entry in ranked)]
+        if "decision_ms" in measures:
+            measures.remove("solve_ms")
+        sentences += [_first(ranked, key) for key in measures]
+    rest = [entry for entry in entries if entry not in ranked]
+    if rest:
+        sentences.append(f"Not ranked, because fewer goals are reached: {_shares(rest)}")
+    return [f"{sentence}." for sentence in sentences]
+
+
+def _first(ranked: Sequence[Summary], key: str) -> str:
+    first, *same = best_in(ranked, key)
+    text = f"{first['name']} {RANKED[key].format(number(first[key]['median']))}"
+    return f"{text}; {listed(_names(same))} {'are' if len(same) > 1 else 'is'} indistinguishable" if same else text
+
+
+def _overlap(one: Sequence[float], other: Sequence[float]) -> bool:
+    return one[0] <= other[1] and other[0] <= one[1]
+
+
+def _names(entries: Sequence[Summary]) -> list[str]:
+    return [entry["name"] for entry in entries]
+
+
+def _shares(entries: Sequence[Summary]) -> str:
+    return listed([f"{entry['name']} ({100 * entry['reached']:.1f} %)" for entry in entries])

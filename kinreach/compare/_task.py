@@ -205,6 +205,11 @@ def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
     )
 
 
+def of_reached(name: str) -> Callable[[Trial], Any]:
+    """Return a column's value that trials have which reached their goal."""
+    return lambda trial: trial[name] if trial["reached"] else None
+
+
 def episode_seed(seed: int, index: int) -> int:
     """Return the environment's seed for an episode of a comparison."""
     return int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0])

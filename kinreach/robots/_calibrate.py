@@ -85,7 +85,7 @@ class CalibratedArm:
 
     def statement(self) -> list[str]:
         """Return what an engineer wants to know, a line each."""
-        lines = [f"arm          {self._named()}"]
+        lines = [f"arm          {' or '.join(self.models) or self.arm.title}"]
         if self.tcp is not None:
             how = ", fitted" if self.tcp_found else ""
             lines.append(f"tool         {listed_pose(self.tcp)}{how}")
@@ -106,9 +106,6 @@ class CalibratedArm:
             lines.append(f"             {millimetres(float(np.median(values)))} / {millimetres(values.max())}  {what}")
         lines += [f"note         {note}" for note in self.notes]
         return [*lines, f"undetermined {self.missing}"] if self.missing else lines
-
-    def _named(self) -> str:
-        return " or ".join(self.models) if self.models else self.arm.title
 
 
 def calibrate(

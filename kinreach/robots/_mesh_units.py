@@ -92,7 +92,8 @@ def scale_to_metres(robot: ET.Element, places: Mapping[ET.Element, Path]) -> tup
         if certain and placed.fits(arm):
             scale = np.array([float(word) for word in placed.mesh.get("scale", "1 1 1").split()])
             placed.mesh.set("scale", numbers((placed.unit * scale).tolist()))
-            notes.add(f"meshes in {_unit(placed.unit)} are scaled to metres", "link", name)
+            unit = "millimetres" if placed.unit == MILLIMETRE else f"units of {placed.unit:g} m"
+            notes.add(f"meshes in {unit} are scaled to metres", "link", name)
         elif placed.moved and placed.length > FAR * arm:
             placed.link.remove(placed.shape)
             if placed.shape.tag == "collision":
@@ -105,10 +106,6 @@ def scale_to_metres(robot: ET.Element, places: Mapping[ET.Element, Path]) -> tup
         elif placed.length > FAR * arm:
             notes.add(f"a mesh is {times}; if it is in millimetres, its <mesh> needs scale", "link", name)
     return notes.lines, missing
-
-
-def _unit(metres: float) -> str:
-    return "millimetres" if metres == MILLIMETRE else f"units of {metres:g} m"
 
 
 def _measured(

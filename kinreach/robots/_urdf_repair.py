@@ -72,7 +72,7 @@ def only_urdf(robot: ET.Element) -> None:
     robot.attrib = {"name": robot.get("name", "")}
     todo = [robot]
     for element in todo:  # which grows
-        element.attrib = {key: value for key, value in element.attrib.items() if not _is_namespace(key)}
+        element.attrib = {key: value for key, value in element.attrib.items() if ":" not in key and key != "xmlns"}
         kept = _KEPT.get(element.tag)
         if kept is not None:
             seen: set[str] = set()
@@ -81,10 +81,6 @@ def only_urdf(robot: ET.Element) -> None:
                     element.remove(child)
                 seen.add(child.tag)
         todo += element
-
-
-def _is_namespace(key: str) -> bool:
-    return ":" in key or key == "xmlns"
 
 
 def repair(robot: ET.Element) -> tuple[list[str], str]:

@@ -14,7 +14,7 @@ from kinreach._statistics import success_columns
 from kinreach.baselines import RandomPolicy, _loop, _solver_policy, evaluate, load_policy, rollout
 from kinreach.baselines._loop import FunctionPolicy, flat, rollout_batch
 from kinreach.baselines.inside import SolverPolicy, as_policy
-from kinreach.compare._methods.grasp import GraspPolicy
+from kinreach.compare._lift import GraspPolicy
 from kinreach.envs._lift.lift_task import FACES, IS_CUBE, SEEN, SIZE
 from kinreach.errors import InputError
 from kinreach.kinematics import IKResult

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from kinreach.compare import get_task
-from kinreach.compare._methods import correction
+from kinreach.compare._methods import learned
 from kinreach.compare._runner import _Environments, _resets
 
 KEPT = Path(__file__).parents[1] / "data" / "decisions.json"
@@ -44,11 +44,11 @@ def decided(task, steps):
 
 @pytest.mark.parametrize("name", TASKS)
 def test_methods_decide_as_they_did(name, monkeypatch):
-    monkeypatch.setattr(correction, "ARMS", 300)
-    correction._trained.cache_clear()
+    monkeypatch.setattr(learned, "ARMS", 300)
+    learned._trained.cache_clear()
     options, steps, exactness = TASKS[name]
     found = dict(decided(get_task(name).with_options(options), steps))
-    correction._trained.cache_clear()
+    learned._trained.cache_clear()
     assert len(found) >= 6
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     if os.environ.get("KINREACH_KEEP"):

@@ -18,11 +18,13 @@ import pytest
 from PIL import Image
 
 from kinreach.compare import compare, wilson_interval
-from kinreach.compare._ranking import best_in, finding, reaching
 from kinreach.compare._report import (
     Rendering,
     _caption,
+    best_in,
+    finding,
     ordinary_success,
+    reaching,
     render_trials,
     report_html,
     worst_failure,

@@ -19,8 +19,8 @@ from kinreach._terminal import Console
 from kinreach.compare import Method, _report, _runner, get_task
 from kinreach.compare._lift import CAUSES
 from kinreach.compare._motion import with_motion
-from kinreach.compare._ranking import finding
 from kinreach.compare._real_arm import ALL, ALONE
+from kinreach.compare._report import finding
 from kinreach.compare._runner import Comparison, notes, results_of
 from kinreach.compare._task import _OWN, SOLVER
 from kinreach.envs.moving import PATHS, SPEEDS

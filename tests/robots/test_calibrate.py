@@ -7,19 +7,33 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinreach import _files
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.robots import PUBLISHED_CALIBRATIONS, PosePairs, _calibration, calibrate, get_arm, read_calibration
-from kinreach.robots._calibration import nominal_dh, nominal_placements
-from kinreach.robots._calibration_fit import calibration_from
-from kinreach.robots._urdf_chain import UrdfChain
+from kinreach.robots import PosePairs, calibrate, get_arm, read_calibration
 from kinreach.robots.inside import UR_LENGTHS, frames_of, moved_frames
 from tests.cases import slow
 
 TCP = pose([0.02, -0.01, 0.15, 0.1, 0.0, 0.3])
 WORKSPACE = np.random.default_rng(99).uniform(-np.pi, np.pi, (500, 6))
 JOINTS = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
+
+
+def nominal_dh(model):
+    """The data sheet's parameters: rows theta [rad], a [m], d [m], alpha [rad], shape (4, 6)."""
+    d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
+    right = np.pi / 2
+    return np.array([[0.0] * 6, (0, a2, a3, 0, 0, 0), (d1, 0, 0, d4, d5, d6), (right, 0, 0, right, -right, 0)])
+
+
+def nominal_placements(model):
+    """The data sheet's chain A0 Rz(q0) A1 Rz(q1) ... A6, in which each joint turns about its own z axis."""
+    _, a, d, alpha = nominal_dh(model)
+    frames = [np.eye(4)]
+    for index in range(6):
+        turn = pose([0.0, 0.0, 0.0, alpha[index], 0.0, 0.0])
+        frames[-1] = frames[-1] @ pose([0.0, 0.0, d[index], 0.0, 0.0, 0.0])
+        frames.append(pose([a[index], 0.0, 0.0, 0.0, 0.0, 0.0]) @ turn)
+    return np.array(frames)
 
 
 def made_up(model, seed, spread=(1e-3, 2e-3)):
@@ -453,34 +467,6 @@ def test_the_tool_of_a_recording_is_found_beside_torn_rows():
         assert np.abs(PosePairs("", q, pose(numbers)).tool_on(F) - TCP).max() < 6e-4
 
 
-@pytest.mark.parametrize("known", [True, False])
-@pytest.mark.parametrize("with_rotations", [True, False])
-def test_any_arm_is_calibrated_from_what_a_tracker_saw(tmp_path, with_rotations, known):
-    """Its base in the tracker and its tool are not known; the URDF that is written puts the tool where it was seen."""
-    arm = get_arm("panda")
-    kin, rng = ArmKinematics.of(arm), np.random.default_rng(3)
-    chain = UrdfChain.of(arm.robot, arm.joints, base=arm.base, tip=arm.tips[arm.default_tip])
-    q = rng.uniform(kin.lower, kin.upper, (60, kin.n))
-    np.testing.assert_allclose(frames_of(chain.placements, q)[-1], kin.fk(q), atol=1e-10)
-    errors = rng.normal(size=(8, 6)) * np.repeat((1e-3, 2e-3), 3)
-    errors[0], errors[-1] = 0.0, 0.0
-    real = ArmKinematics.of(replace(arm, build_urdf=chain.urdf_with(moved_frames(chain.placements, errors))))
-    tracker, tool = pose([0.7, -0.3, 1.2, 0.3, -1.0, 0.4]), pose([0.01, 0.02, 0.1, 0.2, 0.1, 0.0])
-    T = tracker @ real.fk(q) @ tool
-    pairs = PosePairs("tracker.csv", q, T if with_rotations else T[:, :3, 3])
-    result = calibrate(pairs.with_tcp(tool) if known and with_rotations else pairs, arm=arm)
-    assert not result.missing
-    assert result.models == ()
-    result.save(tmp_path / "panda.urdf")
-    again = ArmKinematics.from_urdf(tmp_path / "panda.urdf", tip=kin.arm.tips[kin.tip], joints=arm.joints)
-    q = rng.uniform(kin.lower, kin.upper, (100, kin.n))
-    found, true = again.fk(q) @ result.tcp, real.fk(q) @ tool
-    apart = np.linalg.inv(found[0]) @ found[:, :, 3:], np.linalg.inv(true[0]) @ true[:, :, 3:]  # whatever the base
-    assert np.abs(np.linalg.norm(apart[0][:, :3, 0], axis=1) - np.linalg.norm(apart[1][:, :3, 0], axis=1)).max() < 5e-6
-    with pytest.raises(InputError, match=r"must end in \.urdf"):
-        result.save(tmp_path / "panda.conf")
-
-
 def test_poses_in_base_link_and_joints_in_another_order_are_put_right():
     true, q = made_up("ur5e", 5), postures(20, 5)
     pairs = pairs_of(true, q)
@@ -564,33 +550,3 @@ def test_models_that_rows_do_not_tell_apart_are_named():
     true, q = made_up("ur5e", 10), postures(20, 10, turn=0.01)
     said = refused(pairs_of(true, q, known=False))
     assert "do not tell" in said or "no model" in said or "posture" in said
-
-
-def test_a_calibration_is_read_once(tmp_path, monkeypatch):
-    """However many models it is held against: the file, and what is written in it."""
-    arm = get_arm("ur5e").calibrated("ur5e_a")
-    (tmp_path / "my.urdf").write_text(arm.urdf)
-    calibrate(PUBLISHED_CALIBRATIONS["ur5e_a"]).save(tmp_path / "my.conf")
-    files = [PUBLISHED_CALIBRATIONS["ur5e_a"], tmp_path / "my.urdf", tmp_path / "my.conf"]
-    read, parsed = [], []
-    opened, from_urdf = _files.open_input, _calibration._from_urdf
-
-    def opening(path, *rest, **more):
-        read.append(path)
-        return opened(path, *rest, **more)
-
-    def parsing(text):
-        parsed.append(text)
-        return from_urdf(text)
-
-    monkeypatch.setattr(_files, "open_input", opening)
-    monkeypatch.setattr(_calibration, "_from_urdf", parsing)
-    for file in files:
-        for result in (calibrate(file, arm="ur5e"), calibration_from(file, "ur5e"), read_calibration(file, "ur5e")):
-            assert "ur5e" in (result.models if hasattr(result, "models") else [result.model])
-        assert read == [file] * 3
-        read.clear()
-    for file in files[:2]:
-        assert "ur5e" in calibrate(file).models
-    assert read == files[:2]
-    assert len(parsed) == 4

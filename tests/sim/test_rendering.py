@@ -8,10 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from kinreach.errors import InputError, InstallationError, UnknownNameError
+from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation, render
-from kinreach.sim import _rendering as rendering
 from kinreach.sim.inside import BALL_GROUP, FrameRenderer, camera_rotation
 from tests.cases import slow
 
@@ -49,35 +48,6 @@ def test_pictures_show_the_red_ball(scene, camera):
     assert not ((frame[..., 0] > 90) & (frame[..., 1] < 60) & (frame[..., 2] < 60)).any()
 
 
-@pytest.mark.parametrize("camera", ["front", "wrist"])
-def test_every_goal_is_seen_whole_from_home(scene, camera):
-    scene = ArmSimulation(scene.arm)  # drawn by its collision shapes, which hide more than the visual meshes do
-    region = scene.arm.workcell.goals
-    alone = mujoco.MjvOption()
-    alone.geomgroup[:] = 0
-    alone.geomgroup[BALL_GROUP] = 1
-    ball = scene.model.geom("ball").id
-    seen = 0
-    with mujoco.Renderer(scene.model, HEIGHT, WIDTH) as renderer:
-        renderer.enable_segmentation_rendering()
-        for slow in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-            renderer.scene.flags[slow] = False
-        for x, y in itertools.product(np.linspace(*region.x, 3), np.linspace(*region.y, 3)):
-            scene.place_ball((x, y, region.z[0]))
-            mujoco.mj_forward(scene.model, scene.data)
-            masks = []
-            for option in (None, alone):
-                renderer.update_scene(scene.data, camera, option)
-                picture = renderer.render()
-                masks.append((picture[..., 0] == ball) & (picture[..., 1] == mujoco.mjtObj.mjOBJ_GEOM))
-            rows, columns = np.nonzero(masks[1])
-            inside = rows.min() > 0 and rows.max() < HEIGHT - 1 and columns.min() > 0 and columns.max() < WIDTH - 1
-            assert inside, f"the ball at ({x:.2f}, {y:.2f}) is cut off by the picture's edge"
-            np.testing.assert_array_equal(*masks, err_msg=f"the ball at ({x:.2f}, {y:.2f}) is hidden")
-            seen += 1
-    assert seen == 9
-
-
 def test_frames_do_not_depend_on_what_was_drawn_before(scene):
     with FrameRenderer(scene.model, width=64, height=36, shadows=False) as renderer:
         scene.reset()
@@ -103,42 +73,6 @@ def test_unusable_requests_are_refused(scene):
         render(scene, width=4000, height=36)
     with pytest.raises(InputError, match="at least 1"):
         render(scene, width=0, height=36)
-
-
-def test_without_a_library_one_error_names_the_packages(monkeypatch):
-    def missing(name):
-        raise AttributeError(f"no {name}")
-
-    monkeypatch.setattr(rendering, "_context", missing)
-    monkeypatch.setattr(rendering, "_forget", lambda *_: None)
-    with pytest.raises(InstallationError, match=r"no egl.*no osmesa.*libegl1 libgl1.*libosmesa6"):
-        rendering._first_working(["egl", "osmesa"])
-
-
-NO_TRACE = """
-import os, sys
-from kinreach.errors import InstallationError
-from kinreach.sim import _rendering
-
-def fails(name):
-    print(os.environ.get("PYOPENGL_PLATFORM"))
-    sys.modules[f"mujoco.{name}"] = sys.modules["OpenGL"] = sys
-    os.environ.setdefault("PYOPENGL_PLATFORM", name)
-    raise ImportError(name)
-
-_rendering._context = fails
-try:
-    _rendering._first_working(["egl", "osmesa"])
-except InstallationError:
-    print(os.environ.get("PYOPENGL_PLATFORM"), {"mujoco.egl", "mujoco.osmesa", "OpenGL"} & set(sys.modules))
-"""
-
-
-@pytest.mark.parametrize("platform", [*slow(None), "glx"])
-def test_a_library_that_fails_leaves_nothing_to_the_next(platform):
-    """MuJoCo sets PyOpenGL's platform before it fails; the next library would be bound to it."""
-    chosen = "" if platform is None else f"import os; os.environ['PYOPENGL_PLATFORM'] = {platform!r}"
-    assert run(chosen + NO_TRACE, None).split("\n") == [str(platform), str(platform), f"{platform} set()"]
 
 
 PHYSICS_ONLY = """
@@ -206,3 +140,32 @@ def run(program, library):
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
+
+
+@pytest.mark.parametrize("camera", ["front", "wrist"])
+def test_every_goal_is_seen_whole_from_home(scene, camera):
+    scene = ArmSimulation(scene.arm)  # drawn by its collision shapes, which hide more than the visual meshes do
+    region = scene.arm.workcell.goals
+    alone = mujoco.MjvOption()
+    alone.geomgroup[:] = 0
+    alone.geomgroup[BALL_GROUP] = 1
+    ball = scene.model.geom("ball").id
+    seen = 0
+    with mujoco.Renderer(scene.model, HEIGHT, WIDTH) as renderer:
+        renderer.enable_segmentation_rendering()
+        for slow in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            renderer.scene.flags[slow] = False
+        for x, y in itertools.product(np.linspace(*region.x, 3), np.linspace(*region.y, 3)):
+            scene.place_ball((x, y, region.z[0]))
+            mujoco.mj_forward(scene.model, scene.data)
+            masks = []
+            for option in (None, alone):
+                renderer.update_scene(scene.data, camera, option)
+                picture = renderer.render()
+                masks.append((picture[..., 0] == ball) & (picture[..., 1] == mujoco.mjtObj.mjOBJ_GEOM))
+            rows, columns = np.nonzero(masks[1])
+            inside = rows.min() > 0 and rows.max() < HEIGHT - 1 and columns.min() > 0 and columns.max() < WIDTH - 1
+            assert inside, f"the ball at ({x:.2f}, {y:.2f}) is cut off by the picture's edge"
+            np.testing.assert_array_equal(*masks, err_msg=f"the ball at ({x:.2f}, {y:.2f}) is hidden")
+            seen += 1
+    assert seen == 9

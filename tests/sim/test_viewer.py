@@ -3,17 +3,13 @@
 import re
 import shutil
 import subprocess
-import sys
 import threading
 import time
 from contextlib import nullcontext
-from types import SimpleNamespace
 
 import mujoco
-import numpy as np
 import pytest
 
-from kinreach.sim import _picture as viewers
 from tests.cases import slow
 
 PROGRAM = """
@@ -143,27 +139,3 @@ class Window:
 
     def close(self):
         self._closed.set()
-
-
-@pytest.mark.parametrize("camera", ["overview", "front", "wrist"])
-def test_a_window_begins_with_the_view_of_the_camera(ur5, camera, monkeypatch):
-    windows = []
-    monkeypatch.setattr(viewers, "_check_screen", lambda: None)
-    launch = lambda *given, **bars: windows.append(Window(*given, **bars)) or windows[-1]  # noqa: E731
-    monkeypatch.setitem(sys.modules, "mujoco.viewer", SimpleNamespace(launch_passive=launch))
-    mujoco.mj_forward(ur5.model, ur5.data)
-    viewer = viewers.SceneViewer(ur5.model, ur5.data, camera=camera)
-    (window,) = windows
-    assert window.bars == {"show_left_ui": False, "show_right_ui": False}
-    place, ahead, up, right = (np.empty(3) for _ in range(4))
-    mujoco.mjv_cameraFrame(place, ahead, up, right, ur5.data, window.cam)
-    fixed = ur5.data.camera(camera)
-    np.testing.assert_allclose(place, fixed.xpos, atol=1e-6)
-    np.testing.assert_allclose(ahead, -fixed.xmat.reshape(3, 3)[:, 2], atol=1e-6)
-    middle = ur5.model.stat.center - window.cam.lookat
-    assert abs(middle @ ahead) < 1e-6  # zooming and turning are about what is in the middle of the scene
-    viewer.sync()
-    assert window.syncs == 2
-    viewer.close()
-    assert not window.thread.is_alive()
-    viewer.close()
