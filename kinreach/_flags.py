@@ -13,6 +13,8 @@ from kinreach.errors import InputError
 
 #: Angles of more turns than this may be degrees.
 MANY_TURNS = 3
+#: Places of joints that slide may be millimetres beyond this [m].
+MAX_SLIDE = 20.0
 
 
 def numbers_of(flag: str, text: str, count: int) -> list[float]:
@@ -51,22 +53,35 @@ def may_be_degrees(of: str, rotation: Sequence[float]) -> str:
 
 
 def posture_of(
-    flag: str, text: str, count: int, *, degrees: bool, limits: Sequence[ArrayLike] = ()
+    flag: str,
+    text: str,
+    count: int,
+    *,
+    degrees: bool,
+    limits: Sequence[ArrayLike] = (),
+    slides: ArrayLike = False,
 ) -> NDArray[np.float64]:
     """Return the joint angles of a flag [rad], within a turn, or within the limits of joints that turn farther.
+
+    Joints that slide are typed in metres, and are within `MAX_SLIDE`.
 
     Those of joints that turn without end, whose limits are infinite, are within `MAX_ANGLE`.
     """
     angles = np.array(numbers_of(flag, text, count))
-    q = np.radians(angles) if degrees else angles
+    slides = np.broadcast_to(slides, (count,))
+    q = np.where(slides, angles, np.radians(angles)) if degrees else angles
     most = np.abs(np.array([np.full(count, 2.0 * np.pi), *limits])).max(axis=0).clip(max=MAX_ANGLE)
+    most = np.where(slides, np.maximum(most, MAX_SLIDE), most)
     beyond = ~(np.abs(q) <= most + 1e-6)
     if beyond.any():
         joint = int(np.where(beyond, np.abs(q), 0.0).argmax())
-        unit = f"±{np.degrees(most[joint]):g} degrees" if degrees else f"±{most[joint]:.4g} rad"
+        in_degrees = degrees and not slides[joint]
+        unit = f"±{np.degrees(most[joint]):g} degrees" if in_degrees else f"±{most[joint]:.4g} rad"
         hint = "" if degrees else "; for degrees add --degrees"
+        if slides[joint]:
+            unit, hint = f"±{most[joint]:g} m", "; a joint that slides is in metres"
         raise InputError(f"{flag} must be within {unit}, got {angles[joint]:g}{hint}")
-    many = np.abs(q) > MANY_TURNS * 2.0 * np.pi
+    many = (np.abs(q) > MANY_TURNS * 2.0 * np.pi) & ~slides
     if many.any() and not degrees:
         angle = q[many][0]
         turns = abs(angle) / (2.0 * np.pi)

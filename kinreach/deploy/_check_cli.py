@@ -137,12 +137,13 @@ def _class_of(kin: ArmKinematics) -> str:
 def _joints(kin: ArmKinematics) -> Iterator[str]:
     """Return a line for each joint: limits, speed and start."""
     width = max(map(len, kin.arm.joints))
-    rows = zip(kin.arm.joints, kin.lower, kin.upper, kin.velocity_limit, kin.arm.home, strict=True)
-    for index, (name, low, high, speed, home) in enumerate(rows):
-        head = "joints" if index == 0 else ""
-        limits = f"{low:+7.3f} to {high:+7.3f} rad ({np.rad2deg(high - low):.0f}°)"
-        limits = limits if np.isfinite(high - low) else f"{'turns without end':<29}"
-        yield f"{head:<12} {name:<{width}}  {limits}, {speed:.2f} rad/s, starts at {home:+.3f}"
+    rows = zip(kin.arm.joints, kin.lower, kin.upper, kin.velocity_limit, kin.arm.home, kin.slides, strict=True)
+    for index, (name, low, high, speed, home, slides) in enumerate(rows):
+        head, unit = "joints" if index == 0 else "", "m" if slides else "rad"
+        at = " m" if slides else ""
+        limits = f"{low:+7.3f} to {high:+7.3f} {unit}" + ("" if slides else f" ({np.rad2deg(high - low):.0f}°)")
+        limits = limits if np.isfinite(high - low) else "turns without end"
+        yield f"{head:<12} {name:<{width}}  {limits + ',':<30} {speed:.2f} {unit}/s, starts at {home:+.3f}{at}"
 
 
 def _collisions(kin: ArmKinematics, seed: int) -> str:

@@ -102,7 +102,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     seed = np.array(arm.home)
     if arguments.seed is not None:
         limits = kin.lower, kin.upper
-        seed = posture_of("--seed", arguments.seed, kin.n, degrees=arguments.degrees, limits=limits)
+        seed = posture_of("--seed", arguments.seed, kin.n, degrees=arguments.degrees, limits=limits, slides=kin.slides)
     if arguments.cell and arguments.table is not None:
         raise InputError("give --cell or --table, not both")
     answers = Answers(ArmKinematics.of(surrounded(kin, arguments, cell=arguments.cell), base=base), seed)
@@ -115,8 +115,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
     kin = answers.kinematics
-    unit, scale = ("degrees", 180 / np.pi) if degrees else ("rad", 1.0)
-    print(printable(f"{kin.arm.title}: tip {kin.tip} in {kin.base}, angles in {unit}"))
+    unit, scale = "degrees" if degrees else "rad", scales_of(kin, degrees=degrees)
+    sliding = ", ".join(name for name, slides in zip(kin.arm.joints, kin.slides, strict=True) if slides)
+    metres = f", {sliding} in m" if sliding else ""
+    print(printable(f"{kin.arm.title}: tip {kin.tip} in {kin.base}, angles in {unit}{metres}"))
     found, reason = answers.all(pose(numbers))
     if not found:
         print(printable(f"no posture: {reason}"))
@@ -130,13 +132,16 @@ def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
     nearest = next((index for index, (*_, cause) in enumerate(found) if not cause), None)
     for index, (q, branch, cause) in enumerate(found):
         angles = "  ".join(
-            f"{scale * angle:>{width}.{3 if degrees else 5}f}" for angle, width in zip(q, widths, strict=True)
+            f"{angle:>{width}.{5 if factor == 1.0 else 3}f}"
+            for angle, factor, width in zip(scale * q, scale, widths, strict=True)
         )
         mark = "*" if index == nearest else " "
         known = cause or ("no" if answers.checker is not None else "not known")
         bent = f"{', '.join(kin.branch_words(branch)):<24}  " if isinstance(kin, URKinematics) else ""
         print(printable(f"{mark} {branch:>4}  {angles}  {bent}{known}"))
-    seed = ", ".join(f"{scale * angle:.{1 if degrees else 3}f}" for angle in answers.seed)
+    seed = ", ".join(
+        f"{angle:.{3 if factor == 1.0 else 1}f}" for angle, factor in zip(scale * answers.seed, scale, strict=True)
+    )
     print("every posture collides" if nearest is None else f"* nearest to the seed {seed}")
     if answers.note:
         print(answers.note)
@@ -151,9 +156,10 @@ def _many(answers: Answers, source: Path, out: Path, *, every: bool, degrees: bo
         raise InputError(f"--out must be another file than --poses, which it would replace, got {out}")
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
-    n, solved = answers.kinematics.n, 0
-    unit, scale = ("_deg", 180 / np.pi) if degrees else ("", 1.0)
-    rows.writerow(["pose", *(f"q{joint}{unit}" for joint in range(1, n + 1)), "branch", "reason"])
+    solved = 0
+    scale = scales_of(answers.kinematics, degrees=degrees)
+    units = ["" if factor == 1.0 else "_deg" for factor in scale]
+    rows.writerow(["pose", *(f"q{joint}{unit}" for joint, unit in enumerate(units, start=1)), "branch", "reason"])
     with Progress(disable=not sys.stderr.isatty(), transient=True) as bar:
         shown = bar.add_task("poses", total=len(poses))
         for number, T in enumerate(poses, start=1):
@@ -168,8 +174,13 @@ def _many(answers: Answers, source: Path, out: Path, *, every: bool, degrees: bo
     return 0 if solved else NONE_FOUND
 
 
-def _rows(answers: Answers, T: Floats, every: bool, scale: float) -> Iterator[list[object]]:
-    """Rows of a pose: angles times a scale, branch and reason."""
+def scales_of(kin: ArmKinematics, *, degrees: bool) -> Floats:
+    """Return what numbers of postures are printed times, shape (n,): joints that slide are in metres."""
+    return np.where(kin.slides, 1.0, 180 / np.pi) if degrees else np.ones(kin.n)
+
+
+def _rows(answers: Answers, T: Floats, every: bool, scale: Floats) -> Iterator[list[object]]:
+    """Rows of a pose: numbers of the posture times a scale, branch and reason."""
     if every:
         found, reason = answers.all(T)
     else:

@@ -6,6 +6,7 @@ import importlib
 import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -26,15 +27,29 @@ from kinreach._checks import (
 from kinreach._engines import load
 from kinreach._rotations import as_frame
 from kinreach.errors import InputError
-from kinreach.kinematics._chain import SerialChain
+from kinreach.kinematics._chain import Moves, SerialChain
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription, Tool, get_arm
-from kinreach.robots.inside import FLANGE, FLIP, JOINTS, TOOL, endless_joints, one_number_each
+from kinreach.robots.inside import (
+    FLANGE,
+    FLIP,
+    JOINTS,
+    TOOL,
+    Follows,
+    endless_joints,
+    following_joints,
+    one_number_each,
+    set_follows,
+)
 
 pin: Any = load("pinocchio")
 
-#: Axes of Pinocchio's types of revolute joints; others carry their axis.
-PLAIN_AXES = {"JointModelRX": (1.0, 0.0, 0.0), "JointModelRY": (0.0, 1.0, 0.0), "JointModelRZ": (0.0, 0.0, 1.0)}
+#: Axes of Pinocchio's types of joints, which turn (R) or slide (P); others carry their axis.
+PLAIN_AXES = {
+    f"JointModel{kind}{letter}": axis
+    for kind in "RP"
+    for letter, axis in (("X", (1.0, 0.0, 0.0)), ("Y", (0.0, 1.0, 0.0)), ("Z", (0.0, 0.0, 1.0)))
+}
 #: Stacks of up to so many postures go through Pinocchio one by one: `SerialChain` takes as long for two as for forty.
 FEW = 32
 #: Methods of arms of which all postures are known, as a list or as curves.
@@ -67,8 +82,9 @@ class ArmKinematics:
         tip: As given, `"tool"` with a tool.
         base: As given, `"own"` for a frame of your own.
         model: Pinocchio model with the gripper locked; its joint order is that of `q`.
-        lower, upper: Joint limits [rad], shape (n,); -inf and inf of a joint that turns without end.
-        velocity_limit: Joint speed limits of the URDF [rad/s], shape (n,).
+        lower, upper: Joint limits [rad, m], shape (n,); -inf and inf of a joint that turns without end.
+        velocity_limit: Joint speed limits of the URDF [rad/s, m/s], shape (n,).
+        slides: Which joints slide, and have metres in `q`, shape (n,); the others turn.
         T_world_base: Pose of the base frame in the world (4, 4).
         no_closed_form: Why `of` found no class that lists every posture; empty where it did, or was not asked.
 
@@ -110,6 +126,7 @@ class ArmKinematics:
         self.model = build_model(self.arm)
         self._work = _WorkSpace(self.model)
         self.n: int = self.model.nq
+        self.slides: NDArray[np.bool_] = np.array([_slides(self.model, name) for name in self.arm.joints])
         self.lower: Floats = self.model.lowerPositionLimit.copy()
         self.upper: Floats = self.model.upperPositionLimit.copy()
         self.velocity_limit: Floats = self.model.velocityLimit.copy()
@@ -172,6 +189,8 @@ class ArmKinematics:
             (7, True)
         """
         plain = cls(arm, tip=tip, base=base, tool=tool)
+        if not plain.turns_alone:
+            return plain
         for module, name in cls._closed_forms.get(plain.n, ()):
             kind: Any = getattr(importlib.import_module(f"kinreach.kinematics.{module}"), name)
             try:
@@ -366,19 +385,42 @@ class ArmKinematics:
         check_entries("q", q, MAX_ANGLE)
         return q if q.ndim == 2 else q.reshape(-1, self.n)
 
+    @property
+    def turns_alone(self) -> bool:
+        """Whether every joint between base and tip turns, and follows no other."""
+        return not self.slides.any() and self.model.njoints == self.n + 1
+
     @cached_property
     def chain(self) -> SerialChain:
         """The arm from the base frame to the tip, for many postures at once."""
         placements, axes = self._joint_frames()
         placements[0] = self.T_base_world @ placements[0]
-        return SerialChain(placements, axes, self.model.frames[self.tip_frame].placement.homogeneous)
+        tip = self.model.frames[self.tip_frame].placement.homogeneous
+        return SerialChain(placements, axes, tip, None if self.turns_alone else self.moves)
+
+    @cached_property
+    def moves(self) -> list[Moves]:
+        """How each joint between base and tip moves, from the base on; those that follow others, too."""
+        entry = {name: index for index, name in enumerate(self.arm.joints)}
+        follows = following_joints(self.arm.robot)
+        found = []
+        for name in list(self.model.names)[1:]:
+            how = follows[name] if name not in entry else Follows(name, 1.0, 0.0)
+            found.append(Moves(entry[how.joint], how.factor, how.offset, _slides(self._each_alone, name)))
+        return found
+
+    @cached_property
+    def _each_alone(self) -> Any:
+        """Pinocchio's model in which no joint follows another."""
+        return self.model if self.model.njoints == self.n + 1 else build_model(self.arm, following=False)
 
     def _joint_frames(self) -> tuple[list[Floats], list[Floats]]:
         """Pose of each joint's frame in that of the joint before (the world for the first), and its axis in its own."""
-        joints = range(1, self.n + 1)
-        kinds = [(self.model.joints[i], self.model.joints[i].shortname()) for i in joints]
+        model = self._each_alone
+        joints = range(1, model.njoints)
+        kinds = [(model.joints[i], model.joints[i].shortname()) for i in joints]
         axes = [np.array(PLAIN_AXES[kind] if kind in PLAIN_AXES else joint.extract().axis) for joint, kind in kinds]
-        return [self.model.jointPlacements[i].homogeneous for i in joints], axes
+        return [model.jointPlacements[i].homogeneous for i in joints], axes
 
 
 def link_frame(model: Any, link: str) -> int:
@@ -392,12 +434,24 @@ def sampling_limits(model: Any) -> tuple[Floats, Floats]:
     return np.where(np.isinf(lower), -np.pi, lower), np.where(np.isinf(upper), np.pi, upper)
 
 
-def build_model(arm: ArmDescription) -> Any:
-    """Build the Pinocchio model of an arm, with the joints that are not part of `q` held in place."""
+def _slides(model: Any, joint: str) -> bool:
+    return model.joints[model.getJointId(joint)].shortname().startswith(("JointModelP", "JointModelPrismatic"))
+
+
+def build_model(arm: ArmDescription, *, following: bool = True) -> Any:
+    """Build the Pinocchio model of an arm, with the joints that are not part of `q` held in place.
+
+    Joints that follow others have no entry of `q`; without `following`, each has one.
+    """
     robot = one_number_each(arm.robot)
+    follow = [name for name in following_joints(robot) if name not in arm.locked_joints]
+    if follow:
+        robot = deepcopy(robot)
+        for name in arm.locked_joints:
+            set_follows(robot, name, None)
     urdf = arm.urdf if robot is arm.robot else ET.tostring(robot, encoding="unicode")
     try:
-        full = pin.buildModelFromXML(urdf)
+        full = pin.buildModelFromXML(urdf, mimic=True) if follow and following else pin.buildModelFromXML(urdf)
     except (RuntimeError, ValueError) as error:
         raise InputError(f"Pinocchio cannot read the URDF of arm {arm.name!r}: {error}") from None
     reference = pin.neutral(full)
@@ -409,18 +463,23 @@ def build_model(arm: ArmDescription) -> Any:
         reference[full.joints[joint].idx_q] = position
         locked.append(joint)
     model = pin.buildReducedModel(full, locked, reference) if locked else full
-    if tuple(model.names)[1:] != arm.joints:
+    names = tuple(name for name in list(model.names)[1:] if name not in follow)
+    if names != arm.joints:
         raise InputError(
-            f"arm {arm.name!r}: URDF joints {tuple(model.names)[1:]}, described {arm.joints}; "
+            f"arm {arm.name!r}: URDF joints {names}, described {arm.joints}; "
             "ArmDescription.from_urdf holds joints that are not part of the arm"
         )
-    for index, name in enumerate(arm.joints, start=1):
-        kind = model.joints[index].shortname()
-        if model.joints[index].nq != 1 or not ("Revolute" in kind or kind in PLAIN_AXES):
-            raise InputError(f"arm {arm.name!r}: joint {name!r} ({kind}) does not turn")
-    endless = np.isin(arm.joints, endless_joints(arm.robot))
-    model.lowerPositionLimit = np.where(endless, -np.inf, model.lowerPositionLimit)
-    model.upperPositionLimit = np.where(endless, np.inf, model.upperPositionLimit)
+    for name in arm.joints:
+        joint = model.joints[model.getJointId(name)]
+        kind = joint.shortname()
+        if joint.nq != 1 or not ("Revolute" in kind or "Prismatic" in kind or kind in PLAIN_AXES):
+            raise InputError(
+                f"arm {arm.name!r}: joint {name!r} ({kind}) neither turns about an axis nor slides along one"
+            )
+    if following:
+        endless = np.isin(arm.joints, endless_joints(arm.robot))
+        model.lowerPositionLimit = np.where(endless, -np.inf, model.lowerPositionLimit)
+        model.upperPositionLimit = np.where(endless, np.inf, model.upperPositionLimit)
     for frame in (arm.base, *arm.tips.values()):
         if not model.existFrame(frame, pin.BODY):
             raise InputError(f"arm {arm.name!r}: the URDF has no link {frame!r}")

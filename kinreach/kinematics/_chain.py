@@ -94,18 +94,42 @@ class Frame(NamedTuple):
         return Frame(x, y, self.z, self.p)
 
 
-class SerialChain:
-    """Serial chain of revolute joints, `T = A0 Rz(q0) A1 Rz(q1) ... An`.
+class Moves(NamedTuple):
+    """How one joint of a chain moves.
 
-    Args:
-        placements: Pose of each joint's frame in its parent joint's frame, n arrays (4, 4).
-        axes: Unit axis of each joint in its own frame, n arrays (3,).
-        tip: Pose of the tip in the last joint's frame (4, 4).
+    Attributes:
+        entry: Entry of `q` that it follows.
+        factor: By how much, 1 for a joint that is one of `q`.
+        offset: Where it is when that is 0 [rad, m].
+        slides: Whether it slides along its axis; if not, it turns about it.
     """
 
-    def __init__(self, placements: Sequence[Floats], axes: Sequence[Floats], tip: Floats) -> None:
+    entry: int
+    factor: float = 1.0
+    offset: float = 0.0
+    slides: bool = False
+
+
+class SerialChain:
+    """Serial chain, `T = A0 Rz(q0) A1 Rz(q1) ... An`, or with joints that slide along z, or that follow others.
+
+    Args:
+        placements: Pose of each joint's frame in its parent joint's frame, m arrays (4, 4).
+        axes: Unit axis of each joint in its own frame, m arrays (3,).
+        tip: Pose of the tip in the last joint's frame (4, 4).
+        moves: How each joint moves; default is that all turn by their own entry of `q`.
+    """
+
+    def __init__(
+        self,
+        placements: Sequence[Floats],
+        axes: Sequence[Floats],
+        tip: Floats,
+        moves: Sequence[Moves] | None = None,
+    ) -> None:
         *self._constants, self._tip = map(_snapped, about_z(placements, axes, tip))
-        self.joints = len(axes)
+        self._moves = [Moves(joint) for joint in range(len(axes))] if moves is None else moves
+        self.joints = 1 + max(each.entry for each in self._moves)
 
     @property
     def placements(self) -> Floats:
@@ -125,8 +149,9 @@ class SerialChain:
         p = np.empty((3, len(q)))
         for block in blocks(len(q)):
             angles: list[Entry] = [*np.ascontiguousarray(q[block].T)]
-            if not self._tip[:2, 3].any():  # the last joint does not move a tip on its axis
-                angles[-1] = 0.0
+            last = self._moves[-1]
+            if not (self._tip[:2, 3].any() or last.slides or any(m.entry == last.entry for m in self._moves[:-1])):
+                angles[last.entry] = 0.0  # the last joint does not move a tip on its axis
             for row, value in enumerate(self._last(angles).point(self._tip[:3, 3].tolist())):
                 p[row, block] = value
         return p.T
@@ -136,11 +161,18 @@ class SerialChain:
         return [*zip(*frame, strict=True), (0.0, 0.0, 0.0, 1.0)]
 
     def _jacobian(self, q: Vector) -> Sequence[Vector]:
-        """Rows of the Jacobian: joint i moves the tip along z_i x (p_tip - p_i) and turns it about z_i."""
+        """Rows of the Jacobian: joint i moves the tip along z_i x (p_tip - p_i) and turns it about z_i.
+
+        One that slides moves it along z_i. Joints that follow one entry of `q` share its column.
+        """
         frames = list(self._turned(q))
         tip = frames[-1].point(self._tip[:3, 3].tolist())
-        arms = [[minus(a, b) for a, b in zip(tip, frame.p, strict=True)] for frame in frames]
-        columns = [(*cross(frame.z, arm), *frame.z) for frame, arm in zip(frames, arms, strict=True)]
+        columns: list[Vector] = [(0.0,) * 6] * self.joints
+        for frame, moves in zip(frames, self._moves, strict=True):
+            arm = [minus(a, b) for a, b in zip(tip, frame.p, strict=True)]
+            column = (*frame.z, 0.0, 0.0, 0.0) if moves.slides else (*cross(frame.z, arm), *frame.z)
+            before = columns[moves.entry]
+            columns[moves.entry] = [plus(a, times(moves.factor, b)) for a, b in zip(before, column, strict=True)]
         return list(zip(*columns, strict=True))
 
     def _last(self, q: Vector) -> Frame:
@@ -148,11 +180,18 @@ class SerialChain:
         return deque(self._turned(q), maxlen=1)[0]
 
     def _turned(self, q: Vector) -> Iterator[Frame]:
-        """The frames in which the joints turn about z, each after its turn."""
+        """The frames in which the joints turn about z, or slide along it, each after its move."""
         frame = Frame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
         root, total = frame, q[0]
         cos_sin = _of_tensors if is_tensor(total) else _of_arrays
-        for index, (angle, constant) in enumerate(zip(q, self._constants, strict=True)):
+        for index, (moves, constant) in enumerate(zip(self._moves, self._constants, strict=True)):
+            angle = plus(times(moves.factor, q[moves.entry]), moves.offset)
+            if moves.slides:
+                frame = frame.moved(constant)
+                slid = [plus(p, times(angle, z)) for p, z in zip(frame.p, frame.z, strict=True)]
+                root, total, frame = frame, 0.0, frame._replace(p=slid)
+                yield frame
+                continue
             if (
                 index > 0 and constant[2, 2] == 1.0 and not constant[:2, 2].any()
             ):  # parallel to the joint before: the same axes turn further

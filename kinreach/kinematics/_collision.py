@@ -115,8 +115,9 @@ class CollisionChecker:
         kinematics: Of the arm.
         margin: As given.
         pairs: The pairs that are checked.
-        reach: Upper bound of how far anything that a joint carries is from its axis, in any posture [m], shape (n,):
-            while the joints turn by dq, no point of the arm moves farther than the sum of |dq_i| reach_i.
+        reach: Upper bound of how far anything that a joint carries is from its axis, in any posture [m], 1 for one that
+            slides, shape (n,): while the joints move by dq, no point of the arm moves farther than the sum of
+            |dq_i| reach_i.
         shapes: The shapes in `geometry.geometryObjects`, links first.
         model, geometry: Pinocchio's models of the arm and of its shapes.
 
@@ -168,7 +169,7 @@ class CollisionChecker:
 
     @cached_property
     def reach(self) -> Floats:
-        return _reach(self.model, self.geometry)
+        return _reach(self.kinematics, self.geometry)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (
@@ -301,16 +302,24 @@ class CollisionChecker:
         return Clearance(float(search.results.distanceResults[nearest].min_distance), self._names[nearest])
 
 
-def _reach(model: Any, geometry: Any) -> Floats:
-    far = np.zeros(model.nq + 1)
+def _reach(kin: ArmKinematics, geometry: Any) -> Floats:
+    model, moves = kin.model, kin.moves
+    farthest = np.maximum(np.abs(kin.lower), np.abs(kin.upper))
+    far = np.zeros(model.njoints)  # of what each joint carries from its own origin
     for shape in geometry.geometryObjects:
         if not shape.parentJoint:
             continue  # fixed to the world
         centre = shape.placement.act(shape.geometry.aabb_center)
         far[shape.parentJoint] = max(far[shape.parentJoint], np.linalg.norm(centre) + shape.geometry.aabb_radius)
-    for joint in range(model.nq - 1, 0, -1):
-        far[joint] = max(far[joint], np.linalg.norm(model.jointPlacements[joint + 1].translation) + far[joint + 1])
-    return far[1:]
+    for joint in range(model.njoints - 2, 0, -1):
+        slid = moves[joint]
+        way = abs(slid.factor) * farthest[slid.entry] + abs(slid.offset) if slid.slides else 0.0
+        origin = np.linalg.norm(model.jointPlacements[joint + 1].translation) + way
+        far[joint] = max(far[joint], origin + far[joint + 1])
+    reach = np.zeros(kin.n)
+    for each, carried in zip(moves, far[1:], strict=True):
+        reach[each.entry] += abs(each.factor) * (1.0 if each.slides else carried)
+    return reach
 
 
 @lru_cache(maxsize=16)

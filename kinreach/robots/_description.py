@@ -33,6 +33,7 @@ from kinreach.robots._urdf import (
     neighbours,
     prune,
     set_limits,
+    sliding_joints,
 )
 from kinreach.robots._workcell import CameraMount, Workcell
 
@@ -226,7 +227,8 @@ class ArmDescription:
             joints: Names of the joints of `q`; default are those that move between root and tip, without a gripper's.
             home: Start posture [rad], within the limits; default is the file's, or the middle of each joint's range.
             held: Where joints that are not part of the arm are held [rad, m], within their limits; default is 0, or
-                the nearest limit. One or two joints that slide under the whole arm are not part of it.
+                the nearest limit. One or two joints that slide under the whole arm are not part of it, unless `joints`
+                names them.
             workcell: Obstacles and goals; default is an empty work cell.
             package_dirs: Folders that hold packages, or are one, in which `package://PACKAGE` is looked for first;
                 then those around the file, and those of `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
@@ -291,7 +293,8 @@ class ArmDescription:
         it moves to them.
 
         Args:
-            limits: Lower and upper limit [rad] by the name of the joint; others stay. A number is ± that for all.
+            limits: Lower and upper limit [rad, m] by the name of the joint; others stay. A number is ± that for all
+                joints that turn.
 
         Raises:
             UnknownNameError: The arm has no joint of that name.
@@ -299,7 +302,8 @@ class ArmDescription:
         """
         if not isinstance(limits, Mapping):
             bound = check_number("limits", limits, above=0.0, most=MAX_ANGLE)
-            limits = dict.fromkeys(self.joints, (-bound, bound))
+            sliding = sliding_joints(self._checked.robot)
+            limits = {joint: (-bound, bound) for joint in self.joints if joint not in sliding}
         robot = self._checked.copy()
         for name, pair in limits.items():
             check_known(f"joint of arm {self.name!r}", name, self.joints)

@@ -10,14 +10,15 @@ from collections.abc import Collection, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import PurePosixPath
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 from xml.parsers import expat
 
 import numpy as np
 
 from kinreach._checks import MAX_ANGLE, Floats, check_known, shown
-from kinreach._rotations import placement
+from kinreach._rotations import placement, rotation, rpy, turn
 from kinreach.errors import InputError, raise_unknown
 from kinreach.robots._workcell import CameraMount
 
@@ -89,6 +90,23 @@ def way_down(above: Mapping[str, ET.Element], link: str) -> list[ET.Element]:
     return way
 
 
+def is_only_way_on(robot: ET.Element, joint: ET.Element) -> bool:
+    """Whether what carries a joint carries nothing else: no other joint that moves, and no frame beside the way."""
+    above = joints_above(robot)
+    body, way = [link_at(joint, "parent")], {link_at(joint, "parent")}
+    for carrier in way_down(above, body[0]):
+        way.add(link_at(carrier, "parent"))
+        if carrier.get("type") == "fixed" and body[0] == link_at(carrier, "child"):
+            body[0] = link_at(carrier, "parent")
+    below = [each for each in robot.findall("joint") if each is not joint]
+    for link in body:  # which grows
+        here = [each for each in below if link_at(each, "parent") == link]
+        if any(each.get("type") != "fixed" and link_at(each, "child") not in way for each in here):
+            return False
+        body += [link_at(each, "child") for each in here if each.get("type") == "fixed"]
+    return way.issuperset(body)
+
+
 def link_before(robot: ET.Element, link: str) -> str:
     """Return the name of the link before the last joint that moves a link; empty if none does."""
     way = way_down(joints_above(robot), link)
@@ -153,6 +171,18 @@ def endless_joints(robot: ET.Element) -> list[str]:
     return [joint.get("name", "") for joint in robot.findall("joint") if joint.get("type") == ENDLESS]
 
 
+def sliding_joints(robot: ET.Element) -> list[str]:
+    """Return the names of the joints that slide."""
+    return [joint.get("name", "") for joint in robot.findall("joint") if joint.get("type") == "prismatic"]
+
+
+def following_joints(robot: ET.Element) -> dict[str, Follows]:
+    """Return the joints of a checked URDF that follow another, by their names, and how."""
+    moving = [joint for joint in robot.findall("joint") if joint.get("type") in MOVED]
+    names = [joint.get("name", "") for joint in moving if joint.find("mimic") is not None]
+    return {name: followed("", robot, name) for name in names}
+
+
 def one_number_each(robot: ET.Element) -> ET.Element:
     """Return a URDF in which joints that turn without end are revolute, with limits that no posture reaches.
 
@@ -165,6 +195,40 @@ def one_number_each(robot: ET.Element) -> ET.Element:
     for name in names:
         set_limits(robot, name, -MAX_ANGLE, MAX_ANGLE)
     return robot
+
+
+def without_offsets(robot: ET.Element) -> ET.Element:
+    """Return a URDF in which joints that follow others are where these are times their factor, without an offset."""
+    shifted = {name: follows.offset for name, follows in following_joints(robot).items() if follows.offset != 0.0}
+    if not shifted:
+        return robot
+    robot = deepcopy(robot)
+    for name, offset in shifted.items():
+        joint = named(robot, "joint", name)
+        mimic = None if joint is None else joint.find("mimic")
+        if joint is None or mimic is None:
+            continue
+        place_origin(joint, offset)
+        mimic.set("offset", "0")
+        lower, upper = limits_of(joint)
+        if math.isfinite(upper - lower):
+            set_limits(robot, name, lower - offset, upper - offset)
+    return robot
+
+
+def place_origin(joint: ET.Element, place: float) -> None:
+    """Put the origin of a joint where it is moved to by a place [rad, m]."""
+    axis, origin = joint.find("axis"), joint.find("origin")
+    if origin is None:
+        origin = ET.SubElement(joint, "origin")
+    direction = np.array([float(v) for v in ("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split()])
+    direction /= np.linalg.norm(direction)
+    xyz = np.array([float(v) for v in origin.get("xyz", "0 0 0").split()])
+    R = rotation([float(v) for v in origin.get("rpy", "0 0 0").split()])
+    if joint.get("type") == "prismatic":
+        origin.set("xyz", numbers(xyz + place * R @ direction))
+    else:
+        origin.set("rpy", numbers(rpy(R @ turn(direction, place))))
 
 
 def add_link(
@@ -247,9 +311,10 @@ def skeleton(robot: ET.Element, tip: str) -> tuple[str, str]:
     """Return a URDF's text without shapes, and so without files, and the link that is the tip in it.
 
     Some engines, such as placo, find links and joints by one name: where a joint has the tip's, a link in the same
-    place is the tip. They have one number for each joint (`one_number_each`).
+    place is the tip. They have one number for each joint (`one_number_each`), also for those that follow
+    others, without an offset.
     """
-    robot = one_number_each(without_shapes(robot, "visual", "collision"))
+    robot = without_offsets(one_number_each(without_shapes(robot, "visual", "collision")))
     if named(robot, "joint", tip) is not None:
         add_link(robot, f"{tip} (link)")
         add_joint(robot, f"{tip} (link) mount", tip, f"{tip} (link)")
@@ -524,6 +589,8 @@ def _check_file(name: str, package_root: str | None) -> None:
         )
 
 
+#: A slide beyond so many joints that turn is a tool's, and one under so many is a rail.
+FEWEST_TURNING = 4
 #: Answer of a default position servo [1/s]: stiffness is this squared times the inertia.
 SERVO_RATE = 30.0
 #: Largest default speed [rad/s] and acceleration [rad/s^2].
@@ -540,15 +607,18 @@ class UrdfArm:
     Args:
         name: What error messages call the arm.
         robot: The checked URDF.
-        tip: Link at the end; default is the link with the most turning, then the most joints between it and the root,
-            with no sliding joint among them, and no sensor's; of equals one without a shape, which is a mere frame.
-        joints: Names of the joints of `q`; default are all that move between root and tip.
+        tip: Link at the end; default is the link with the most joints of an arm, then the most joints between it and
+            the root, and no sensor's; of equals one without a shape, which is a mere frame. An arm's are those that
+            move, follow no other, and are no tool's: slides beyond four or more that turn, or beside a flange.
+        joints: Names of the joints of `q`; default are all that move between root and tip and follow no other.
         held: Names of joints that are not part of `q`, and may move.
 
     Attributes:
         tip: Link at the end of the arm.
         joints: Names of the joints of `q`, from the root to the tip.
-        limits: Lower and upper limit of each [rad]; infinite for one that turns without end.
+        followers: The joints between root and tip that follow one of `q`, by their names.
+        limits: Lower and upper limit of each joint of `q` [rad, m], within which those that follow it are within
+            theirs; infinite for one that turns without end.
         passed_over: Link that would be the default tip if it were not a sensor's; empty if there is none.
     """
 
@@ -573,7 +643,9 @@ class UrdfArm:
         self.passed_over = ""
         self.tip = tip if tip is not None else self._farthest_link(held)
         path = [joint.get("name", "") for joint in self.path]
-        moving = [joint for joint in path if self._kind(joint) in MOVED and joint not in held]
+        self._moving = [joint for joint in path if self._kind(joint) in MOVED and joint not in held]
+        self.followers = followers_on_way(name, robot, self._moving, held)
+        moving = [joint for joint in self._moving if joint not in self.followers]
         self.joints = tuple(joint for joint in moving if not joints or joint in joints)
         if joints and self.joints != tuple(joints):
             raise InputError(
@@ -582,24 +654,27 @@ class UrdfArm:
             )
         if not self.joints:
             raise InputError(f"arm {name!r}: no joint moves the tip {self.tip!r}; give tip= one of its links")
-        for joint in self.joints:
-            if self._kind(joint) == "prismatic" or self._joints[joint].find("mimic") is not None:
-                slides = self._joints[joint].find("mimic") is None
-                what, hold = "mimics another", ""
-                if slides:
-                    what, hold = "slides", f", or hold it with held={{{joint!r}: 0.0}}"
-                raise InputError(
-                    f"arm {name!r}: joint {joint!r} {what} on the way to the tip; use placo.KinematicsSolver, which "
-                    f"moves such joints{hold}"
-                )
-        self.limits = [limits_of(self._joints[joint]) for joint in self.joints]
+        self.limits = [self._limits_with_followers(joint) for joint in self.joints]
         for joint, (lower, upper) in zip(self.joints, self.limits, strict=True):
+            unit = unit_of(self._joints[joint])
             if lower == upper:
                 raise InputError(
-                    f"arm {name!r}: joint {joint!r} cannot move, its limits are {lower:g} and {upper:g} rad; a URDF "
+                    f"arm {name!r}: joint {joint!r} cannot move, its limits are {lower:g} and {upper:g} {unit}; a URDF "
                     f"that leaves lower or upper out means 0. Give it limits, or hold it with held={{{joint!r}: "
                     f"{lower:g}}}"
                 )
+
+    def _limits_with_followers(self, joint: str) -> tuple[float, float]:
+        lower, upper = limits_of(self._joints[joint])
+        for name, follows in self.followers.items():
+            if follows.joint == joint:
+                low, high = follows.limits_of_leader(*limits_of(self._joints[name]))
+                lower, upper = max(lower, low), min(upper, high)
+                if lower >= upper:
+                    raise InputError(
+                        f"arm {self.name!r}: joint {name!r}, which follows {joint!r}, cannot be within its limits"
+                    )
+        return lower, upper
 
     @property
     def base(self) -> str:
@@ -614,7 +689,8 @@ class UrdfArm:
     @cached_property
     def tips(self) -> Mapping[str, str]:
         """The links that the last joint carries rigidly, and the tip first."""
-        rigid = [link for link in self._links if self._moved_by(link) == self.joints[-1] and link != self.tip]
+        last = next(joint for joint in reversed(self._moving) if joint in (*self.joints, *self.followers))
+        rigid = [link for link in self._links if self._moved_by(link) == last and link != self.tip]
         return {link: link for link in (self.tip, *rigid)}
 
     @property
@@ -667,33 +743,42 @@ class UrdfArm:
         return list(carried.values())
 
     def _farthest_link(self, held: Collection[str]) -> str:
-        def moving(link: str) -> list[str]:
-            return [joint.get("type", "") for joint in self._path(link) if joint.get("name") not in held]
+        def own(link: str, *, slides: bool) -> list[ET.Element]:
+            """Joints of an arm on the way to a link; with `slides`, those at the end of few others that turn, too."""
+            moving = [joint for joint in self._path(link) if self._leads(joint, held)]
+            turning = [joint for joint in moving if joint.get("type") in TURNING]
+            if not turning:
+                return moving
+            first = moving.index(turning[-1]) + 1
+            few = slides and len(turning) < FEWEST_TURNING
+            return (
+                moving if few and all(is_only_way_on(self._robot, each) for each in moving[first:]) else moving[:first]
+            )
 
-        def rank(link: str) -> tuple[int, bool, bool, int, bool]:
-            path = self._path(link)
-            turning = -1 if "prismatic" in moving(link) else sum(kind in TURNING for kind in moving(link))
-            last = max((place for place, joint in enumerate(path) if self._turns(joint, held)), default=-1)
-            finger = any(joint.get("name") in held or _is_finger(joint) for joint in path[last + 1 :])
+        def rank(link: str, *, slides: bool) -> tuple[int, bool, bool, int, bool]:
+            path, arm = self._path(link), own(link, slides=slides)
+            last = path.index(arm[-1]) if arm else -1
+            beyond = [joint for joint in path[last + 1 :] if not self._is_coupled(joint, arm, held)]
+            finger = any(joint.get("name") in held or _is_finger(joint) for joint in beyond)
             finger &= last < 0 or not _is_finger(path[last])  # else the robot is a finger
+            finger |= any(joint.get("type") == "prismatic" for joint in beyond)
             sensor = self._is_of_a_sensor(link)
-            return turning, not finger, not sensor, len(path), self._links[link].find("collision") is None
+            return len(arm), not finger, not sensor, len(path), self._links[link].find("collision") is None
 
-        ranks = {link: rank(link) for link in self._links}
-        farthest = max(self._links, key=lambda link: ranks[link])
-        turning = ranks[farthest][0]
-        for link in self._links:
-            if sum(kind in TURNING for kind in moving(link)) > turning:
-                slides = next(joint.get("name") for joint in self._path(link) if joint.get("type") == "prismatic")
-                raise InputError(
-                    f"arm {self.name!r}: joint {slides!r} slides, and joints that turn are mounted on it; name with "
-                    f"joints= those that turn, hold it with held={{{slides!r}: 0.0}}, name with tip= a link before it, "
-                    "or use placo.KinematicsSolver, which moves such joints"
-                )
-        ends = {self._last_turning(link, held): link for link in self._links if ranks[link][0] == turning}
-        if len(ends) > 1:
+        for slides in (True, False):
+            ranks = {link: rank(link, slides=slides) for link in self._links}
+            farthest = max(self._links, key=lambda link: ranks[link])
+            count = ranks[farthest][0]
+            ends = {
+                own(link, slides=slides)[-1].get("name") if count else "": link
+                for link in self._links
+                if ranks[link][0] == count
+            }
+            if len(ends) == 1:
+                break
+        else:
             raise InputError(
-                f"arm {self.name!r} has {len(ends)} branches of {turning} joints, which end in "
+                f"arm {self.name!r} has {len(ends)} branches of {count} joints, which end in "
                 f"{', '.join(list(ends.values())[:MAX_NAMED])}{', ...' * (len(ends) > MAX_NAMED)}; say with tip= "
                 "which one is meant"
             )
@@ -711,13 +796,16 @@ class UrdfArm:
         named_so = _SENSOR.search(link) or any(_CAMERA.search(carrier) for carrier in rigid[1:])
         return bool(named_so) and not _TOOL.search(link)
 
-    def _turns(self, joint: ET.Element, held: Collection[str]) -> bool:
-        return joint.get("type") in TURNING and joint.get("name") not in held
+    def _leads(self, joint: ET.Element, held: Collection[str]) -> bool:
+        """Whether a joint moves, is not held, and follows no other."""
+        return joint.get("type") in MOVED and joint.get("name") not in held and joint.find("mimic") is None
 
-    def _last_turning(self, link: str, held: Collection[str]) -> str:
-        """The last joint that turns before a link; empty if none does."""
-        path = reversed(self._path(link))
-        return next((joint.get("name", "") for joint in path if self._turns(joint, held)), "")
+    def _is_coupled(self, joint: ET.Element, arm: Sequence[ET.Element], held: Collection[str]) -> bool:
+        """Whether a joint follows one of an arm's."""
+        name = joint.get("name", "")
+        if joint.get("type") not in MOVED or joint.find("mimic") is None or name in held:
+            return False
+        return self._joints[followed(self.name, self._robot, name).joint] in arm
 
     def _moved_by(self, link: str) -> str:
         """The last joint that moves a link; empty if none does."""
@@ -732,6 +820,74 @@ class UrdfArm:
 
     def _number(self, joint: str, tag: str, key: str) -> float:
         return _value(self._joints[joint], tag, key)
+
+
+class Follows(NamedTuple):
+    """How a joint follows another: `factor` times that, plus `offset` [rad, m]."""
+
+    joint: str
+    factor: float
+    offset: float
+
+    def limits_of_leader(self, lower: float, upper: float) -> tuple[float, float]:
+        """Return the limits of the other within which this one is within its own."""
+        if self.factor == 0.0:
+            inside = lower - LIMIT_DIGITS <= self.offset <= upper + LIMIT_DIGITS
+            return (-math.inf, math.inf) if inside else (math.inf, -math.inf)
+        ends = sorted(((lower - self.offset) / self.factor, (upper - self.offset) / self.factor))
+        return ends[0], ends[1]
+
+
+def followed(name: str, robot: ET.Element, joint: str) -> Follows:
+    """Return which joint one follows, over others, and how; itself if it follows none."""
+    joints = {each.get("name", ""): each for each in robot.findall("joint")}
+    found, seen = Follows(joint, 1.0, 0.0), {joint}
+    while (mimic := joints[found.joint].find("mimic")) is not None:
+        leader, values = mimic.get("joint", ""), []
+        if leader not in joints or leader in seen:
+            what = "which follows it" if leader in seen else "which is not in the URDF"
+            raise InputError(f"arm {name!r}: joint {found.joint!r} mimics {shown(leader)}, {what}")
+        for key, default in (("multiplier", "1"), ("offset", "0")):
+            values += _floats(mimic.get(key, default)) or [math.nan]
+        if len(values) != 2 or not all(map(math.isfinite, values)):
+            raise InputError(f"joint {found.joint!r} of the URDF has a <mimic> with what is no number")
+        seen.add(leader)
+        found = Follows(leader, found.factor * values[0], found.factor * values[1] + found.offset)
+    return found
+
+
+def followers_on_way(name: str, robot: ET.Element, moving: Sequence[str], held: Collection[str]) -> dict[str, Follows]:
+    """Return the joints on the way to a tip that follow one before them, by their names, and how.
+
+    Of joints that move together, the first on the way is one of `q`, and the others follow it, whichever mimics which.
+    """
+    firsts: dict[str, Follows] = {}
+    found = {}
+    for joint in moving:
+        follows = followed(name, robot, joint)
+        if follows.joint in held and follows.joint != joint:
+            continue
+        first = firsts.get(follows.joint)
+        if first is None:
+            firsts[follows.joint] = Follows(joint, follows.factor, follows.offset)
+        elif first.factor == 0.0:
+            raise InputError(f"arm {name!r}: joint {first.joint!r} mimics {follows.joint!r} by a multiplier of 0")
+        else:
+            factor = follows.factor / first.factor
+            found[joint] = Follows(first.joint, factor, follows.offset - factor * first.offset)
+    return found
+
+
+def set_follows(robot: ET.Element, joint: str, follows: Follows | None) -> None:
+    """Write how a joint follows another into its `<mimic>`; None takes that out."""
+    element = named(robot, "joint", joint)
+    if element is None:
+        return
+    for mimic in element.findall("mimic"):
+        element.remove(mimic)
+    if follows is not None:
+        values = {"joint": follows.joint, "multiplier": repr(follows.factor), "offset": repr(follows.offset)}
+        ET.SubElement(element, "mimic", values)
 
 
 def base_of(robot: ET.Element) -> str:
@@ -750,7 +906,8 @@ def gripper_joints(robot: ET.Element, *, coupled: Collection[str] = ()) -> list[
     """Names of the joints of a gripper on an arm, in the order of the file.
 
     They are named so, or mimic another, or another mimics them, or they are coupled in another way. Beyond them no
-    other joint moves, and before them one of the arm's turns.
+    other joint moves, and before them one of the arm's turns. Joints on one way that follow each other, as in an arm's
+    wrist, are the arm's if none is named like a gripper's and there is no flange beside them.
     """
     moving = {joint.get("name", ""): joint for joint in robot.findall("joint") if joint.get("type") in MOVED}
     above = joints_above(robot)
@@ -773,7 +930,30 @@ def gripper_joints(robot: ET.Element, *, coupled: Collection[str] = ()) -> list[
                 carries.add(other.get("name"))
             elif other.get("name") not in alike and other.get("type") in TURNING:
                 carried.add(name)
-    return [name for name in moving if name in alike & carried - carries]
+    found = [name for name in moving if name in alike & carried - carries]
+    return [name for name in found if not _is_of_the_way(robot, name, moving, before, found)]
+
+
+def _is_of_the_way(
+    robot: ET.Element,
+    name: str,
+    moving: Mapping[str, ET.Element],
+    before: Mapping[str, list[ET.Element]],
+    found: Collection[str],
+) -> bool:
+    """Whether a joint, one of a gripper by what it mimics, belongs to the way that it is on."""
+    leader = _mimicked(moving[name]) or name
+    group = {leader, *(each for each, joint in moving.items() if _mimicked(joint) == leader)}
+    if len(group) == 1 or leader not in moving or any(_GRIPPER.search(each) for each in group):
+        return False
+    ways = {each: {each, *(joint.get("name", "") for joint in before[each])} for each in group}
+    if leader not in found:
+        return leader in ways[name]
+    carrier = link_at(moving[leader], "parent")
+    links = {each: {link_at(moving[other], "parent") for other in ways[each] if other in moving} for each in group}
+    ordered = sorted((each for each in group if carrier in links[each]), key=lambda each: len(ways[each]))  # no rods
+    chained = all(ways[one] <= ways[other] for one, other in pairwise(ordered))
+    return chained and is_only_way_on(robot, moving[ordered[0]])
 
 
 def _mimicked(joint: ET.Element) -> str:
@@ -790,8 +970,14 @@ def check_home(name: str, robot: ET.Element, home: Mapping[str, float]) -> None:
         low, high = limits_of(joints[joint])
         if not low - LIMIT_DIGITS <= angle <= high + LIMIT_DIGITS:
             raise InputError(
-                f"arm {name!r}: home has joint {joint!r} at {angle:g} rad, outside its limits {low:g} to {high:g}"
+                f"arm {name!r}: home has joint {joint!r} at {angle:g} {unit_of(joints[joint])}, outside its limits "
+                f"{low:g} to {high:g}"
             )
+
+
+def unit_of(joint: ET.Element) -> str:
+    """Return the unit of a joint's place, "rad" or "m"."""
+    return "m" if joint.get("type") == "prismatic" else "rad"
 
 
 def limits_of(joint: ET.Element) -> tuple[float, float]:

@@ -8,14 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinreach._checks import Floats
+from kinreach._checks import Floats, shown
 from kinreach._rotations import rpy
-from kinreach.robots._urdf import CheckedUrdf, link_at, origin_of, set_origin
+from kinreach.errors import InputError
+from kinreach.robots._urdf import TURNING, CheckedUrdf, link_at, origin_of, set_origin
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfChain:
     """The joints of `q` between base and tip, each turning about the z axis of a frame of its own.
+
+    An arm with others is refused.
 
     Attributes:
         robot: The `<robot>` element that it is of.
@@ -45,6 +48,12 @@ class UrdfChain:
         while link != base:
             path.append(carried_by[link])
             link = link_at(path[-1], "parent")
+        for joint in path:
+            if joint.get("type") != "fixed" and (joint.get("type") not in TURNING or joint.find("mimic") is not None):
+                does = "slides" if joint.find("mimic") is None else "follows another"
+                raise InputError(
+                    f"joint {shown(joint.get('name'))} {does}; only arms whose joints turn, each alone, are calibrated"
+                )
         placements, turned, before, T = [], [], [], np.eye(4)
         for joint in reversed(path):
             if joint.get("name") not in names:

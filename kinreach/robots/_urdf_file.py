@@ -11,11 +11,8 @@ from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
 
-import numpy as np
-
 from kinreach._checks import check_number, check_path, shown
 from kinreach._files import decoded, read_bytes
-from kinreach._rotations import rotation, rpy, turn
 from kinreach.cli import quoted
 from kinreach.errors import InputError, raise_unknown
 from kinreach.robots._mesh_units import scale_to_metres
@@ -23,6 +20,7 @@ from kinreach.robots._mjcf import MJCF, Mjcf, read_mjcf
 from kinreach.robots._packages import find_meshes
 from kinreach.robots._urdf import (
     ENDLESS,
+    FEWEST_TURNING,
     KINDS,
     LIMIT_DIGITS,
     MAX_CHARACTERS,
@@ -36,6 +34,7 @@ from kinreach.robots._urdf import (
     add_joint,
     base_of,
     check_parts,
+    followed,
     gripper_joints,
     joints_above,
     limit_of,
@@ -43,8 +42,11 @@ from kinreach.robots._urdf import (
     link_at,
     links_below,
     named,
-    numbers,
     parse_xml,
+    place_origin,
+    set_follows,
+    set_limits,
+    unit_of,
     way_down,
 )
 from kinreach.robots._urdf_repair import floats, listed_names, only_urdf, repair
@@ -63,8 +65,10 @@ _ENCODINGS = re.compile(
 _BARE_AMPERSAND = re.compile(r"&(?!(?:#\d+|#x[0-9a-fA-F]+|[A-Za-z]+);)")
 #: Joints that kinreach does not move, and takes for fixed where no turning joint is before or after them.
 FREE = ("floating", "planar", "spherical")
-#: A base that slides carries at least so many joints that turn, or it is part of what the arm is.
-FEWEST_TURNING, MOST_SLIDES = 4, 2
+#: A base that slides has at most so many slides, or it is part of what the arm is.
+MOST_SLIDES = 2
+#: Default speed of a joint that slides [m/s].
+MAX_SLIDING_SPEED = 1.0
 #: Limits of more turns than this may be degrees.
 MOST_TURNS = 3
 
@@ -133,7 +137,12 @@ def read_arm(
     grippers = [] if joints else gripper_joints(robot, coupled=read.coupled)
     grippers = [joint for joint in grippers if joint not in (*held, *gripper)]
     still = [] if joints else [*_sliding_base(robot), *_stuck(robot)]
-    others = [joint for joint in every if joint not in joints] if joints else [*grippers, *still]
+    others = [*grippers, *still]
+    if joints:
+        together = {followed(name, robot, joint).joint for joint in joints}
+        others = [
+            joint for joint in every if joint not in joints and followed(name, robot, joint).joint not in together
+        ]
     arm = UrdfArm(name, robot, tip=tip, joints=joints, held=[*held, *others, *gripper])
     for joint in arm.joints:
         if joint in read.looped:
@@ -143,7 +152,7 @@ def read_arm(
             )
     holding = _Holding(robot, arm, held, grippers, gripper)
     holding.hold()
-    notes += [*holding.notes, *_many_turns(arm)]
+    notes += [*holding.notes, *_many_turns(arm), *_couple(robot, arm)]
     if arm.passed_over:
         rest = [link for link in arm.tips if link not in (arm.tip, arm.passed_over)]
         also = f", or {listed_names(rest)}" if rest else ""
@@ -151,9 +160,11 @@ def read_arm(
     notes += [f"no collision checks and no simulation: {missing}"] if missing else []
     for endless in robot.findall(f"joint[@type='{ENDLESS}']"):
         limit_of(endless)
-    for limit in robot.findall("joint/limit"):
-        if float(limit.get("velocity", "0")) == 0.0:  # missing: a solver's steps would hold the joint still
-            limit.set("velocity", repr(MAX_SPEED))
+    for each in robot.findall("joint"):
+        limit = each.find("limit")
+        if limit is not None and float(limit.get("velocity", "0")) == 0.0:  # missing: a solver's steps would be 0
+            slides = unit_of(each) == "m" and each.get("name") in arm.joints
+            limit.set("velocity", repr(MAX_SLIDING_SPEED if slides else MAX_SPEED))
     if named(robot, "link", WORLD) is None:
         root_link = base_of(robot)
         robot.append(ET.Element("link", name=WORLD))
@@ -340,6 +351,26 @@ def _many_turns(arm: UrdfArm) -> list[str]:
     return [said] if many else []
 
 
+def _couple(robot: ET.Element, arm: UrdfArm) -> list[str]:
+    """Let joints on the way follow one of `q` directly, which is limited so that they are within their limits."""
+    notes = []
+    for joint, limits in zip(arm.joints, arm.limits, strict=True):
+        element = named(robot, "joint", joint)
+        names = [name for name, follows in arm.followers.items() if follows.joint == joint]
+        if element is not None and element.find("mimic") is not None:
+            set_follows(robot, joint, None)
+        if not names:
+            continue
+        several = len(names) > 1
+        head, verb, are = ("joints", "follow", "are") if several else ("joint", "follows", "is")
+        notes.append(f"{head} {listed_names(names)} {verb} {joint} and {are} not part of q")
+        if math.isfinite(limits[1] - limits[0]):
+            set_limits(robot, joint, *limits)
+    for name, follows in arm.followers.items():
+        set_follows(robot, name, follows)
+    return notes
+
+
 class _Holding:
     """Joints that are not part of `q`: where they are held, and what is said of it."""
 
@@ -356,21 +387,14 @@ class _Holding:
         self._joints = {
             name: joint
             for name, joint in self._all.items()
-            if joint.get("type") in MOVED and name not in arm.joints and name not in stays
+            if joint.get("type") in MOVED and name not in (*arm.joints, *arm.followers) and name not in stays
         }
-        self._way = {joint.get("name", "") for joint in arm.path}
         self._rods = [name for name in self._joints if name not in held and self._leader(name) in arm.joints]
         self._grippers = [name for name in grippers if name in self._joints and name not in self._rods]
         self.notes: list[str] = []
 
     def hold(self) -> None:
         """Make every joint that is not one of the arm's a fixed one."""
-        for name in self._rods:
-            if name in self._way:
-                raise InputError(
-                    f"arm {self._arm.name!r}: joint {name!r} mimics {self._leader(name)!r} on the way to the tip; "
-                    "use placo.KinematicsSolver, which moves such joints"
-                )
         places = {name: self._place(name) for name in self._joints}
         self.notes = self._notes(places)
         for name, place in places.items():
@@ -461,18 +485,10 @@ def _left_out(robot: ET.Element, joints: Sequence[str]) -> str:
 
 def _fix(joint: ET.Element, place: float) -> None:
     """Turn a joint into a fixed one at a place [rad, m]."""
-    axis, origin = joint.find("axis"), joint.find("origin")
-    if origin is None:
-        origin = ET.SubElement(joint, "origin")
+    if joint.find("origin") is None:
+        ET.SubElement(joint, "origin")
     if place != 0.0:
-        direction = np.array([float(v) for v in ("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split()])
-        direction /= np.linalg.norm(direction)
-        xyz = np.array([float(v) for v in origin.get("xyz", "0 0 0").split()])
-        R = rotation([float(v) for v in origin.get("rpy", "0 0 0").split()])
-        if joint.get("type") == "prismatic":
-            origin.set("xyz", numbers(xyz + place * R @ direction))
-        else:
-            origin.set("rpy", numbers(rpy(R @ turn(direction, place))))
+        place_origin(joint, place)
     joint.set("type", "fixed")
     for element in list(joint):
         if element.tag not in ("origin", "parent", "child"):

@@ -3,7 +3,8 @@
 - `ArmFlags`: the flags of the command line that describe an arm; `FILES`, the endings of files that do.
 - Shapes of links, obstacles and meshes, for drawing, simulation and collision checks.
 - URDF elements: `neighbours`, `origin_of`, `without_shapes`, `skeleton`.
-- Joints without end: `endless_joints`, `one_number_each`.
+- Joints without end: `endless_joints`, `one_number_each`; those that follow others: `following_joints`,
+  `set_follows`; that slide: `sliding_joints`.
 - URs: names of joints and frames, and what the maker's tables say of each model.
 - Identification: an arm's frames from measured positions or poses, with a prior.
 """

@@ -21,10 +21,14 @@ from ._ur import UR_ACCELERATION as UR_ACCELERATION
 from ._ur import UR_LENGTHS as UR_LENGTHS
 from ._ur import ur_model as ur_model
 from ._ur import ur_speeds as ur_speeds
+from ._urdf import Follows as Follows
 from ._urdf import endless_joints as endless_joints
+from ._urdf import following_joints as following_joints
 from ._urdf import neighbours as neighbours
 from ._urdf import one_number_each as one_number_each
 from ._urdf import origin_of as origin_of
+from ._urdf import set_follows as set_follows
 from ._urdf import skeleton as skeleton
+from ._urdf import sliding_joints as sliding_joints
 from ._urdf import without_shapes as without_shapes
 from ._workcell import as_obstacles as as_obstacles

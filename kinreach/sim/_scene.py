@@ -20,7 +20,7 @@ from kinreach._checks import check_number
 from kinreach.errors import InputError
 from kinreach.kinematics.inside import check_shapes, disabled_pairs
 from kinreach.robots import ArmDescription
-from kinreach.robots.inside import collision_mesh
+from kinreach.robots.inside import collision_mesh, following_joints, sliding_joints
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import add_free_objects
 from kinreach.sim._imperfections import IDEAL, Imperfections
@@ -62,6 +62,7 @@ def build_scene(
         InputError: An unusable or missing mesh, or an arm that MuJoCo refuses.
     """
     check_shapes(arm)
+    _check_joints(arm)
     with _refusals_of(arm):
         spec = _import_urdf(arm)
         spec.option.timestep = timestep
@@ -82,6 +83,18 @@ def build_scene(
         add_movable_boxes(spec, boxes)
         _add_home(spec, arm)
     return spec
+
+
+def _check_joints(arm: ArmDescription) -> None:
+    """Refuse joints of `q` that slide, and joints that follow one."""
+    follows = [name for name in following_joints(arm.robot) if name not in arm.locked_joints]
+    does = [f"joint {name!r} follows another" for name in follows]
+    does += [f"joint {name!r} slides" for name in sliding_joints(arm.robot) if name in arm.joints]
+    if does:
+        raise InputError(
+            f"arm {arm.name!r}: {does[0]}; the simulation takes joints that turn, each alone. Hold it with held=, or "
+            'use backend="kinematic", which has no dynamics'
+        )
 
 
 def check_timestep(timestep: object) -> None:

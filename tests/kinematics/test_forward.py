@@ -102,17 +102,11 @@ def test_axes_that_are_almost_parallel_are_not_taken_for_parallel(tilt, tmp_path
             {"build_urdf": lambda: get_arm("ur5").urdf.replace("elbow_joint", "wrist_0_joint")},
             "elbow_joint|wrist_0",
         ),
-        ({"build_urdf": lambda: sliding("elbow_joint")}, r"joint 'elbow_joint' \(JointModelP.\) does not turn"),
     ],
 )
 def test_a_description_that_does_not_fit_its_urdf_is_named(facts, said):
     with pytest.raises(InputError, match=said):
         ArmKinematics(replace(get_arm("ur5-thesis"), **facts), tip="tool0")
-
-
-def sliding(joint):
-    """The URDF of the UR5 with a joint that slides."""
-    return get_arm("ur5-thesis").urdf.replace(f'name="{joint}" type="revolute"', f'name="{joint}" type="prismatic"')
 
 
 def test_front_of_the_ur5_is_world_x():

@@ -157,8 +157,10 @@ REFUSED = {
     "ball joint": (arm(joints={2: {"kind": "ball"}}), "joint 'j2' .* must be one of revolute.* got 'ball'"),
     "capital": (arm(joints={2: {"kind": "Revolute"}}), "joint 'j2' .* got 'Revolute'"),
     "floats amid": (arm(joints={3: {"kind": "floating", "inside": ""}}), "'j3' is floating, between joints that turn"),
-    "mimics amid": (
-        arm(joints={3: {"inside": f'{LIMIT}<mimic joint="j2"/>'}}), "'j3' mimics another on the way to the tip"),
+    "mimics none": (arm(joints={3: {"inside": f'{LIMIT}<mimic joint="j9"/>'}}), "'j3' mimics 'j9', which is not in"),
+    "mimics itself": (
+        arm(joints={i: {"inside": f'{LIMIT}<mimic joint="j{j}"/>'} for i, j in ((2, 3), (3, 2))}),
+        "'j3' mimics 'j2', which follows it"),
     "two robots": (arm() + arm(), "not XML: junk after document element"),
     "entity": ('<!DOCTYPE robot [<!ENTITY w "0.4">]>' + arm(), "must not have a document type"),
     "another file's type": ('<!DOCTYPE robot SYSTEM "/etc/x.dtd">' + arm(), "must not have a document type"),

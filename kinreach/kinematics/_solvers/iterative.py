@@ -72,22 +72,28 @@ class JointSpace:
     """Limits of an arm as a search sees them.
 
     Attributes:
-        search_lower, search_upper: The arm's limits [rad], shape (n,); -inf and +inf where a joint turns full circle.
+        search_lower, search_upper: The arm's limits [rad, m], shape (n,); -inf and inf where a joint turns full circle.
+        damping: What a squared step of each joint costs, shape (n,): 1 per rad^2, and as much per square of the metres
+            by which the tip moves in a turn of 1 rad with the arm stretched out.
     """
 
     def __init__(self, kin: ArmKinematics) -> None:
         self._limits = lower, upper = kin.sampling_limits
-        full_circle = upper - lower >= TURN
+        self._turns = ~kin.slides
+        full_circle = (upper - lower >= TURN) & self._turns
         self.search_lower: Floats = np.where(full_circle, -np.inf, lower)
         self.search_upper: Floats = np.where(full_circle, np.inf, upper)
         self._joints = list(zip(lower.tolist(), upper.tolist(), full_circle.tolist(), strict=True))
+        self.damping: Floats = np.ones(kin.n)
+        if kin.slides.any():
+            self.damping[kin.slides] = length_of(kin) ** -2.0
         self._endless = np.isinf(kin.lower) if np.isinf(kin.lower).any() else None
 
     def around(self, q: Floats) -> tuple[Floats, Floats]:
         """Return the range of random postures [rad]: the limits, and of a joint with many turns one about `q`."""
         low, high = self._limits
         near = np.clip(q, low + TURN / 2.0, high - TURN / 2.0)
-        many = high - low > MANY_TURNS * TURN
+        many = (high - low > MANY_TURNS * TURN) & self._turns
         return np.where(many, near - TURN / 2.0, low), np.where(many, near + TURN / 2.0, high)
 
     def fold(self, q: Floats) -> Floats:
@@ -100,6 +106,12 @@ class JointSpace:
     def unfold(self, q: Floats, seed: Floats) -> Floats:
         """Turn joints without end by the turns that bring them next to a seed."""
         return q if self._endless is None else q + self._endless * TURN * np.rint((seed - q) / TURN)
+
+
+def length_of(kin: ArmKinematics) -> float:
+    """Sum of the distances from each joint to the next, and to the tip, with half of each slide [m]; 1 if it is 0."""
+    links = float(np.linalg.norm(kin.chain.placements[1:, :3, 3], axis=1).sum())
+    return links + 0.5 * float((kin.upper - kin.lower)[kin.slides].sum()) or 1.0
 
 
 def _fold(angle: float, lower: float, upper: float, full_circle: bool) -> float:

@@ -22,8 +22,10 @@ class LevenbergMarquardtSolver(IterativeSolver):
 
     .. math::
 
-        (J^\top J + \lambda 1)\, \Delta q = J^\top e, \qquad
+        (J^\top J + \lambda W)\, \Delta q = J^\top e, \qquad
         \lambda = 0.1 E + 10^{-6}, \quad E = \tfrac{1}{2} |e|^2
+
+    W is the unit matrix, but for joints that slide (`JointSpace.damping`).
 
     Damping by the error itself is robust for goals out of reach and near singularities, and converges quadratically
     where E vanishes (Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE
@@ -40,10 +42,10 @@ class LevenbergMarquardtSolver(IterativeSolver):
     def _descender(self, goal: Goal) -> Descend:
         task = GoalTask(self.kin, goal, self.tolerance)
         lower, upper = self.joint_space.search_lower, self.joint_space.search_upper
-        identity = np.eye(self.kin.n)
+        damping = np.diag(self.joint_space.damping)
 
         def step_from(e: Floats, J: Floats) -> Floats:
-            A = J.T.dot(J) + (0.5 * DAMPING * e.dot(e) + DAMPING_BIAS) * identity
+            A = J.T.dot(J) + (0.5 * DAMPING * e.dot(e) + DAMPING_BIAS) * damping
             return dposv(A, J.T.dot(e))[1]
 
         def descend(q: Floats) -> Descent:

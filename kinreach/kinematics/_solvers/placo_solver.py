@@ -20,7 +20,7 @@ from kinreach.kinematics._solvers.iterative import (
     Descent,
     SteppingSolver,
 )
-from kinreach.robots.inside import skeleton
+from kinreach.robots.inside import following_joints, skeleton
 
 pin: Any = load("pinocchio")
 
@@ -45,9 +45,10 @@ class PlacoSolver(SteppingSolver):
     name: ClassVar[str] = "placo"
 
     def _prepare(self) -> None:
-        free = [
-            name for name, end in zip(self.kin.arm.joints, self.joint_space.search_upper, strict=True) if np.isinf(end)
-        ]
+        ends = dict(zip(self.kin.arm.joints, self.joint_space.search_upper, strict=True))
+        follows = following_joints(self.kin.arm.robot)
+        free = [name for name in ends if np.isinf(ends[name])]
+        free += [name for name, how in follows.items() if how.joint in free]
         self._work = _WorkSpace(self.kin, self.tolerance, self.dt, free)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -59,6 +60,7 @@ class PlacoSolver(SteppingSolver):
     def _descender(self, goal: Goal) -> Descend:
         work = self._work
         robot, configuration, entries = work.robot, work.configuration.copy(), work.entries
+        places, factors = work.followers
         problem = next((problem for kind, problem in work.problems.items() if isinstance(goal, kind)), None)
         if problem is None:
             return self._descender_by_steps(check_goal(goal))
@@ -66,6 +68,7 @@ class PlacoSolver(SteppingSolver):
 
         def descend(q: Floats) -> Descent:
             configuration[entries] = q
+            configuration[places] = factors @ q
             robot.state.q = configuration
             robot.update_kinematics()
             steps, stalled = 0, False
@@ -87,10 +90,12 @@ class PlacoSolver(SteppingSolver):
         """
         work, kin = self._work, self.kin
         robot, configuration, entries = work.robot, work.configuration.copy(), work.entries
+        places, factors = work.followers
         T_base_world = np.linalg.inv(kin.T_world_base)
 
         def descend(q: Floats) -> Descent:
             configuration[entries] = q
+            configuration[places] = factors @ q
             robot.state.q = configuration
             for steps in range(self.max_iterations):
                 robot.update_kinematics()
@@ -126,6 +131,14 @@ class _WorkSpace(threading.local):
         # Base, then all joints of the URDF. A copy, because state.q is a view of memory that placo replaces.
         self.configuration: Floats = self.robot.state.q.copy()
         self.entries = [self.robot.get_joint_offset(name) for name in kin.arm.joints]
+        follows = {
+            name: how for name, how in following_joints(kin.arm.robot).items() if name not in kin.arm.locked_joints
+        }
+        factors = np.zeros((len(follows), kin.n))
+        for row, how in enumerate(follows.values()):
+            factors[row, kin.arm.joints.index(how.joint)] = how.factor
+        #: Where the joints that follow others are in it, and by how much they follow each joint of `q`, (m, n).
+        self.followers = [self.robot.get_joint_offset(name) for name in follows], factors
         for name in free:
             self.robot.set_joint_limits(name, -NO_LIMIT, NO_LIMIT)
         self.problems: dict[type[Goal], _Problem] = {}
@@ -137,6 +150,11 @@ class _WorkSpace(threading.local):
             solver.enable_joint_limits(True)
             solver.enable_velocity_limits(True)
             solver.dt = dt
+            if follows:
+                gears = solver.add_gear_task()
+                gears.configure("followers", "hard", 1.0)
+                for name, how in follows.items():
+                    gears.add_gear(name, how.joint, how.factor)
             self.problems[kind] = _Problem(kind, solver, self.tip, tolerance)
 
 

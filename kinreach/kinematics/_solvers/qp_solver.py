@@ -27,10 +27,10 @@ class QPSolver(SteppingSolver):
         \min_{\Delta q} \; |J \Delta q - e|^2 + \mu |\Delta q|^2, \quad \mu = 0.01 |e|^2 + 10^{-6}
         \quad \text{with} \quad \max(l - q, -v \Delta t) \le \Delta q \le \min(u - q, v \Delta t)
 
-    with the limits l and u and the URDF's joint speed limits v (Kanoun et al., "Kinematic control of redundant
-    manipulators", IEEE T-RO 27(4), 2011; the damping is Sugihara's, as in `LevenbergMarquardtSolver`). Joints that turn
-    full circle have no position limit on the way (see `JointSpace`). `iterative` has the equations of e and J. Threads
-    may share an instance.
+    with the limits l and u and the URDF's joint speed limits v, and the last term weighted by `JointSpace.damping`
+    where joints slide (Kanoun et al., "Kinematic control of redundant manipulators", IEEE T-RO 27(4), 2011; the damping
+    is Sugihara's, as in `LevenbergMarquardtSolver`). Joints that turn full circle have no position limit on the way
+    (see `JointSpace`). `iterative` has the equations of e and J. Threads may share an instance.
 
     The arguments are those of `SteppingSolver`.
 
@@ -52,7 +52,7 @@ class QPSolver(SteppingSolver):
         task = GoalTask(self.kin, goal, self.tolerance)
         lower, upper = self.joint_space.search_lower, self.joint_space.search_upper
         largest_step = self.dt * self.kin.velocity_limit
-        identity = np.eye(self.kin.n)
+        damping = np.diag(self.joint_space.damping)
         solve_qp = self._solve_qp
 
         def descend(q: Floats) -> Descent:
@@ -60,7 +60,7 @@ class QPSolver(SteppingSolver):
                 e, J = task.linearise(q)
                 if task.reached(e):
                     return Descent(q, step)
-                H = J.T.dot(J) + (DAMPING * e.dot(e) + DAMPING_BIAS) * identity
+                H = J.T.dot(J) + (DAMPING * e.dot(e) + DAMPING_BIAS) * damping
                 lb = np.maximum(lower - q, -largest_step)
                 ub = np.minimum(upper - q, largest_step)
                 if len(q) == 1:  # daqp refuses problems of one variable
