@@ -831,9 +831,6 @@ class Follows(NamedTuple):
 
     def limits_of_leader(self, lower: float, upper: float) -> tuple[float, float]:
         """Return the limits of the other within which this one is within its own."""
-        if self.factor == 0.0:
-            inside = lower - LIMIT_DIGITS <= self.offset <= upper + LIMIT_DIGITS
-            return (-math.inf, math.inf) if inside else (math.inf, -math.inf)
         ends = sorted(((lower - self.offset) / self.factor, (upper - self.offset) / self.factor))
         return ends[0], ends[1]
 
@@ -867,11 +864,15 @@ def followers_on_way(name: str, robot: ET.Element, moving: Sequence[str], held: 
         follows = followed(name, robot, joint)
         if follows.joint in held and follows.joint != joint:
             continue
+        if follows.factor == 0.0:
+            place = f"{{{joint!r}: {follows.offset:g}}}"
+            raise InputError(
+                f"arm {name!r}: joint {joint!r} mimics {follows.joint!r} times 0, and does not move; hold it with "
+                f"held={place}"
+            )
         first = firsts.get(follows.joint)
         if first is None:
             firsts[follows.joint] = Follows(joint, follows.factor, follows.offset)
-        elif first.factor == 0.0:
-            raise InputError(f"arm {name!r}: joint {first.joint!r} mimics {follows.joint!r} by a multiplier of 0")
         else:
             factor = follows.factor / first.factor
             found[joint] = Follows(first.joint, factor, follows.offset - factor * first.offset)
