@@ -189,10 +189,16 @@ def solve_positions(p: Floats, g: YawPlanarGeometry, *, tol: float = 1e-7) -> tu
 
 
 class Arm3Kinematics(ClosedFormKinematics):
-    """Kinematics of a turning base with a planar two-link arm, by default that of the button task.
+    r"""Kinematics of a turning base with a planar two-link arm, by default that of the button task.
 
-    Three joints place the tip but cannot choose its orientation: goals are positions. Where a pose is given, its
-    translation is the goal. Threads may share an instance.
+    .. math::
+
+        p(q) = R_z(q_1) \begin{pmatrix} s_x + l_1 \sin(q_2 + \varphi_1) + l_2 \sin(q_2 + q_3 + \varphi_2) \\ L \\
+        s_z + l_1 \cos(q_2 + \varphi_1) + l_2 \cos(q_2 + q_3 + \varphi_2) \end{pmatrix}
+
+    in the frame of the first joint, with the shoulder at s, links of lengths l that are turned by phi from z towards x
+    where the joints are at 0, and the tip L aside. Three joints place the tip but cannot choose its orientation: goals
+    are positions. Where a pose is given, its translation is the goal. Threads may share an instance.
 
     Args:
         arm: Name or description of an arm with joints about z, y, y, whose frames are parallel at zero angles.

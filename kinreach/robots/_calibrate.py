@@ -115,7 +115,16 @@ def calibrate(
     tool: ArrayLike | None = None,
     robot: int | None = None,
 ) -> CalibratedArm:
-    """Find an arm's calibration in files of its owner.
+    r"""Find an arm's calibration in files of its owner.
+
+    Where there are rows of postures q and poses y of the tool, the errors x of the joints' frames are fitted to them:
+
+    .. math::
+
+        \min_x \; \sum_i \frac{|y_i - T(q_i; x)|^2}{\sigma^2} + \sum_k \frac{x_k^2}{s_k^2}
+
+    with how far the frames of real arms are off, s (Hollerbach and Wampler, The calibration index and taxonomy for
+    robot kinematic calibration methods, IJRR 15, 1996).
 
     Args:
         source: A `.urp` of PolyScope, whose waypoints carry the figures; its exported `.script`, a recording of UR's
