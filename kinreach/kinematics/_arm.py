@@ -28,7 +28,7 @@ from kinreach._engines import load
 from kinreach._rotations import as_frame
 from kinreach.errors import InputError
 from kinreach.kinematics._chain import Moves, SerialChain
-from kinreach.kinematics._solutions import SLACK
+from kinreach.kinematics._solutions import SLACK, past_limits
 from kinreach.robots import ArmDescription, Tool, get_arm
 from kinreach.robots.inside import (
     FLANGE,
@@ -372,11 +372,8 @@ class ArmKinematics:
         return tuple(name for name, out in zip(self.arm.joints, outside, strict=True) if out)
 
     def past_limits(self, q: Floats, tolerance: float = SLACK) -> NDArray[np.bool_]:
-        """Return which joints are outside their limits, of postures [rad] of any shape (..., n), which are not checked.
-
-        A joint at a whole turn from an angle within them is outside, as it stands; `nearest_windings` turns it back.
-        """
-        return (q < self.lower - tolerance) | (q > self.upper + tolerance)
+        """Return `past_limits` of the arm, of postures [rad] of any shape (..., n), which are not checked."""
+        return past_limits(q, self.lower, self.upper, tolerance)
 
     def _rows_of(self, q: Floats) -> Floats:
         """Check a stack of postures, shape (..., n), and return them one a row, shape (m, n)."""

@@ -42,6 +42,7 @@ from kinreach.kinematics._solutions import (
     Status,
     check_accept,
     nearest_windings,
+    past_limits,
 )
 
 #: By how much a clamped posture may miss, unless the caller says it [m, rad].
@@ -199,7 +200,7 @@ class ClosedFormKinematics(SolvesGoals, ArmKinematics):
         lower, upper = like(q, self.lower), like(q, self.upper)
         shifted, within = nearest_windings(q, start, lower, upper, slack=NEAR_LIMIT)
         axes = (-1, *[1] * (q.ndim - 1))
-        past = (shifted > (upper + SLACK).reshape(axes)) | (shifted < (lower - SLACK).reshape(axes))
+        past = past_limits(shifted, lower.reshape(axes), upper.reshape(axes))
         near = np.flatnonzero(on_host((past.any(axis=0) & valid & within).any(axis=0)))  # the caller solves them alone
         return shifted, within & valid, near
 

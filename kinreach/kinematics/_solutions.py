@@ -264,6 +264,15 @@ class IKBatchNearest:
     success: NDArray[np.bool_]
 
 
+def past_limits(q: Floats, lower: Floats, upper: Floats, slack: float = SLACK) -> NDArray[np.bool_]:
+    """Return which joints are past their limits by more than the slack, of postures [rad] of any shape (..., n).
+
+    A joint at a whole turn from an angle within them is past them, as it stands; `nearest_windings` turns it back.
+    """
+    past: NDArray[np.bool_] = (q < lower - slack) | (q > upper + slack)
+    return past
+
+
 def nearest_windings(q: Any, seed: Any, lower: Any, upper: Any, *, slack: float = SLACK) -> tuple[Any, Any]:
     """Compute the postures equal to `q` modulo full turns that are nearest to a seed within the limits [rad].
 

@@ -2,7 +2,7 @@
 
 - Pinocchio's model of an arm, and its chain for many postures: `build_model`, `link_frame`, `SerialChain`.
 - Collisions: margins, pairs that may touch, what an arm without shapes is told.
-- Limits and windings: `SLACK`, `nearest_windings`.
+- Limits and windings: `SLACK`, `nearest_windings`, `past_limits`.
 - Solvers by their names, and the test that they take: `SOLVERS`, `new_solver`, `Accept`.
 - Why a pose of a UR has no posture: `Shortfall`, `Miss`; branches by name.
 """

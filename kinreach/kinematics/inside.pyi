@@ -17,6 +17,7 @@ from ._solutions import SLACK as SLACK
 from ._solutions import Accept as Accept
 from ._solutions import IKSolutions as IKSolutions
 from ._solutions import nearest_windings as nearest_windings
+from ._solutions import past_limits as past_limits
 from ._solvers import SOLVERS as SOLVERS
 from ._solvers import new_solver as new_solver
 from ._ur.geometry import Miss as Miss

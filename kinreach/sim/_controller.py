@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats, check_number
 from kinreach.errors import InputError
-from kinreach.kinematics.inside import SLACK
+from kinreach.kinematics.inside import past_limits
 from kinreach.robots import ArmDescription
 from kinreach.sim._engine import mujoco
 from kinreach.sim._movable_boxes import box_names
@@ -180,7 +180,7 @@ class JointController:
 
     def outside_limits(self, q: Floats) -> NDArray[np.bool_]:
         """Return which joints are outside their limits, for one posture or many, shape (..., n)."""
-        return (q < self.lower - SLACK) | (q > self.upper + SLACK)
+        return past_limits(q, self.lower, self.upper)
 
     def joints_outside_limits(self, q: Floats) -> tuple[str, ...]:
         return tuple(name for name, out in zip(self.arm.joints, self.outside_limits(q), strict=True) if out)
@@ -213,7 +213,7 @@ class JointController:
         if inside.any():
             ends[inside] = self._follow(plant, ids[inside], targets[inside], two_phase=two_phase)
         q = plant.qpos[rows_and_columns(ids, self.qpos)]
-        lost = plant.diverged(ids) | ((q < self.lower - BEYOND_LIMIT) | (q > self.upper + BEYOND_LIMIT)).any(axis=1)
+        lost = plant.diverged(ids) | past_limits(q, self.lower, self.upper, BEYOND_LIMIT).any(axis=1)
         if lost.any():  # MuJoCo has started them afresh, and their motion since then is not the move's
             plant.put_back(ids[lost], before[lost])
             ends[lost] = DIVERGED

@@ -92,19 +92,16 @@ class ButtonStarts:
     """
 
     def __init__(self, region: QuadrantRegion | None = None) -> None:
-        self._kinematics = Arm3Kinematics(base="world")
-        self._draw = self._kinematics.arm.workcell.draw_goals if region is None else region.sample
-        self._home = np.array(self._kinematics.arm.home)
+        self.kinematics = Arm3Kinematics(base="world")
+        self._draw = self.kinematics.arm.workcell.draw_goals if region is None else region.sample
+        self._home = np.array(self.kinematics.arm.home)
 
     def reachable(self, targets: Floats) -> Flags:
         """Return whether the closed form has a posture within the joint limits for targets [m], shape (n, 3).
 
         Collisions are not checked: each of 4971 such targets of the region had a posture without one.
         """
-        return np.any(self._kinematics.batch(targets).valid, axis=1)
-
-    def within_limits(self, q: Floats) -> Flags:
-        return np.all((q >= self._kinematics.lower) & (q <= self._kinematics.upper), axis=1)
+        return np.any(self.kinematics.batch(targets).valid, axis=1)
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
         """Draw `count` starts, shape (count, 9): target [m], joint angles [rad], joint velocities [rad/s]."""
@@ -173,8 +170,8 @@ class ButtonEpisodes(Episodes):
         goals, q = option_rows(options, {"goal": 3, "q": JOINTS}, count)
         if goals is not None:
             self._refuse_unreachable("goal", goals)
-        if q is not None and not self._starts.within_limits(q).all():
-            raise InputError(f"q is outside the joint limits: {q[~self._starts.within_limits(q)][0]}")
+        if q is not None and (outside := self._starts.kinematics.past_limits(q, 0.0).any(axis=1)).any():
+            raise InputError(f"q is outside the joint limits: {q[outside][0]}")
         return ButtonReset(goals, q)
 
     def check_actions(self, actions: ArrayLike, count: int | None) -> Actions:

@@ -332,6 +332,7 @@ class ReachReset(NamedTuple):
 
 
 def _refuse_outside_limits(arm: ArmDescription, q: Floats) -> None:
+    """Refuse postures (m, n) that no action asks for: its range may be narrower than the arm's own limits."""
     lower, upper = joint_limits(arm)
     beyond = np.where(_endless(arm), 0.0, np.maximum(lower - q, q - upper))
     if beyond.max() > 0.0:

@@ -14,7 +14,7 @@ from kinreach._rotations import wrapped
 from kinreach.errors import InputError
 from kinreach.kinematics._seven_axis.limits import cut
 from kinreach.kinematics._seven_axis.tracing import LONGEST, MISSED, ON_CURVE, Curve, SelfMotionTracer
-from kinreach.kinematics._solutions import SLACK, Accept, IKResult, Status, nearest_windings
+from kinreach.kinematics._solutions import SLACK, Accept, IKResult, Status, nearest_windings, past_limits
 
 if TYPE_CHECKING:
     from kinreach.kinematics._collision import CollisionChecker
@@ -274,7 +274,7 @@ class SelfMotions:
         return trial[0] if off[0] < ON_CURVE and self._within(trial[0]) else q
 
     def _within(self, q: Floats) -> bool:
-        return bool(((q >= self._lower - SLACK) & (q <= self._upper + SLACK)).all())
+        return not past_limits(q, self._lower, self._upper).any()
 
     def _result(self, q: Floats, index: int, status: Status = Status.OK, reason: str = "") -> IKResult:
         position, orientation = self._kinematics._error_of(self._T, q)

@@ -15,7 +15,7 @@ from kinreach._checks import MAX_ANGLE, Floats
 from kinreach._rotations import TURN, wrapped
 from kinreach.kinematics._core import doubles, flags, ints, lib
 from kinreach.kinematics._seven_axis.tracing import MISSED, ON_CURVE, SAME, Curve, SelfMotionTracer
-from kinreach.kinematics._solutions import SLACK
+from kinreach.kinematics._solutions import SLACK, nearest_windings, past_limits
 
 #: Part of a curve within limits: postures [rad], shape (m, 7), without jumps, and whether it is all of a closed one.
 Part = tuple[Floats, bool]
@@ -143,7 +143,8 @@ def _cubic(away: Floats, out: Floats, into: Floats, u: Floats) -> Floats:
 
 def _inside(q: Floats, lower: Floats, upper: Floats) -> NDArray[np.bool_]:
     """Which postures (m, 7) can be wound into limits."""
-    return np.all(np.mod(q - lower + SLACK, TURN) <= upper - lower + 2.0 * SLACK, axis=1)
+    inside: NDArray[np.bool_] = nearest_windings(q.T, 0.0, lower, upper)[1]
+    return inside
 
 
 def _wound(q: Floats, lower: Floats, upper: Floats, *, full: bool) -> list[Part]:
@@ -168,7 +169,7 @@ def _shifts(q: Floats, lower: Floats, upper: Floats) -> Floats:
     narrow = upper - lower < TURN
     turns = -TURN * np.where(narrow, np.floor((middle - lower) / TURN), np.rint((q[0] - 0.5 * (lower + upper)) / TURN))
     shift = np.tile(turns, (len(q), 1))
-    whole = (lower - SLACK <= q.min(axis=0) + turns) & (q.max(axis=0) + turns <= upper + SLACK)
+    whole = ~past_limits(np.array([q.min(axis=0), q.max(axis=0)]) + turns, lower, upper).any(axis=0)
     for joint in np.flatnonzero(~(narrow | whole)):
         along, turned = np.ascontiguousarray(q[:, joint]), np.empty(len(q))
         lib.kr_turns_along(len(q), 1, doubles(along), lower[joint], upper[joint], SLACK, doubles(turned))
