@@ -16,6 +16,7 @@ import time
 import warnings
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,7 @@ from kinreach.baselines._models import Trainee, build
 from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.baselines._policy_file import POLICY_FILE, PolicyCard, save_policy
 from kinreach.baselines._recipes import Recipe
-from kinreach.errors import InputError, OutputError, TrainingError
+from kinreach.errors import InputError, KinreachError, OutputError, TrainingError
 
 CHECKPOINT, POLICY, CURVE = "checkpoint.pt", POLICY_FILE, "curve.csv"
 EPISODE, RUN, MODEL = "episode.csv", "run.json", "model.zip"
@@ -126,13 +127,35 @@ def train(
         raise InputError("resume goes on with a run, fresh replaces it: one of them")
     recipe = recipe if steps is None else replace(recipe, steps=steps)
     identity = run_identity(recipe, seed, threads)
-    make_writable(folder)
-    with locked(folder, "a training"):
+    with _no_empty_folder(folder), _written(folder):
         if (done := kept_run(folder, identity, resume=resume, fresh=fresh, export=export)) is not None:
             return done
         for _ in segments(recipe, folder, identity, resume=resume, export=export, progress=progress, notice=notice):
             pass
         return _run_in(folder)
+
+
+@contextmanager
+def _written(folder: Path) -> Iterator[None]:
+    """Make a folder for a training, which alone writes there."""
+    make_writable(folder)
+    with locked(folder, "a training"):
+        yield
+
+
+@contextmanager
+def _no_empty_folder(folder: Path) -> Iterator[None]:
+    """Remove the folders that a refused training has made, as long as they are empty."""
+    there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    try:
+        yield
+    except KinreachError:
+        for each in (folder / TENSORBOARD, folder, *folder.absolute().parents):
+            if each == there:
+                break
+            with suppress(OSError):
+                each.rmdir()
+        raise
 
 
 def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:

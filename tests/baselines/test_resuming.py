@@ -17,7 +17,7 @@ import torch
 from kinreach import _provenance as provenance
 from kinreach._provenance import source_digest
 from kinreach.baselines import _training as training
-from kinreach.baselines import train
+from kinreach.baselines import get_recipe, train
 from kinreach.errors import InputError, OutputError
 from tests.baselines.small_runs import SMALL, interrupted, small, weights
 from tests.cases import slow
@@ -185,6 +185,21 @@ def test_a_second_training_in_a_folder_is_refused_and_the_first_is_safe(uninterr
     for name in ("policy.safetensors", "curve.csv"):
         assert (tmp_path / name).read_bytes() == (uninterrupted["ranked-single"].folder / name).read_bytes()
     train(recipe, tmp_path, seed=4, resume=True)  # the folder is free again
+
+
+def test_a_refused_training_leaves_no_folder(tmp_path):
+    """Nor the folders around it that it made; what was there stays."""
+    refused = replace(get_recipe("ppo-single"), settings={**get_recipe("ppo-single").settings, "no_such": 1})
+    for folder in (tmp_path / "new" / "run", tmp_path / "run"):
+        with pytest.raises(InputError, match="no_such"):
+            train(refused, folder, steps=256)
+        assert list(tmp_path.iterdir()) == []
+    kept = tmp_path / "kept"
+    kept.mkdir()
+    (kept / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="no_such"):
+        train(refused, kept, steps=256)
+    assert [path.name for path in kept.iterdir()] == ["notes.txt"]
 
 
 def test_threads_are_part_of_what_a_run_is(tmp_path):

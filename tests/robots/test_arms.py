@@ -56,7 +56,7 @@ def test_missing_descriptions_are_named(monkeypatch):
     with pytest.raises(
         InstallationError, match=r"descriptions of the arms are missing; install them with: pip install"
     ):
-        get_arm("panda").package_root()
+        get_arm("ur5").package_root()
 
 
 def tool_down(position, turn):
