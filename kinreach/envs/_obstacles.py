@@ -445,7 +445,10 @@ class ObstaclesEnv(PostureEnv):
 
 
 class ObstaclesVectorEnv(NativeVectorEnv):
-    """A batch of `kinreach/Obstacles-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ..."""
+    """A batch of `kinreach/Obstacles-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
+
+    Arguments, and how episodes start anew, are as of `NativeVectorEnv`.
+    """
 
     registered_limit = MAX_EPISODE_STEPS[OBSTACLES]
     Options = ObstaclesOptions

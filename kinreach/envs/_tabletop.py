@@ -376,7 +376,7 @@ class TabletopEnv(ArmEnv):
 class TabletopVectorEnv(NativeVectorEnv):
     """A batch of `TabletopEnv`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
-    Its options have `task`, the class or `"module:Class"`, and the arguments of the class.
+    Arguments are as of `NativeVectorEnv`; the options have `task`, the class or `"module:Class"`, and its arguments.
     """
 
     registered_limit = 100

@@ -412,8 +412,7 @@ class MovingBallEnv(SingleEnv):
 class MovingVectorEnv(NativeVectorEnv):
     """A batch of `kinreach/Moving-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
-    Episodes start anew as `NativeVectorEnv` describes: where one ended in a step, read its outcome from
-    `info["final_info"]`, because the goal in `info` is already that of the next episode.
+    Arguments, and how episodes start anew, are as of `NativeVectorEnv`.
     """
 
     registered_limit = MAX_EPISODE_STEPS[MOVING]

@@ -513,7 +513,10 @@ class RealArmEnv(SingleEnv):
 
 
 class RealArmVectorEnv(NativeVectorEnv):
-    """A batch of `kinreach/RealArm-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ..."""
+    """A batch of `kinreach/RealArm-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
+
+    Arguments, and how episodes start anew, are as of `NativeVectorEnv`.
+    """
 
     registered_limit = MAX_EPISODE_STEPS[REAL_ARM]
     Options = RealArmOptions

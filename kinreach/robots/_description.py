@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach._checks import MAX_ANGLE, as_floats, as_vector, check_known, check_number, shown
+from kinreach._checks import MAX_ANGLE, Floats, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError, UnknownNameError, UnknownOptionError
 from kinreach.robots._calibration import Calibration, place_by_calibration
 from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
@@ -467,6 +467,11 @@ class ArmDescription:
             return {}
         half = self.gripper.opening / 2
         return {self.gripper.joint: half, self.gripper.mimic_joint: half}
+
+
+def between_phases(arm: ArmDescription, q: Floats, target: Floats) -> Floats:
+    """Return the postures (..., n) between the phases of moves from `q`: all but `arm.moves_last` are at the target."""
+    return np.where(np.isin(arm.joints, arm.moves_last), q, target)
 
 
 def _checked_facts(facts: dict[str, Any]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 - `ArmFlags`: the flags of the command line that describe an arm; `FILES`, the endings of files that do.
 - Shapes of links, obstacles and meshes, for drawing, simulation and collision checks.
+- Moves of two phases: `between_phases`.
 - URDF elements: `neighbours`, `origin_of`, `without_shapes`, `skeleton`.
 - Joints without end: `endless_joints`, `one_number_each`; those that follow others: `following_joints`,
   `set_follows`; that slide: `sliding_joints`.

@@ -23,6 +23,7 @@ from kinreach._checks import Floats, check_number
 from kinreach.errors import InputError
 from kinreach.kinematics.inside import past_limits
 from kinreach.robots import ArmDescription
+from kinreach.robots.inside import between_phases
 from kinreach.sim._engine import mujoco
 from kinreach.sim._movable_boxes import box_names
 from kinreach.sim._plants import Ids, Plant, rows_and_columns
@@ -175,7 +176,6 @@ class JointController:
         self._planner = SetpointPlanner(
             arm, model, qpos=self.qpos, dof=dof, servos=self.ctrl, period=self._following.period
         )
-        self._last = np.isin(arm.joints, arm.moves_last)
         self._scratch = mujoco.MjData(model)
 
     def outside_limits(self, q: Floats) -> NDArray[np.bool_]:
@@ -226,8 +226,8 @@ class JointController:
     def _follow(self, plant: Plant, ids: Ids, targets: Floats, *, two_phase: bool) -> NDArray[np.int8]:
         state = plant.qpos[ids]
         points = [state[:, self.qpos], targets]
-        if two_phase and self._last.any():
-            points.insert(1, np.where(self._last, points[0], targets))
+        if two_phase and self.arm.moves_last:
+            points.insert(1, between_phases(self.arm, points[0], targets))
         return self._following.run(plant, ids, self._planner.plan(state, points))
 
     def _result(self, found: tuple[Touch, ...], state: Floats, target: Floats, end: int, duration: float) -> MoveResult:

@@ -15,6 +15,7 @@ from kinreach.baselines.inside import Policy
 from kinreach.envs.inside import ObstaclesEnv, reach_task
 from kinreach.errors import PathError
 from kinreach.kinematics import joint_line, plan_path
+from kinreach.robots.inside import between_phases
 
 #: Time limit of a path's search [s].
 TIMEOUT = 5.0
@@ -67,7 +68,7 @@ class Steps:
 
 def from_above(env: ObstaclesEnv, target: Floats) -> Floats:
     """Return the waypoints of the thesis's two phases: shoulder_lift moves last."""
-    return np.array([np.where(np.isin(env.arm.joints, env.arm.moves_last), env.home, target), target])
+    return np.array([between_phases(env.arm, env.home, target), target])
 
 
 def solver_from_above(env: gym.Env[Any, Any]) -> Waypoints:

@@ -13,8 +13,7 @@ from kinreach.envs._button.world import BatchTorqueWorld, SingleTorqueWorld
 class ButtonPressVectorEnv(NativeVectorEnv):
     """A batch of `kinreach/ButtonPress-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
-    Episodes start anew as `NativeVectorEnv` describes: where one ended in a step, read its outcome from
-    `info["final_info"]`, because `info["goal"]` is already the next one's.
+    Arguments, and how episodes start anew, are as of `NativeVectorEnv`.
     """
 
     registered_limit = MAX_EPISODE_STEPS[BUTTON]

@@ -148,6 +148,8 @@ class LiftEnv(ForfeitEnv, ArmEnv):
 class LiftVectorEnv(NativeVectorEnv):
     """A batch of `kinreach/Lift-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
+    Arguments, and how episodes start anew, are as of `NativeVectorEnv`.
+
     Attributes:
         task: What is to be done.
     """

@@ -34,6 +34,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
 from kinreach.kinematics.inside import MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, get_arm
+from kinreach.robots.inside import between_phases
 from kinreach.sim.inside import BEYOND_LIMIT, IDEAL, Imperfections, as_imperfections
 from kinreach.thesis import REACHED_POSTURE_ERROR
 from kinreach.vision import SensorNoise, geometric_goal_view
@@ -447,7 +448,7 @@ class ReachTask:
         """Return the postures that a move passes: with two phases, that in which `arm.moves_last` has yet to move."""
         if not self.variant.two_phase:
             return [target]
-        return [np.where(np.isin(self.arm.joints, self.arm.moves_last), q, target), target]
+        return [between_phases(self.arm, q, target), target]
 
     def natural(self, q: ArrayLike, direction: Floats) -> bool:
         """Return whether the posture error of a posture [rad], shape (n,), is small enough to reach a goal."""

@@ -24,9 +24,8 @@ _PIXEL_BYTES, MAX_BYTES = 2 * (3 + 4), 2**32
 class ReachVectorEnv(NativeVectorEnv):
     """As many independent environments, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
-    Episodes start anew as `NativeVectorEnv` describes: where one ended in a step, read its outcome from
-    `info["final_info"]`, because `info["goal"]` is already the next one's. What would take long is left out of
-    `info` with `backend="kinematic"`: `target_tip`, and in `impossible_reason` the names of what collides.
+    Arguments, and how episodes start anew, are as of `NativeVectorEnv`. What would take long is left out of `info` with
+    `backend="kinematic"`: `target_tip`, and in `impossible_reason` the names of what collides.
 
     With `backend="warp"` the `device` is Warp's device too, and rewards are computed on it; else they are computed in
     numpy and handed over. With `observation="pixels"` one scene is drawn for all environments.
