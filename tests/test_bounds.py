@@ -5,6 +5,7 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.envs.registration import load_env_creator
 
 from kinreach._registration import LIFT, SINGLE, SPACE
 from kinreach.envs.inside import ButtonOptions, ObstaclesOptions
@@ -16,7 +17,7 @@ from kinreach.sim.inside import Imperfections
 from kinreach.vision import Intrinsics, SensorNoise, circle_votes, find_ball
 
 LiftOptions, ReachOptions, SpaceOptions = (
-    type(gym.make(name, backend="kinematic").unwrapped).Options for name in (LIFT, SINGLE, SPACE)
+    load_env_creator(gym.spec(name).entry_point).Options for name in (LIFT, SINGLE, SPACE)
 )
 CAMERA = Intrinsics(16, 16, 10.0, 10.0, 8.0, 8.0)
 
