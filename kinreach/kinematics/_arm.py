@@ -258,8 +258,8 @@ class ArmKinematics:
 
             T(q) = \left(\prod_{i=1}^{n} A_i \, e^{[a_i] q_i}\right) A_{n+1}
 
-        with the placement A of each joint in the frame of the one before, its axis a, and the tip on the last joint
-        (Siciliano et al., Robotics, section 2.8).
+        with the placement A of each joint in the frame of the one before, its twist [a], a turn about its axis or a
+        slide along it, and the tip on the last joint (Siciliano et al., Robotics, section 2.8).
 
         Args:
             q: Posture [rad], shape (n,), or a stack of them, shape (..., n). Up to 32 postures go through Pinocchio,
@@ -322,9 +322,10 @@ class ArmKinematics:
 
             \begin{pmatrix} \dot p \\ \omega \end{pmatrix} = J \, \dot q, \qquad
             J_i = \begin{pmatrix} z_i \times (p - p_i) \\ z_i \end{pmatrix}
+            \text{ or } \begin{pmatrix} z_i \\ 0 \end{pmatrix}
 
-        with the tip at p, and axis i through p_i along z_i, all along the axes of the base frame (Siciliano et al.,
-        Robotics, equation 3.30).
+        where joint i turns or slides, with the tip at p, and the axis through p_i along z_i, all along the axes of the
+        base frame (Siciliano et al., Robotics, equation 3.30). Joints that follow joint i are in its column, too.
 
         Args:
             q: Posture [rad], shape (n,), or a stack of them, shape (..., n), or a tensor of torch; all as in `fk`.
