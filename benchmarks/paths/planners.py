@@ -13,7 +13,10 @@ from kinreach.errors import PathError
 from kinreach.kinematics import _planning as planning
 from kinreach.kinematics import plan_path
 from kinreach.kinematics._motion_check import MotionCheck
+from kinreach.kinematics.inside import nearest_windings, travel
 
+#: Time for one of a pose's solutions [s].
+ALONE = 3.0
 #: checker, start, solutions of the goal, seconds -> waypoints, or None.
 Planner = Callable[[Any, np.ndarray, Any, float], np.ndarray | None]
 
@@ -26,10 +29,20 @@ def kinreach(checker: Any, start: np.ndarray, goals: Any, seconds: float, *, see
         return None
 
 
-def one_goal(checker: Any, start: np.ndarray, goals: Any, seconds: float) -> np.ndarray | None:
-    """`plan_path` to the free solution that is nearest to the start."""
-    free = [q for q in goals.q if checker.free(q)]
-    return kinreach(checker, start, min(free, key=lambda q: np.abs(q - start).max()), seconds)
+def each_alone(checker: Any, start: np.ndarray, goals: Any, seconds: float) -> np.ndarray | None:
+    """The path of the least travel of `plan_path` to each free solution alone, each with its own time.
+
+    In the full turns nearest to the start; one that is farther away than the best path is long has no shorter one.
+    """
+    kin, best = checker.kinematics, None
+    wound, within = nearest_windings(goals.q.T, start[:, None], kin.lower, kin.upper)
+    for goal in sorted(wound.T[within], key=lambda q: float(np.abs(q - start).max())):
+        if best is not None and np.abs(goal - start).max() >= travel(best):
+            break
+        path = kinreach(checker, start, goal, min(seconds, ALONE)) if checker.free(goal) else None
+        if path is not None and (best is None or travel(path) < travel(best)):
+            best = path
+    return best
 
 
 def ompl(planner: str, *, as_ours: bool = False) -> Planner:
@@ -104,7 +117,7 @@ def ompl(planner: str, *, as_ours: bool = False) -> Planner:
 
 PLANNERS: dict[str, Planner] = {
     "kinreach": kinreach,
-    "kinreach, one goal": one_goal,
+    "kinreach, each alone": each_alone,
     "RRTConnect, as kinreach": ompl("RRTConnect", as_ours=True),
     "RRTConnect": ompl("RRTConnect"),
     "LBKPIECE1": ompl("LBKPIECE1"),

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import tarfile
 from itertools import islice
 
@@ -69,18 +70,23 @@ def test_a_planner_that_collides_is_found_out_and_results_are_kept(tmp_path, mon
     def straight(checker, start, goals, seconds):
         return np.array([start, goals.q[0]])
 
-    monkeypatch.setattr(cli, "PLANNERS", {"kinreach": planners.kinreach, "straight": straight})
+    monkeypatch.setattr(cli, "PLANNERS", {
+        "kinreach": planners.kinreach, "kinreach, each alone": planners.each_alone, "straight": straight,
+    })  # fmt: skip
     monkeypatch.setattr(planners, "PLANNERS", cli.PLANNERS)
     assert not call("--problems", "3", "--out", str(tmp_path))
     page = (tmp_path / "paths.md").read_text(encoding="utf-8")
     rows = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text(encoding="utf-8").splitlines()]
-    assert len(rows) == 18
+    assert len(rows) == 27
     assert sum(row["collisions"] > 0 for row in rows if row["planner"] == "straight") > 3
     assert not any(row.get("collisions") for row in rows if row["planner"] == "kinreach")
     assert "0 of its paths collide" in page
+    assert re.search(
+        r"On 9 problems the largest way of a joint is at most (0\.\d\d|1\.[01]\d) times the least of", page
+    )
     assert (tmp_path / "paths.png").stat().st_size > 10_000
     assert not call("--problems", "3", "--out", str(tmp_path))
-    assert len((tmp_path / "rows.jsonl").read_text(encoding="utf-8").splitlines()) == 18
+    assert len((tmp_path / "rows.jsonl").read_text(encoding="utf-8").splitlines()) == 27
 
 
 def test_bad_input_is_one_line(tmp_path, capsys):
