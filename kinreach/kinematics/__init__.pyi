@@ -4,8 +4,10 @@ from ._arm3 import Arm3Kinematics as Arm3Kinematics
 from ._closed_form import ClosedFormKinematics as ClosedFormKinematics
 from ._collision import Cause as Cause
 from ._collision import CollisionChecker as CollisionChecker
+from ._five_axis import FiveAxisKinematics as FiveAxisKinematics
 from ._goals import AxisGoal as AxisGoal
 from ._goals import Goal as Goal
+from ._goals import NearestOrientationGoal as NearestOrientationGoal
 from ._goals import PoseGoal as PoseGoal
 from ._goals import PositionGoal as PositionGoal
 from ._goals import pose as pose

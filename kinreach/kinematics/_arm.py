@@ -97,6 +97,8 @@ class ArmKinematics:
     #: Classes with a closed form by number of joints, as module and name, in the order in which `of` tries them.
     _closed_forms: ClassVar[Mapping[int, Sequence[tuple[str, str]]]] = {
         3: (("_arm3", "Arm3Kinematics"),),
+        4: (("_five_axis", "FiveAxisKinematics"),),
+        5: (("_five_axis", "FiveAxisKinematics"),),
         6: (
             ("_ur.kinematics", "URKinematics"),
             ("_ur.kinematics", "CalibratedURKinematics"),

@@ -27,7 +27,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._chain import about_z
 from kinreach.kinematics._core import NULL, Struct, doubles, lib
-from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, SolvesGoals, check_goal
+from kinreach.kinematics._goals import AxisGoal, Goal, NearestOrientationGoal, PoseGoal, SolvesGoals, check_goal
 from kinreach.kinematics._solutions import (
     ANGLES,
     BRANCH,
@@ -305,7 +305,7 @@ def core_goal(goal: Goal | Floats) -> CoreGoal:
     """A goal, or the pose (4, 4) that is one, as the core has it: its kind, and a pose that has what it asks."""
     if isinstance(goal, np.ndarray):
         return 0, np.ascontiguousarray(goal)
-    if isinstance(goal, PoseGoal):
+    if isinstance(goal, PoseGoal | NearestOrientationGoal):
         return 0, np.ascontiguousarray(goal.T)
     T = goal.frame()
     if isinstance(goal, AxisGoal):

@@ -35,6 +35,7 @@ class Goal(ABC):
 
     Attributes:
         lengths: How many entries of `way`, the first ones, are lengths; the others are angles.
+        orientation_yields: The goal is reached with any orientation error; a solver makes it as little as it can be.
 
     Examples:
         >>> import numpy as np
@@ -58,6 +59,7 @@ class Goal(ABC):
     """
 
     lengths: ClassVar[int] = 3
+    orientation_yields: ClassVar[bool] = False
 
     @abstractmethod
     def error(self, T: Floats) -> tuple[float, float]:
@@ -235,6 +237,45 @@ class SolvesGoals(ABC):
 
     def _solve_position(self, goal: PositionGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         raise InputError(self.unsolved)
+
+
+@dataclass(frozen=True)
+class NearestOrientationGoal(Goal):
+    """The tip's origin is at a pose's position [m], exactly, and its orientation as near to the pose's as it goes.
+
+    The goal of arms with four or five joints, which `FiveAxisKinematics` solves; `orientation_error` of the result says
+    what is left [rad]. `T` has shape (4, 4).
+
+    Examples:
+        >>> from kinreach.kinematics import ArmKinematics, NearestOrientationGoal, pose
+        >>> kin = ArmKinematics.of("so101")
+        >>> found = kin.solve(NearestOrientationGoal(pose([0.25, 0.1, 0.1, 0.0, 3.0, 0.5])), kin.arm.home)
+        >>> found.success, found.position_error < 1e-9, round(found.orientation_error, 2)
+        (True, True, 0.0)
+    """
+
+    T: Floats
+    orientation_yields = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T", as_pose("T", self.T).copy())
+
+    @property
+    def position(self) -> Floats:
+        """Position of the tip [m], shape (3,)."""
+        return self.T[:3, 3]
+
+    def error(self, T: Floats) -> tuple[float, float]:
+        return pose_error(self.T, T)
+
+    def way(self, tip: Any) -> tuple[Floats, Floats | None]:
+        raise InputError(
+            "a NearestOrientationGoal is solved by the kinematics of an arm with four or five joints, "
+            "ArmKinematics.of(arm).solve(goal, seed); other solvers take a PoseGoal, an AxisGoal or a PositionGoal"
+        )
+
+    def frame(self) -> Floats:
+        return self.T
 
 
 def _as_point(position: ArrayLike) -> Floats:

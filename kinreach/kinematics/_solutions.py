@@ -126,7 +126,7 @@ class IKResult:
         check_accept(accept)
         q = kinematics.as_posture("q", q).copy()
         position, orientation = check_goal(goal).error(kinematics.fk(q))
-        if position > tolerance.position or orientation > tolerance.orientation:
+        if position > tolerance.position or (orientation > tolerance.orientation and not goal.orientation_yields):
             status, text = Status.NOT_CONVERGED, f"{position:.3g} m and {orientation:.3g} rad from the goal"
         elif outside := kinematics.joints_outside_limits(q):
             status, text = Status.OUT_OF_LIMITS, f"outside the joint limits ({', '.join(outside)})"
@@ -202,7 +202,7 @@ class IKSolutions:
         return f"{type(self).__name__}({len(self)} postures, status={self.status}{reason})"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.rows, self.status, self.reason, (_known, self.residual))
+        return type(self), (self.rows, self.status, self.reason, (known_errors, self.residual))
 
     @property
     def success(self) -> bool:
@@ -228,12 +228,12 @@ class IKSolutions:
     def residual(self) -> Floats:
         """Position [m] and orientation [rad] error of each solution, by forward kinematics, shape (k, 2)."""
         of, goal = self._errors
-        if of is not _known:
-            self._errors = _known, of(goal, self.rows)
+        if of is not known_errors:
+            self._errors = known_errors, of(goal, self.rows)
         return self._errors[1]
 
 
-def _known(errors: Floats, rows: Floats) -> Floats:
+def known_errors(errors: Floats, rows: Floats) -> Floats:
     return errors
 
 

@@ -140,6 +140,30 @@ void kr_nearly_decoupled_of_each(const kr_decoupled *arm, double off, const doub
 /* The first of the postures q (count, 6) of a pose from which the arm moves to each of them while its tip stays. */
 void kr_families(const double placements[84], const double T[12], const double *q, int count, int *first);
 
+/* An arm of four or five revolute joints, which brings its tip to a point and turns it as far as it can
+ * (`nearest_orientation.c`); `kr_five_axis_prepare` fills it in. */
+enum { KR_FIVE_JOINTS = 5, KR_MAX_STATIONARY = 64 };
+typedef struct {
+    int triple[32][2];       /* for each set of held joints, the threes of the others that reach a point best; 0 if none */
+    int last_turns_tip;      /* the last joint turns the tip about its own z axis, and moves it nowhere */
+    int pitched;             /* axes 2, 3 and 4 are parallel: what follows is in the frame of joint 2, whose z axis is theirs */
+    double sense[3];         /* 1 or -1: whether their joints turn about z or against it */
+    double upper[2], fore[2];/* from axis 2 to 3 and to 4, with all joints at 0 */
+    double tip[3][3];        /* from axis 4 to the tip: constant, and factors of cosine and sine of joint 5 */
+    double turn[3][9];       /* orientation of the tip, likewise */
+} kr_five_axis;
+
+/* Returns 0 where no three joints reach all points about them: the arm is singular in every posture. */
+int kr_five_axis_prepare(const kr_arm *arm, kr_five_axis *five);
+
+/* Postures with the tip at a point at which what is left of its orientation (kind 0) or axis (kind 1) is stationary among
+ * all postures with the tip there, and with `limits` those at which it is least for what they allow; the least first, and of
+ * the same the nearest to a seed (which may be null). Into rows (64, 2 + n): index, kind (0 minimum, 1 saddle, 2 maximum, 3
+ * minimum at a limit), angles in windings near the seed. Returns how many. Where there is none rows[0] is how many there are
+ * without limits. */
+int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kind, const double T[12],
+                            const double *seed, int limits, double *rows);
+
 /* Ways to find every posture of a pose; what each needs is prepared once. */
 enum kr_way {
     KR_UR,                   /* kr_ur: eight branches */

@@ -1,0 +1,317 @@
+"""Kinematics of arms with five revolute joints, or four: the point exactly, the orientation as near as it goes.
+
+The core searches (`_core/nearest_orientation.c`, `_core/pitched.c`). Postures with the tip at a point are a surface for
+five joints, a curve for four. On it the orientation error has minima, saddles and maxima; joint limits cut it, and add
+minima at their edge. All of them are found, and polished by Newton's method until they are stationary to rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import degrees, inf
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import (
+    MAX_DISTANCE,
+    Floats,
+    as_floats,
+    as_pose,
+    as_vector,
+    check_number,
+    check_tolerance,
+    is_tensor,
+    shown,
+)
+from kinreach.errors import InputError
+from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics, core_goal
+from kinreach.kinematics._core import NULL, Struct, doubles, lib
+from kinreach.kinematics._goals import AxisGoal, Goal, NearestOrientationGoal, PoseGoal, PositionGoal, rigid_poses
+from kinreach.kinematics._solutions import (
+    ANGLES,
+    BRANCH,
+    FLAGS,
+    Accept,
+    IKBatch,
+    IKBatchNearest,
+    IKResult,
+    IKSolutions,
+    Status,
+    Tolerance,
+    check_accept,
+    known_errors,
+)
+
+#: What a stationary orientation error is, by its number in the core.
+KINDS = ("minimum", "saddle", "maximum", "minimum at a limit")
+MINIMA = (0.0, 3.0)
+
+
+class NearestSolutions(IKSolutions):
+    """Postures with the tip at a point, at which what is left of its orientation is stationary; the least first.
+
+    Of those that leave the same, the nearest to the seed comes first. `residual` has what is left beside the error of
+    the position.
+    """
+
+    __slots__ = ()
+
+    @property
+    def kind(self) -> tuple[str, ...]:
+        """What is left of each among all postures with the tip there: "minimum", "saddle" or "maximum".
+
+        Or "minimum at a limit", where a joint's limit keeps it from becoming less.
+        """
+        return tuple(KINDS[int(kind)] for kind in self.rows[:, FLAGS])
+
+    @property
+    def left(self) -> Floats:
+        """Angle that is left of the orientation, or of the direction [rad], shape (k,)."""
+        return self.residual[:, 1]
+
+    @property
+    def minima(self) -> NearestSolutions:
+        """Those of the kinds "minimum" and "minimum at a limit"."""
+        chosen, residual = np.isin(self.rows[:, FLAGS], MINIMA), self.residual
+        return type(self)(self.rows[chosen], self.status, self.reason, (known_errors, residual[chosen]))
+
+    @property
+    def singularity(self) -> NDArray[np.int64]:
+        """Zeros, shape (k,): no posture is clamped or moved."""
+        return np.zeros(len(self), dtype=np.int64)
+
+
+class FiveAxisKinematics(ClosedFormKinematics):
+    """Kinematics of an arm with five revolute joints, or four. Threads may share an instance.
+
+    Such an arm brings its tip to a point, and cannot choose all of its orientation. Postures meet the point to 1e-9 m,
+    and what is left of the orientation is as little as it can be: `all_solutions` lists every posture at which it is
+    stationary. `axis_solutions` does the same for the tip's z axis alone, which most arms of five joints turn to any
+    direction.
+
+    Arms whose axes 2, 3 and 4 are parallel (SO-101, Koch, WidowX, ViperX, xArm5) are solved in closed form but for one
+    angle, which is searched; others by a search over two angles, a hundred times slower.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        tip: Short name of the tip frame; default is the arm's own tool centre point.
+        base: `"base_link"` or `"world"`.
+
+    Raises:
+        UnknownNameError: The arm, the tip or the base does not exist.
+        InputError: The arm has another number of joints, or they move the tip in less than three directions.
+
+    Examples:
+        >>> import numpy as np
+        >>> from kinreach.kinematics import ArmKinematics
+        >>> kin = ArmKinematics.of("so101")
+        >>> found = kin.all_solutions(kin.fk(np.full(5, 0.3)))
+        >>> found.kind[0], bool(found.left[0] < 1e-9)
+        ('minimum', True)
+    """
+
+    joints, branches = 5, lib.KR_MAX_STATIONARY
+    #: Numbers of joints of such arms.
+    counts: ClassVar[tuple[int, ...]] = (4, 5)
+
+    def _prepare(self) -> None:
+        super()._prepare()
+        if self.n not in self.counts:
+            raise InputError(f"arm {self.arm.name!r} has {self.n} joints; four or five are needed")
+        self._five = Struct("kr_five_axis")
+        if not lib.kr_five_axis_prepare(self._core.pointer, self._five.pointer):
+            raise InputError(
+                f"arm {self.arm.name!r} is singular in every posture: its joints do not move the tip freely"
+            )
+
+    @property
+    def solved(self) -> str:
+        """How postures are found: by a search over one angle, or over two."""
+        return "by a search over one angle" if self._five.pointer.pitched else "by a search over two angles"
+
+    def all_solutions(
+        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = TOLERANCE
+    ) -> NearestSolutions:
+        """Compute every posture with the tip at a pose's point at which what is left of the orientation is stationary.
+
+        Maxima of half a turn are left out.
+
+        Args:
+            T: Pose of the tip in the base frame, shape (4, 4); or a position [m], shape (3,), which means the
+                orientation of the seed, or of the arm's home.
+            seed: Posture [rad], shape (n,). With it, each solution is given in the winding nearest to it.
+            limits: Leave out what the joint limits forbid, and add the minima at limits.
+            tol: If no posture meets the point exactly, the most by which one may miss it [m], 1e-9 to 1.
+
+        Returns:
+            Up to 64 postures with what is left and its kind, the least first; or the reason why there is none.
+
+        Raises:
+            InputError: `T` is not a finite rigid motion or position, or the seed is malformed.
+        """
+        start = self._posture_or_none(seed)
+        return self._stationary(NearestOrientationGoal(self._pose_of(T, start)), start, limits, check_tolerance(tol))
+
+    def axis_solutions(
+        self,
+        position: ArrayLike,
+        axis: ArrayLike,
+        *,
+        seed: ArrayLike | None = None,
+        limits: bool = True,
+        tol: float = TOLERANCE,
+    ) -> NearestSolutions:
+        """Compute every posture with the tip at a point at which the angle of its z axis to a direction is stationary.
+
+        Args:
+            position: In the base frame [m], shape (3,).
+            axis: Direction of the tip's z axis in the base frame, shape (3,); need not be normalised.
+            seed: As in `all_solutions`; a last joint that only turns the tip about its z axis takes its value.
+            limits: As in `all_solutions`.
+            tol: As in `all_solutions`.
+
+        Raises:
+            InputError: Malformed input.
+        """
+        start = self._posture_or_none(seed)
+        goal = AxisGoal(position, axis)  # type: ignore[arg-type]
+        return self._stationary(goal, start, limits, check_tolerance(tol))
+
+    def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None, margin: float = 0.0) -> IKResult:
+        """Compute the posture with the tip at a pose's point that leaves least of the orientation.
+
+        Args:
+            T: As in `all_solutions`.
+            seed: Posture [rad], shape (n,). Of the postures that leave the same, the nearest to it is returned.
+            accept: Called with minima, the least first, until it returns True.
+            margin: How much more than the least may be left [rad], for a posture that is nearer to the seed: any
+                minimum with `math.inf`. An arm that follows a path does not jump then.
+
+        Raises:
+            InputError: As `all_solutions`, or a negative margin.
+        """
+        start = self.as_posture("seed", seed)
+        margin = check_number("margin", margin, least=0.0) if margin != inf else inf
+        return self._first(self.all_solutions(T, seed=start), start, accept, margin)
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Compute the posture for a goal that is nearest to a seed.
+
+        A `NearestOrientationGoal` is met by the posture that leaves least of the orientation, a `PositionGoal` by the
+        one that leaves least of the seed's. A `PoseGoal` or an `AxisGoal` has to be met exactly; if the arm cannot, the
+        result has the posture that leaves least, and its reason says how much.
+
+        Raises:
+            InputError: An object of another kind.
+        """
+        start = self.as_posture("seed", seed)
+        if isinstance(goal, NearestOrientationGoal):
+            return self.nearest(goal.T, start, accept=accept)
+        if isinstance(goal, PositionGoal):
+            found = self.nearest(goal.position, start, accept=accept)
+            return found if not found.success else IKResult.of(self, goal, found.q, branch=found.branch)
+        if isinstance(goal, AxisGoal):
+            solutions = self.axis_solutions(goal.position, goal.axis, seed=start)
+        elif isinstance(goal, PoseGoal):
+            solutions = self.all_solutions(goal.T, seed=start)
+        else:
+            raise InputError(f"goal must be a PoseGoal, an AxisGoal or a PositionGoal, got {shown(goal)}")
+        return self._exactly(solutions, start, accept)
+
+    def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE) -> IKBatch:
+        """Compute every stationary posture of many poses, the least first; as `ClosedFormKinematics.batch`."""
+        if is_tensor(T):
+            return self._tensor_batch(T, check_tolerance(tol), limits=limits)
+        poses, tol = self._poses_of(T), check_tolerance(tol)
+        q = np.full((len(poses), self.branches, self.n), np.nan)
+        valid = np.zeros(q.shape[:2], dtype=np.bool_)
+        for row, pose in enumerate(poses):
+            found = self._stationary(NearestOrientationGoal(pose), None, limits, tol).q
+            q[row, : len(found)], valid[row, : len(found)] = found, True
+        return IKBatch(q, valid)
+
+    def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = TOLERANCE) -> IKBatchNearest:
+        """Compute `nearest` for each of many poses; as `ClosedFormKinematics.nearest_batch`."""
+        poses, tol = self._poses_of(T), check_tolerance(tol)
+        start = self._as_seeds(seeds, len(poses))
+        q, branch = np.full((len(poses), self.n), np.nan), np.full(len(poses), -1, dtype=np.int64)
+        for row, (pose, seed) in enumerate(zip(poses, start, strict=True)):
+            found = self._stationary(NearestOrientationGoal(pose), np.ascontiguousarray(seed), True, tol).minima
+            if found:
+                q[row], branch[row] = found.q[0], found.branch[0]
+        return IKBatchNearest(q, branch, branch >= 0)
+
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
+        raise NotImplementedError  # `batch` goes pose by pose
+
+    def _poses_of(self, T: ArrayLike) -> Floats:
+        return rigid_poses(as_floats("T", T))
+
+    def _pose_of(self, T: ArrayLike, start: Floats | None) -> Floats:
+        given = as_floats("T", T)
+        if given.shape != (3,):
+            return as_pose("T", given)
+        pose = self.fk(np.array(self.arm.home) if start is None else start)
+        pose[:3, 3] = as_vector("T", given, 3, most=MAX_DISTANCE)
+        return pose
+
+    def _stationary(
+        self, goal: AxisGoal | NearestOrientationGoal, start: Floats | None, limits: bool, tol: float
+    ) -> NearestSolutions:
+        kind, T = core_goal(goal)
+        if kind == 0:
+            T = np.ascontiguousarray(rigid_poses(T[None])[0])
+        errors, near = (self._errors, (kind, T)), NULL if start is None else doubles(start)
+        rows = np.empty((self.branches, self.n + ANGLES.start))
+
+        def count_at(pose: Floats) -> int:
+            given = self._five.pointer, self._core.pointer, kind, doubles(pose)
+            return int(lib.kr_nearest_orientations(*given, near, limits, doubles(rows)))
+
+        count = count_at(T)
+        if not count and not rows[0, BRANCH]:  # at the very edge of reach rounding decides
+            for shift in 0.9 * tol * np.concatenate([np.eye(3), -np.eye(3)]):
+                beside = T.copy()
+                beside[:3, 3] += shift
+                count = count_at(beside)
+                if count:
+                    break
+        if count:
+            return NearestSolutions(rows[:count], Status.OK, "", errors)
+        if rows[0, BRANCH]:
+            every = self._stationary(goal, None, False, tol).rows
+            return NearestSolutions(rows[:0], Status.OUT_OF_LIMITS, self._all_outside(every), errors)
+        return NearestSolutions(rows[:0], Status.OUT_OF_REACH, self._too_far(T[:3, 3]), errors)
+
+    def _too_far(self, position: Floats) -> str:
+        first = (self.T_base_world @ self.model.jointPlacements[1].homogeneous)[:3, 3]
+        away = float(np.linalg.norm(position - first))
+        return f"no posture brings the tip to this point, {away:.3f} m from {self.arm.joints[0]}"
+
+    def _first(self, solutions: NearestSolutions, seed: Floats, accept: Accept | None, margin: float) -> IKResult:
+        """The first minimum that the caller accepts: by what is left, and within a margin of the least by distance."""
+        check_accept(accept)
+        if not len(solutions):
+            position, orientation = solutions.errors(np.array([[0.0, 0.0, *seed]]))[0].tolist()
+            return IKResult(seed.copy(), solutions.status, position, orientation, solutions.reason)
+        minima = solutions.minima or solutions
+        order = np.arange(len(minima))
+        if margin > 0.0:
+            left, away = minima.left, np.linalg.norm(minima.q - seed, axis=1)
+            order = np.lexsort([away, np.where(left <= left[0] + margin, 0.0, left)])
+        for index in order.tolist():
+            found = minima[index]
+            if accept is None or accept(found.q.copy()):
+                return found
+        reason = f"accept refused all {len(minima)} postures"
+        return replace(minima[int(order[0])], status=Status.REJECTED, reason=reason, branch=-1)
+
+    def _exactly(self, solutions: NearestSolutions, seed: Floats, accept: Accept | None) -> IKResult:
+        found = self._first(solutions, seed, accept, 0.0)
+        if found.position_error > Tolerance().position or found.orientation_error <= Tolerance().orientation:
+            return found
+        left = found.orientation_error
+        reason = f"{self.n} joints leave {left:.3g} rad ({degrees(left):.1f} degrees) of the orientation at this point"
+        return IKResult(found.q, Status.OUT_OF_REACH, found.position_error, left, reason)

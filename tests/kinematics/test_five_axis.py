@@ -1,0 +1,345 @@
+"""Arms of four and five axes: the point exactly, the orientation or the direction as near as it goes."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kinreach._rotations import wrapped
+from kinreach.errors import InputError
+from kinreach.kinematics import (
+    ArmKinematics,
+    AxisGoal,
+    ClosedFormSolver,
+    FiveAxisKinematics,
+    IKResult,
+    LevenbergMarquardtSolver,
+    NearestOrientationGoal,
+    PlacoSolver,
+    PoseGoal,
+    PositionGoal,
+    QPSolver,
+    SixAxisKinematics,
+    Status,
+)
+from tests.kinematics.five_axis_arms import FIGURES, HALF, kinematics_of, orientations, owned, random_joints
+from tests.kinematics.stationary_oracle import Oracle
+
+
+@pytest.fixture(scope="module", params=sorted(FIGURES))
+def kin(request, tmp_path_factory):
+    return owned(tmp_path_factory.mktemp("arm"), request.param)
+
+
+def poses_of(kin, rng, count):
+    """Poses with points that the arm reaches within its limits, of any orientation."""
+    T = kin.fk(rng.uniform(np.maximum(kin.lower, -np.pi), np.minimum(kin.upper, np.pi), (count, kin.n)))
+    for pose in T:
+        pose[:3, :3] = orientations(rng)
+    return T
+
+
+def apart(q, others, free=None):
+    """The largest difference of a joint from each of other postures, but for one that is free."""
+    off = np.abs(wrapped(others - q)).reshape(-1, len(q))
+    if free is not None:
+        off[:, free] = 0.0
+    return off.max(axis=1)
+
+
+def test_the_class_is_chosen_by_the_number_of_joints(kin):
+    assert isinstance(kin, FiveAxisKinematics)
+    assert kin.knows_all_postures
+    assert kin.solved == "by a search over one angle"
+    assert kin.n in (4, 5)
+
+
+def test_every_posture_meets_the_point_and_is_stationary(kin):
+    rng, seen = np.random.default_rng(0), {}
+    for T in poses_of(kin, rng, 12):
+        for axis_only in (False, True):
+            ask = (lambda **o: kin.axis_solutions(T[:3, 3], T[:3, 2], **o)) if axis_only else (lambda **o: kin.all_solutions(T, **o))  # fmt: skip
+            goal = AxisGoal(T[:3, 3], T[:3, 2]) if axis_only else NearestOrientationGoal(T)
+            found, oracle = ask(limits=False), Oracle(kin, T, axis_only=axis_only)
+            assert len(found)
+            for solution, kind, left in zip(found, found.kind, found.left, strict=True):
+                errors = goal.error(kin.fk(solution.q))
+                assert errors[0] < 1e-9
+                assert (solution.position_error, solution.orientation_error) == pytest.approx(errors, abs=1e-12)
+                assert left == solution.orientation_error
+                trace, gradient, J, *_ = oracle.derivatives(solution.q[None])
+                along = np.linalg.svd(J[0].T)[2][3:]  # motions that leave the tip at its point
+                assert np.abs(along @ gradient[0]).max() < 1e-7
+                # beside it the trace grows or falls as the kind says
+                grows = [
+                    oracle.derivatives((solution.q + s)[None])[0][0] - trace[0]
+                    for s in _beside(oracle, solution.q, along)
+                ]
+                if max(np.abs(grows)) > 1e-10:
+                    expected = {"minimum": max(grows) < 1e-12, "maximum": min(grows) > -1e-12, "saddle": True}
+                    assert expected[kind]
+                    seen[kind] = seen.get(kind, 0) + 1
+            assert list(found.left) == pytest.approx(sorted(found.left), abs=1e-7)
+    assert seen["minimum"] > 40
+    assert seen["maximum"] > 10
+
+
+def _beside(oracle, q, along):
+    """Small motions along directions, after which the tip is at its point again."""
+    for direction in (*along, *-along, along.sum(axis=0)):
+        step = 1e-4 * direction
+        for _ in range(3):
+            _, _, J, away, *_ = oracle.derivatives((q + step)[None])
+            step = step + np.linalg.pinv(J[0].T) @ away[0]
+        yield step
+
+
+def test_the_posture_of_a_pose_is_found_with_nothing_left(kin):
+    rng, found = np.random.default_rng(1), 0
+    for q in rng.uniform(np.maximum(kin.lower, -np.pi), np.minimum(kin.upper, np.pi), (60, kin.n)):
+        T = kin.fk(q)
+        solutions = kin.all_solutions(T)
+        exact = solutions.left < 1e-7
+        assert apart(q, solutions.q[exact]).min() < 1e-5
+        assert all(kind == "minimum" for kind in np.array(solutions.kind)[exact])
+        result = kin.nearest(T, q)
+        assert result.success
+        np.testing.assert_allclose(result.q, q, atol=1e-5)
+        found += 1
+    assert found == 60
+
+
+@pytest.mark.parametrize("axis_only", [False, True])
+def test_none_is_missed_of_those_from_many_starts(kin, axis_only):
+    rng, tried = np.random.default_rng(2), 0
+    for T in poses_of(kin, rng, 3):
+        found = kin.axis_solutions(T[:3, 3], T[:3, 2], limits=False) if axis_only else kin.all_solutions(T, limits=False)
+        free = kin.n - 1 if axis_only and kin._five.pointer.last_turns_tip else None
+        for q in Oracle(kin, T, axis_only=axis_only).stationary(rng, 80)[0]:
+            assert apart(q, found.q, free).min() < 1e-4
+            tried += 1
+    assert tried >= (6 if axis_only else 20)
+
+
+@pytest.mark.parametrize("n", [4, 5])
+def test_none_is_missed_of_arms_of_random_geometry(n, tmp_path):
+    rng, tried = np.random.default_rng(n), 0
+    for _ in range(6):
+        kin = kinematics_of(tmp_path, *random_joints(n, rng))
+        assert kin.solved == "by a search over two angles"
+        for T in poses_of(kin, rng, 1):
+            found = kin.all_solutions(T, limits=False)
+            assert found.residual[:, 0].max() < 1e-9
+            for q in Oracle(kin, T).stationary(rng, 120)[0]:
+                assert apart(q, found.q).min() < 1e-4
+                tried += 1
+    assert tried > 20
+
+
+def test_within_limits_no_optimiser_finds_less(kin):
+    rng, runs, at_limits = np.random.default_rng(3), 0, 0
+    for T in poses_of(kin, rng, 3):
+        found = kin.all_solutions(T)
+        minima = found.minima
+        assert not any(len(kin.joints_outside_limits(q)) for q in found.q)
+        for q, kind in zip(found.q, found.kind, strict=True):
+            at_limit = min(np.abs(q - kin.lower).min(), np.abs(q - kin.upper).min()) < 1e-9
+            assert at_limit or kind != "minimum at a limit"
+            at_limits += kind == "minimum at a limit"
+        if kin.n == 5:
+            ends, traces = Oracle(kin, T).least_within_limits(rng, 5)
+            for q, trace in zip(ends, traces, strict=True):
+                least = math.acos(max(-1.0, min(1.0, (trace - 1) / 2)))
+                assert minima.left[0] <= least + 1e-6
+                assert apart(q, minima.q).min() < 2e-2
+                runs += 1
+    assert runs >= 8 or kin.n == 4
+    assert at_limits > 0
+
+
+def test_exact_directions_are_those_of_the_arm_with_a_sixth_joint_about_the_tips_axis(tmp_path):
+    """Every posture with the tip's z axis along a direction, by another way: elimination on six axes."""
+    rng, tried = np.random.default_rng(4), 0
+    for number in range(8):
+        joints, tip = FIGURES["so101"] if number < 2 else random_joints(5, rng)
+        joints = [(place, axis, -np.pi, np.pi) for place, axis, *_ in joints]
+        five = kinematics_of(tmp_path, joints, tip, "five")
+        six = kinematics_of(tmp_path, [*joints, (tip, "0 0 1", -np.pi, np.pi)], (0,) * 6, "six")
+        assert isinstance(six, SixAxisKinematics)
+        for q in rng.uniform(-np.pi, np.pi, (3, 6)):
+            T = six.fk(q)
+            expected = six.all_solutions(T).q[:, :5]
+            found = five.axis_solutions(T[:3, 3], T[:3, 2])
+            exact = found.q[found.left < 1e-7]
+            assert len(exact) == len(expected)
+            assert all(apart(each, exact).min() < 1e-5 for each in expected)
+            tried += len(expected)
+    assert tried > 60
+
+
+def test_a_pose_that_has_to_be_met_exactly_is_refused_with_what_is_left(kin):
+    rng, refused = np.random.default_rng(5), 0
+    for T in poses_of(kin, rng, 10):
+        result = kin.solve(NearestOrientationGoal(T), kin.arm.home)
+        assert result.success
+        assert IKResult.of(kin, NearestOrientationGoal(T), result.q).success
+        exact = ClosedFormSolver(kin).solve(PoseGoal(T), kin.arm.home)
+        assert exact.orientation_error == pytest.approx(result.orientation_error, abs=1e-7)
+        if exact.orientation_error > 1e-3:
+            assert exact.status is Status.OUT_OF_REACH
+            assert f"{kin.n} joints leave {exact.orientation_error:.3g} rad" in exact.reason
+            assert not IKResult.of(kin, PoseGoal(T), exact.q).success
+            refused += 1
+        point = kin.solve(PositionGoal(T[:3, 3]), kin.arm.home)
+        assert point.success
+        assert point.orientation_error == 0.0
+        assert point.position_error < 1e-9
+        same = kin.nearest(T[:3, 3], kin.arm.home)
+        np.testing.assert_array_equal(point.q, same.q)
+    assert refused > 5
+
+
+def test_others_say_that_they_do_not_solve_it(kin):
+    goal = NearestOrientationGoal(kin.fk(kin.arm.home))
+    for solver in (LevenbergMarquardtSolver, QPSolver, PlacoSolver):
+        with pytest.raises(InputError, match="solved by the kinematics of an arm with four or five joints"):
+            solver(kin).solve(goal, kin.arm.home)
+    with pytest.raises(InputError, match="goal must be a PoseGoal, an AxisGoal or a PositionGoal, got 'home'"):
+        kin.solve("home", kin.arm.home)
+
+
+def test_refused_postures_lead_to_the_next_and_nearest_is_near(kin):
+    rng = np.random.default_rng(6)
+    several = 0
+    for T in poses_of(kin, rng, 10):
+        minima = kin.all_solutions(T, seed=kin.arm.home).minima
+        refused = []
+
+        def accept(q, refused=refused):
+            refused.append(q)
+            return len(refused) == 2
+
+        result = kin.nearest(T, kin.arm.home, accept=accept)
+        if len(minima) > 1:
+            np.testing.assert_array_equal(result.q, minima.q[1])
+            several += 1
+        assert kin.nearest(T, kin.arm.home, accept=lambda q: False).status is Status.REJECTED
+        np.testing.assert_array_equal(kin.nearest(T, kin.arm.home).q, minima.q[0])
+        for q in minima.q:  # with a margin the posture stays where it is
+            np.testing.assert_allclose(kin.nearest(T, q, margin=math.inf).q, q, atol=1e-9)
+    assert several > 3
+    with pytest.raises(InputError, match="margin"):
+        kin.nearest(T, kin.arm.home, margin=-1.0)
+
+
+def test_a_path_is_followed_without_jumps(kin):
+    """The tip goes around a circle in steps of 2 degrees while its wanted orientation stays."""
+    rng, steps = np.random.default_rng(7), 0
+    for _ in range(3):
+        q = (0.55 * kin.lower + 0.45 * kin.upper) / max(1.0, np.abs(kin.upper).max() / np.pi) + rng.uniform(-0.1, 0.1, kin.n)
+        T = kin.fk(q)
+        centre, radius = T[:3, 3] - [0.02, 0.0, 0.0], 0.02
+        for angle in np.radians(np.arange(0.0, 361.0, 2.0)):
+            T[:3, 3] = centre + radius * np.array([math.cos(angle), math.sin(angle), 0.0])
+            result = kin.nearest(T, q, margin=math.inf)
+            assert result.success
+            assert np.abs(result.q - q).max() < 0.15
+            q = result.q
+            steps += 1
+    assert steps > 500
+
+
+def test_batches_give_what_single_poses_give(kin):
+    T = poses_of(kin, np.random.default_rng(8), 12)
+    T[3, :3, 3] = 5.0
+    found, nearest = kin.batch(T), kin.nearest_batch(T, kin.arm.home)
+    for row, pose in enumerate(T):
+        one = kin.all_solutions(pose)
+        assert found.valid[row].sum() == len(one)
+        np.testing.assert_array_equal(found.q[row, : len(one)], one.q)
+        each = kin.nearest(pose, kin.arm.home)
+        assert nearest.success[row] == each.success == (row != 3)
+        if each.success:
+            np.testing.assert_array_equal(nearest.q[row], each.q)
+    assert np.isnan(nearest.q[3]).all()
+
+
+def test_windings_are_those_nearest_to_the_seed(tmp_path):
+    kin, rng = owned(tmp_path, "xarm5"), np.random.default_rng(9)
+    turned = 0
+    for T in poses_of(kin, rng, 10):
+        seed = np.array([5.0, 0.0, -1.0, 0.5, -5.0])
+        for q in kin.all_solutions(T, seed=seed).q:
+            assert kin.within_limits(q)
+            for joint in (0, 4):
+                others = [a for a in q[joint] + 2 * np.pi * np.arange(-3, 4) if abs(a) <= 2 * np.pi]
+                assert q[joint] == pytest.approx(min(others, key=lambda a, j=joint: abs(a - seed[j])))
+                turned += abs(q[joint]) > np.pi
+    assert turned > 20
+
+
+def test_why_there_is_none(kin):
+    far = np.eye(4)
+    far[:3, 3] = 3.0, 0.0, 0.3
+    found = kin.all_solutions(far)
+    assert found.status is Status.OUT_OF_REACH
+    assert "no posture brings the tip to this point" in found.reason
+    assert kin.nearest(far, kin.arm.home).status is Status.OUT_OF_REACH
+    assert kin.solve(AxisGoal(far[:3, 3], [0, 0, -1]), kin.arm.home).status is Status.OUT_OF_REACH
+    outside, rng = 0, np.random.default_rng(10)
+    for q in rng.uniform(-np.pi, np.pi, (200, kin.n)):
+        found = kin.all_solutions(kin.fk(q))
+        if not found.success:
+            assert found.status is Status.OUT_OF_LIMITS
+            assert "are outside the joint limits (j" in found.reason
+            assert kin.all_solutions(kin.fk(q), limits=False).success
+            outside += 1
+    assert outside > 5
+    for wrong in (np.eye(3), np.full((4, 4), np.nan), [1.0, 2.0]):
+        with pytest.raises(InputError, match="T"):
+            kin.all_solutions(wrong)
+    with pytest.raises(InputError, match="seed"):
+        kin.all_solutions(far, seed=[0.0] * 7)
+
+
+def test_the_edge_of_reach_is_reached(kin):
+    """All links straight, along which most arms cannot turn their tip otherwise."""
+    reached, rng = 0, np.random.default_rng(11)
+    for q in rng.uniform(-np.pi, np.pi, (40, kin.n)):
+        origin = kin.fk(q)
+        for joint in (2, 3):  # farthest from the joint before
+            turns = np.tile(q, (721, 1))
+            turns[:, joint] = np.linspace(-np.pi, np.pi, 721)
+            away = np.linalg.norm(kin.positions(turns) - kin.chain_point(q, 1) if False else kin.positions(turns), axis=1)
+            q = turns[away.argmax()]
+        T = kin.fk(q)
+        assert origin.shape == T.shape
+        found = kin.all_solutions(T, limits=False)
+        reached += found.success
+        if found.success:
+            assert found.residual[:, 0].max() < 1e-7
+    assert reached == 40
+
+
+def test_it_can_be_pickled_and_postures_too(kin):
+    T = poses_of(kin, np.random.default_rng(12), 1)[0]
+    again, found = pickle.loads(pickle.dumps(kin)), kin.all_solutions(T)
+    np.testing.assert_array_equal(again.all_solutions(T).q, found.q)
+    copy = pickle.loads(pickle.dumps(found))
+    assert copy.kind == found.kind
+    np.testing.assert_array_equal(copy.left, found.left)
+    assert len(copy.minima) == len(found.minima)
+
+
+def test_arms_of_other_kinds_are_refused(tmp_path):
+    for n in (3, 6):
+        joints, tip = random_joints(n, np.random.default_rng(0))
+        arm = kinematics_of(tmp_path, joints, tip).arm
+        with pytest.raises(InputError, match=rf"has {n} joints; four or five are needed"):
+            FiveAxisKinematics(arm)
+    parallel = [((0.1, 0, 0, 0, 0, 0), "0 0 1", -3, 3)] * 5
+    plain = kinematics_of(tmp_path, parallel, (0.1, 0, 0, 0, 0, 0))
+    assert type(plain) is ArmKinematics
+    assert "singular in every posture" in plain.no_closed_form
