@@ -31,7 +31,6 @@ from kinreach.kinematics._core import NULL, Struct, doubles, lib
 from kinreach.kinematics._goals import AxisGoal, Goal, NearestOrientationGoal, PoseGoal, PositionGoal, rigid_poses
 from kinreach.kinematics._solutions import (
     ANGLES,
-    BRANCH,
     FLAGS,
     Accept,
     IKBatch,
@@ -47,6 +46,9 @@ from kinreach.kinematics._solutions import (
 #: What a stationary orientation error is, by its number in the core.
 KINDS = ("minimum", "saddle", "maximum", "minimum at a limit")
 MINIMA = (0.0, 3.0)
+#: Poses beside one, as differences, for a tolerance of 1 m.
+BESIDE = np.zeros((6, 4, 4))
+BESIDE[:, :3, 3] = 0.9 * np.concatenate([np.eye(3), -np.eye(3)])
 
 
 class NearestSolutions(IKSolutions):
@@ -270,19 +272,12 @@ class FiveAxisKinematics(ClosedFormKinematics):
             given = self._five.pointer, self._core.pointer, kind, doubles(pose)
             return int(lib.kr_nearest_orientations(*given, near, limits, doubles(rows)))
 
-        count = count_at(T)
-        if not count and not rows[0, BRANCH]:  # at the very edge of reach rounding decides
-            for shift in 0.9 * tol * np.concatenate([np.eye(3), -np.eye(3)]):
-                beside = T.copy()
-                beside[:3, 3] += shift
-                count = count_at(beside)
-                if count:
-                    break
+        poses = [T, *(T + shift for shift in tol * BESIDE)]  # at the very edge of reach rounding decides
+        count = next(filter(None, map(count_at, poses)), 0)
         if count:
             return NearestSolutions(rows[:count], Status.OK, "", errors)
-        if rows[0, BRANCH]:
-            every = self._stationary(goal, None, False, tol).rows
-            return NearestSolutions(rows[:0], Status.OUT_OF_LIMITS, self._all_outside(every), errors)
+        if limits and (every := self._stationary(goal, None, False, tol)):
+            return NearestSolutions(rows[:0], Status.OUT_OF_LIMITS, self._all_outside(every.rows), errors)
         return NearestSolutions(rows[:0], Status.OUT_OF_REACH, self._too_far(T[:3, 3]), errors)
 
     def _too_far(self, position: Floats) -> str:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from kinreach.kinematics import ArmKinematics
 
 HALF = np.pi / 2
-#: Of each joint: place of its frame in the one before (x, y, z, roll, pitch, yaw), axis, limits; and the tip's place [m, rad].
+#: Of each joint its place in the one before (x, y, z, roll, pitch, yaw), axis and limits; and the tip's place [m, rad].
 FIGURES = {
     "so101": (
         [
@@ -83,7 +83,8 @@ def urdf_of(joints, tip, name="arm"):
     for i, (numbers, axis, lower, upper) in enumerate(joints, start=1):
         text += (
             f'<joint name="j{i}" type="revolute"><parent link="l{i - 1}"/><child link="l{i}"/>{place(numbers)}'
-            f'<axis xyz="{axis}"/><limit lower="{float(lower)!r}" upper="{float(upper)!r}" effort="1" velocity="2"/></joint>'
+            f'<axis xyz="{axis}"/><limit lower="{float(lower)!r}" upper="{float(upper)!r}" effort="1" velocity="2"/>'
+            "</joint>"
         )
     text += f'<joint name="end" type="fixed"><parent link="l{len(joints)}"/><child link="tip"/>{place(tip)}</joint>'
     return f'<robot name="{name}">{text}</robot>'

@@ -1,6 +1,6 @@
-"""Postures at which the orientation error is stationary while the tip is at a point: by Newton's method from many starts.
+"""Postures with the tip at a point at which the orientation error is stationary: Newton's method from many starts.
 
-Written apart from the core: all starts at once in numpy, without any of an arm's geometry. With limits by scipy's SLSQP.
+Written apart from the core, in numpy, and without any of an arm's geometry. With limits by scipy's SLSQP.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Oracle:
         self.lower, self.upper = kin.lower, kin.upper
 
     def derivatives(self, q):
-        """Of postures (m, n): trace, its gradient, Jacobian of the position (m, n, 3), rest of the way, axes, rotations."""
+        """Trace, its gradient, Jacobian of the position (m, n, 3), rest of the way, axes and rotations of postures."""
         T, J = self.chain.fk(q), self.chain.jacobian(q).swapaxes(1, 2)
         R, z = T[:, :3, :3], J[:, :, 3:]
         a = sum(np.cross(R[:, :, c], self.W[:, c]) for c in range(3))

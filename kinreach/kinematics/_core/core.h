@@ -159,8 +159,7 @@ int kr_five_axis_prepare(const kr_arm *arm, kr_five_axis *five);
 /* Postures with the tip at a point at which what is left of its orientation (kind 0) or axis (kind 1) is stationary among
  * all postures with the tip there, and with `limits` those at which it is least for what they allow; the least first, and of
  * the same the nearest to a seed (which may be null). Into rows (64, 2 + n): index, kind (0 minimum, 1 saddle, 2 maximum, 3
- * minimum at a limit), angles in windings near the seed. Returns how many. Where there is none rows[0] is how many there are
- * without limits. */
+ * minimum at a limit), angles in windings near the seed. Returns how many. */
 int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kind, const double T[12],
                             const double *seed, int limits, double *rows);
 

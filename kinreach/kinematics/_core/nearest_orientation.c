@@ -14,9 +14,10 @@
 #include <string.h>
 
 enum { N = KR_FIVE_JOINTS, CURVE = 72, SURFACE = 24, STARTS = 1024 };
-/* A step of Newton's method is short [rad]; starts and postures closer than this are one [rad]. */
-static const double SHORT = 1.0, SAME_START = 0.15, SAME = 1e-5;
-/* How far a joint may be past its limit by rounding [rad]; a range that is a full turn [rad]. */
+/* A step of Newton's method is short [rad]. Starts closer than this, as a share of the step that leads to them, are one; so
+ * are postures [rad]. */
+static const double SHORT = 3.0, SAME_START = 0.15, SAME = 1e-5;
+/* How far a joint may be past its limit by rounding, and its range less than a full turn [rad]. */
 static const double SLACK = 1e-9;
 /* By how much the tip may miss its point [m]; of a trace, from that of half a turn. */
 static const double MISSED = 1e-9, OPPOSITE = 1e-7;
@@ -27,7 +28,7 @@ typedef struct {
     const kr_five_axis *five;
     kr_stationary_goal goal;
     int fixed;                                  /* a joint that does not matter, as a bit */
-    int limits, started;
+    int started;
     double starts[STARTS][N];
     int count;
     kr_stationary_posture found[KR_MAX_STATIONARY];
@@ -183,7 +184,7 @@ int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kin
     double q[N] = {0.0}, left[KR_MAX_STATIONARY], row[N + 2], errors[2];
     search s;
     memset(s.goal.W, 0, sizeof s.goal.W);
-    s.five = five, s.limits = limits, s.count = s.started = 0;
+    s.five = five, s.count = s.started = 0;
     s.goal.arm = arm, s.goal.most = kind ? 1.0 : 3.0;
     for (int r = 0; r < 3; r++) {
         s.goal.p[r] = T[4 * r + 3];
@@ -197,7 +198,6 @@ int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kin
     const int pitched = five->pitched && !(s.fixed && n == 4);
     if (pitched) kr_pitched_starts(five, &s.goal, s.fixed, limits, q, start_from, &s);
     else scan(&s, s.fixed, q);
-    const int all = s.count;
     if (limits && !pitched) scan_limits(&s, q);
     int kept = 0;
     for (int k = 0; k < s.count; k++) {
@@ -217,7 +217,6 @@ int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kin
         left[at] = errors[1];
     }
     for (int k = 0; k < kept; k++) rows[width * k] = k;
-    if (!kept) rows[0] = all;
     return kept;
 }
 

@@ -13,12 +13,14 @@
 #include <math.h>
 #include <string.h>
 
-enum { N = KR_FIVE_JOINTS, GRID = 40, REFINED = 6, HALVED = 26 };
+enum { N = KR_FIVE_JOINTS, EVEN = 40, GRID = EVEN + 4, REFINED = 40, HALVED = 26 };
 /* Axes are parallel if they are off by less; the angle between axes 1 and 2 is larger than this [rad]. */
 static const double PARALLEL = 1e-4, ACROSS = 0.05;
 /* How far a start may be outside the limits [rad], because Newton's method has yet to move it. */
 static const double NEAR = 1e-2;
 static const double SLACK = 1e-9;
+/* How much the cosine of an elbow that is almost straight may be larger than 1. */
+static const double MERGING = 1e-9;
 
 static void rotated(double angle, const double v[2], double to[2]) {
     const double c = cos(angle), s = sin(angle);
@@ -88,6 +90,7 @@ typedef struct {
     double point[3], w[9];             /* the point and W before joint 1 */
     double cosine, sine, height, size; /* of the condition on q1; its amplitude */
     double upper, fore;                /* lengths */
+    double q5[GRID + 3];               /* in rising order, the first three once more at the end */
     sample grid[2][GRID];
 } search;
 
@@ -198,7 +201,7 @@ static void found(const search *s, const condition *on, int held, const sample *
     const double wx = at->x[0] - phi[0] * at->t[0] + phi[1] * at->t[1];
     const double wy = at->x[1] - phi[1] * at->t[0] - phi[0] * at->t[1], r = wx * wx + wy * wy;
     double bend = 0.5 * (r - s->upper * s->upper - s->fore * s->fore) / (s->upper * s->fore), q[2][N];
-    if (straight || (on->held && fabs(bend) < 1.0 + 1e-6)) bend = fmax(-1.0, fmin(1.0, bend));
+    if (straight || fabs(bend) < 1.0 + MERGING) bend = fmax(-1.0, fmin(1.0, bend));
     if (!(fabs(bend) <= 1.0)) return;
     const double au = atan2(five->upper[1], five->upper[0]), af = atan2(five->fore[1], five->fore[0]);
     for (int elbow = 0; elbow < (straight ? 1 : 2); elbow++) {
@@ -235,7 +238,7 @@ static void refine(const search *s, const condition *on, int side, double a, dou
         if (!(fabs(value_a) < 1e6 && fabs(value_b) < 1e6) || step == 1) q5 = 0.5 * (a + b);
         take(s, q5, side, &at);
         if (!evaluate(on, &at, phi, &value)) return;
-        if (step == REFINED || fabs(value) < 1e-9) break;
+        if (step == REFINED || fabs(value) < 1e-14 || fabs(b - a) < 1e-15) break;
         if ((value > 0.0) == (value_a > 0.0)) {
             a = q5, value_a = value;
             if (step > 1) value_b *= 0.5;
@@ -265,27 +268,43 @@ static void up_to_the_end(const search *s, const condition *on, int side, double
     between(s, on, side, q5, value, inside, last);
 }
 
+/* Values of q5 around the circle. Two are next to each of those at which the tip is farthest across: there q1 turns back, and
+ * zeros may be close together. */
+static void set_grid(search *s) {
+    static const double BESIDE = 1e-4;
+    const double farthest = atan2(s->five->tip[2][2], s->five->tip[1][2]);
+    for (int i = 0; i < EVEN; i++) s->q5[i] = KR_TURN * (i + 0.37) / EVEN - KR_PI;
+    for (int i = EVEN; i < GRID; i++) {
+        const double q5 = kr_wrapped(farthest + (i & 2 ? KR_PI : 0.0) + (i & 1 ? BESIDE : -BESIDE));
+        int at = i;
+        for (; at > 0 && s->q5[at - 1] > q5; at--) s->q5[at] = s->q5[at - 1];
+        s->q5[at] = q5;
+    }
+    for (int i = 0; i < 3; i++) s->q5[GRID + i] = s->q5[i] + KR_TURN;
+}
+
 /* Zeros over q5 with q1 on one side. */
 static void along(const search *s, const condition *on, int side) {
     double value[GRID + 3], phi[2];
     int exists[GRID + 3];
     for (int i = 0; i < GRID + 3; i++) exists[i] = evaluate(on, &s->grid[side][i % GRID], phi, value + i);
     for (int i = 0; i < GRID; i++) {
-        const double step = KR_TURN / GRID, a = s->grid[side][0].q5 + step * i, b = a + step;
+        const double a = s->q5[i], b = s->q5[i + 1], c = s->q5[i + 2];
         if (exists[i] && exists[i + 1]) {
             between(s, on, side, a, value[i], b, value[i + 1]);
-            /* two zeros between a, b and the next one: the parabola through the three values crosses zero */
+            /* two zeros between a and c: the parabola through the three values is steady, and has another sign there */
             const double v0 = value[i], v1 = value[i + 1], v2 = value[i + 2];
             if (!exists[i + 2] || (v0 > 0.0) != (v1 > 0.0) || (v1 > 0.0) != (v2 > 0.0)) continue;
             if (!(fabs(v1) <= fabs(v0) && fabs(v1) <= fabs(v2))) continue;
-            const double bend = v0 - 2.0 * v1 + v2, shift = bend != 0.0 ? 0.5 * (v0 - v2) / bend : 0.0;
+            const double rise = (v1 - v0) / (b - a), bend = ((v2 - v1) / (c - b) - rise) / (c - a);
+            const double steady = bend != 0.0 ? 0.5 * (a + b) - 0.5 * rise / bend : b;
             double there;
             sample at;
-            take(s, b + step * shift, side, &at);
+            take(s, steady, side, &at);
             if (!evaluate(on, &at, phi, &there) || (there > 0.0) == (v1 > 0.0)) continue;
-            between(s, on, side, b, v1, b + step * shift, there);
-            if (shift > 0.0) between(s, on, side, b + step * shift, there, b + step, v2);
-            else between(s, on, side, a, v0, b + step * shift, there);
+            between(s, on, side, fmin(b, steady), steady < b ? there : v1, fmax(b, steady), steady < b ? v1 : there);
+            if (steady > b) between(s, on, side, steady, there, c, v2);
+            else between(s, on, side, a, v0, steady, there);
         } else if (exists[i])
             up_to_the_end(s, on, side, a, value[i], b);
         else if (exists[i + 1])
@@ -299,9 +318,8 @@ static void at_once(const search *s, const condition *on, int held, const sample
     if (evaluate(on, at, phi, &value)) found(s, on, held | on->held, at, phi);
 }
 
-/* Conditions with the pitches free, or with one or two at limits, as far as there are any. */
-static int conditions(const search *s, double *given, condition *all) {
-    const kr_arm *arm = s->goal->arm;
+/* The conditions with the pitches free: six. */
+static int free_pitches(const search *s, condition *all) {
     int count = 0;
     memset(all, 0, 6 * sizeof *all);
     for (int way = BEST; way <= WORST; way++) all[count++].way = way;
@@ -309,7 +327,6 @@ static int conditions(const search *s, double *given, condition *all) {
         all[count].way = side & 1 ? ONE_SIDE : OTHER_SIDE;
         all[count++].length = side & 2 ? s->upper + s->fore : fabs(s->upper - s->fore);
     }
-    (void)arm, (void)given;
     return count;
 }
 
@@ -367,7 +384,7 @@ void kr_pitched_starts(const kr_five_axis *five, const kr_stationary_goal *goal,
     s.height = b[0] * A1[3] + b[1] * A1[7] + b[2] * (A1[11] - s.point[2]);
     s.size = sqrt(s.cosine * s.cosine + s.sine * s.sine);
     s.given = q;
-    int count = conditions(&s, NULL, on);
+    int count = free_pitches(&s, on);
     for (int k = 0; k < count; k++) memcpy(given[k], q, arm->n * sizeof *q);
     for (int i = 1; limits && i < 4; i++)  /* joints at limits, and pairs of them */
         for (int j = i; limited(arm, i) && j < 4; j++) {
@@ -395,12 +412,9 @@ void kr_pitched_starts(const kr_five_axis *five, const kr_stationary_goal *goal,
         }
         return;
     }
+    set_grid(&s);
     for (int side = 0; side < 2; side++) {
-        for (int i = 0; i < GRID; i++) {
-            const double q5 = KR_TURN * (i + 0.37) / GRID - KR_PI;
-            take(&s, q5, side, &s.grid[side][i]);
-            s.grid[side][i].q5 = q5;
-        }
+        for (int i = 0; i < GRID; i++) take(&s, s.q5[i], side, &s.grid[side][i]);
         for (int k = 0; k < count; k++) s.given = given[k], along(&s, on + k, side);
     }
     for (int i = 0; limits && i < 5; i += 4)
