@@ -23,12 +23,11 @@ from kinreach._checks import (
     check_number,
     check_tolerance,
     is_tensor,
-    shown,
 )
 from kinreach.errors import InputError
 from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics, core_goal
 from kinreach.kinematics._core import NULL, Struct, doubles, lib
-from kinreach.kinematics._goals import AxisGoal, Goal, NearestOrientationGoal, PoseGoal, PositionGoal, rigid_poses
+from kinreach.kinematics._goals import AxisGoal, NearestOrientationGoal, PoseGoal, PositionGoal, rigid_poses
 from kinreach.kinematics._solutions import (
     ANGLES,
     FLAGS,
@@ -92,6 +91,10 @@ class FiveAxisKinematics(ClosedFormKinematics):
     and what is left of the orientation is as little as it can be: `all_solutions` lists every posture at which it is
     stationary. `axis_solutions` does the same for the tip's z axis alone, which most arms of five joints turn to any
     direction.
+
+    `solve` meets a `NearestOrientationGoal` by the posture that leaves least of the orientation, a `PositionGoal` by the
+    one that leaves least of the seed's. A `PoseGoal` or an `AxisGoal` has to be met exactly; if the arm cannot, the
+    result has the posture that leaves least, and its reason says how much.
 
     Arms whose axes 2, 3 and 4 are parallel (SO-101, Koch, WidowX, ViperX, xArm5) are solved in closed form but for one
     angle, which is searched; others by a search over two angles, a hundred times slower.
@@ -198,29 +201,22 @@ class FiveAxisKinematics(ClosedFormKinematics):
         margin = check_number("margin", margin, least=0.0) if margin != inf else inf
         return self._first(self.all_solutions(T, seed=start), start, accept, margin)
 
-    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """Compute the posture for a goal that is nearest to a seed.
+    def _solve_nearest_orientation(
+        self, goal: NearestOrientationGoal, seed: ArrayLike, accept: Accept | None
+    ) -> IKResult:
+        return self.nearest(goal.T, seed, accept=accept)
 
-        A `NearestOrientationGoal` is met by the posture that leaves least of the orientation, a `PositionGoal` by the
-        one that leaves least of the seed's. A `PoseGoal` or an `AxisGoal` has to be met exactly; if the arm cannot, the
-        result has the posture that leaves least, and its reason says how much.
-
-        Raises:
-            InputError: An object of another kind.
-        """
+    def _solve_pose(self, goal: PoseGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         start = self.as_posture("seed", seed)
-        if isinstance(goal, NearestOrientationGoal):
-            return self.nearest(goal.T, start, accept=accept)
-        if isinstance(goal, PositionGoal):
-            found = self.nearest(goal.position, start, accept=accept)
-            return found if not found.success else IKResult.of(self, goal, found.q, branch=found.branch)
-        if isinstance(goal, AxisGoal):
-            solutions = self.axis_solutions(goal.position, goal.axis, seed=start)
-        elif isinstance(goal, PoseGoal):
-            solutions = self.all_solutions(goal.T, seed=start)
-        else:
-            raise InputError(f"goal must be a PoseGoal, an AxisGoal or a PositionGoal, got {shown(goal)}")
-        return self._exactly(solutions, start, accept)
+        return self._exactly(self.all_solutions(goal.T, seed=start), start, accept)
+
+    def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        start = self.as_posture("seed", seed)
+        return self._exactly(self.axis_solutions(goal.position, goal.axis, seed=start), start, accept)
+
+    def _solve_position(self, goal: PositionGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        found = self.nearest(goal.position, seed, accept=accept)
+        return IKResult.of(self, goal, found.q, branch=found.branch) if found.success else found
 
     def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE) -> IKBatch:
         """Compute every stationary posture of many poses, the least first; as `ClosedFormKinematics.batch`."""

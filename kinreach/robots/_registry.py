@@ -13,6 +13,7 @@ from kinreach._objects import load_object
 from kinreach.errors import InputError
 from kinreach.robots import _arm3 as arm3
 from kinreach.robots import _panda as panda
+from kinreach.robots import _so101 as so101
 from kinreach.robots import _ur_arms as ur_arms
 from kinreach.robots._description import ArmDescription
 from kinreach.robots._urdf import SDF
@@ -37,7 +38,7 @@ _FROM_FILES: dict[str, Callable[[], ArmDescription]] = {"panda": panda.describe}
 
 @cache
 def _arms() -> dict[str, ArmDescription]:
-    return {arm.name: arm for arm in (*ur_arms.ARMS, arm3.ARM)}
+    return {arm.name: arm for arm in (*ur_arms.ARMS, arm3.ARM, so101.ARM)}
 
 
 def register_arm(arm: ArmDescription) -> ArmDescription:

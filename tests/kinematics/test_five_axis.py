@@ -13,6 +13,7 @@ from kinreach.kinematics import (
     ArmKinematics,
     AxisGoal,
     ClosedFormSolver,
+    CollisionChecker,
     FiveAxisKinematics,
     IKResult,
     LevenbergMarquardtSolver,
@@ -364,3 +365,33 @@ def test_arms_of_other_kinds_are_refused(tmp_path):
     plain = kinematics_of(tmp_path, parallel, (0.1, 0, 0, 0, 0, 0))
     assert type(plain) is ArmKinematics
     assert "singular in every posture" in plain.no_closed_form
+
+
+@pytest.mark.parametrize("name", ["so101", "wx250", "xarm5"])
+def test_a_roll_that_is_free_stays_at_the_seed(name, tmp_path):
+    """Straight down, joint 1 makes up for what an offset tip is moved by joint 5, whatever its angle."""
+    kin, rng, tried = owned(tmp_path, name), np.random.default_rng(14), 0
+    for _ in range(40):
+        r, turn = rng.uniform(0.1, 0.25), rng.uniform(-1, 1)
+        seed = np.array(kin.arm.home)
+        seed[-1] = rng.uniform(max(-1.5, kin.lower[-1]), min(1.5, kin.upper[-1]))
+        point = [r * math.cos(turn), r * math.sin(turn), 0.05]
+        found = kin.axis_solutions(point, [0, 0, -1], seed=seed, limits=False)
+        if len(found) and found.left[0] < 1e-6:
+            exact = found.q[found.left < 1e-6]
+            assert np.abs(wrapped(exact[:, -1] - seed[-1])).min() < 0.02
+            assert found.residual[0].max() < 1e-9
+            tried += 1
+    assert tried > 10
+
+
+def test_the_so101_is_an_arm_by_name():
+    kin = ArmKinematics.of("so101")
+    assert isinstance(kin, FiveAxisKinematics)
+    assert kin.arm.joints == ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
+    checker = CollisionChecker(kin)
+    assert checker.free(kin.arm.home)
+    down = kin.axis_solutions([0.25, 0.1, 0.05], [0, 0, -1], seed=kin.arm.home)
+    assert down.left[0] < 1e-9
+    # arm stretched out forward, jaws ahead: 0.39 m in front of the base, 0.23 m above the table
+    np.testing.assert_allclose(kin.fk(kin.arm.home)[:3, 3], [0.3914, 0.0, 0.2265], atol=1e-4)

@@ -181,7 +181,7 @@ int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kin
     static const double zero[KR_MAX_JOINTS] = {0.0};
     const double *wanted = seed ? seed : zero;
     const int n = arm->n, width = n + 2;
-    double q[N] = {0.0}, left[KR_MAX_STATIONARY], row[N + 2], errors[2];
+    double q[N], left[KR_MAX_STATIONARY], row[N + 2], errors[2];
     search s;
     memset(s.goal.W, 0, sizeof s.goal.W);
     s.five = five, s.count = s.started = 0;
@@ -190,11 +190,9 @@ int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kin
         s.goal.p[r] = T[4 * r + 3];
         for (int c = kind ? 2 : 0; c < 3; c++) s.goal.W[3 * r + c] = T[4 * r + c];
     }
+    memcpy(q, wanted, n * sizeof *q);
     s.fixed = kind && five->last_turns_tip ? 1 << (n - 1) : 0;
-    if (s.fixed) {
-        q[n - 1] = wanted[n - 1];
-        if (limits) q[n - 1] = fmin(fmax(q[n - 1], arm->lower[n - 1]), arm->upper[n - 1]);
-    }
+    if (limits) q[n - 1] = fmin(fmax(q[n - 1], arm->lower[n - 1]), arm->upper[n - 1]);
     const int pitched = five->pitched && !(s.fixed && n == 4);
     if (pitched) kr_pitched_starts(five, &s.goal, s.fixed, limits, q, start_from, &s);
     else scan(&s, s.fixed, q);
@@ -202,7 +200,9 @@ int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kin
     int kept = 0;
     for (int k = 0; k < s.count; k++) {
         const kr_stationary_posture *posture = s.found + k;
-        row[1] = posture->held & ~s.fixed ? 3.0 : posture->kind;
+        row[1] = posture->kind;
+        for (int i = 0; i < n; i++)
+            if ((posture->held & ~s.fixed) >> i & 1 && fabs(posture->slope[i]) > LEVEL) row[1] = 3.0;
         if (limits ? !kr_wound(n, posture->q, wanted, arm->lower, arm->upper, SLACK, row + 2)
                    : !kr_allowed(arm, 2, T, posture->q, wanted, 0, MISSED, row + 2))
             continue;

@@ -19,6 +19,8 @@ static const double PARALLEL = 1e-4, ACROSS = 0.05;
 /* How far a start may be outside the limits [rad], because Newton's method has yet to move it. */
 static const double NEAR = 1e-2;
 static const double SLACK = 1e-9;
+/* A slope that is none where it is none for many q5. */
+static const double FLAT = 1e-12;
 /* How much the cosine of an elbow that is almost straight may be larger than 1. */
 static const double MERGING = 1e-9;
 
@@ -287,7 +289,18 @@ static void set_grid(search *s) {
 static void along(const search *s, const condition *on, int side) {
     double value[GRID + 3], phi[2];
     int exists[GRID + 3];
-    for (int i = 0; i < GRID + 3; i++) exists[i] = evaluate(on, &s->grid[side][i % GRID], phi, value + i);
+    int flat = 0;
+    for (int i = 0; i < GRID + 3; i++) {
+        exists[i] = evaluate(on, &s->grid[side][i % GRID], phi, value + i);
+        flat += exists[i] && fabs(value[i]) < FLAT;
+    }
+    if (flat > GRID / 4) {  /* joint 5 is free, as where the tip points along axis 1: it stays where it is, if it can */
+        sample at;
+        take(s, s->given[4], side, &at);
+        for (int i = 0; i < GRID && !evaluate(on, &at, phi, value); i++) at = s->grid[side][i];
+        if (evaluate(on, &at, phi, value)) found(s, on, on->held, &at, phi);
+        return;
+    }
     for (int i = 0; i < GRID; i++) {
         const double a = s->q5[i], b = s->q5[i + 1], c = s->q5[i + 2];
         if (exists[i] && exists[i + 1]) {

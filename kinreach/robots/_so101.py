@@ -1,0 +1,95 @@
+"""The SO-101 of The Robot Studio, which LeRobot drives: five joints and a jaw, which is held half open.
+
+Joints, their signs and limits, and the frame between the jaws are those of `so101_new_calib.urdf`, where each joint is
+0 in the middle of its range, with right angles written out; masses are those of its links. The shapes are primitives
+from lengths and servo sizes. A servo (STS3215 at 7.4 V) turns 4.7 rad/s without load and holds 1.9 N m.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+
+from kinreach.robots._description import ArmDescription
+from kinreach.robots._urdf import Solid, add_joint, add_link
+
+HALF = math.pi / 2
+EFFORT, SPEED = 1.9, 4.7
+#: Half the width of an arm's link: its middle is there from the servo's face [m].
+MIDDLE = 0.018
+
+
+@dataclass(frozen=True)
+class _Link:
+    joint: str
+    xyz: tuple[float, float, float]
+    rpy: tuple[float, float, float]
+    limit: tuple[float, float]
+    name: str
+    mass: float
+    solids: tuple[Solid, ...]
+
+
+_LINKS = (
+    _Link(
+        "shoulder_pan", (0.0388353, 0.0, 0.0624), (math.pi, 0.0, -math.pi), (-1.91986, 1.91986),
+        "shoulder_link", 0.100, (Solid((0.05, 0.05, 0.06), (-0.025, 0.0, -0.035)),),
+    ),
+    _Link(
+        "shoulder_lift", (-0.0303992, -0.0182778, -0.0542), (-HALF, -HALF, 0.0), (-1.74533, 1.74533),
+        "upper_arm_link", 0.103, (Solid((0.095, 0.03, 0.045), (-0.065, -0.010, MIDDLE), (0.0, 0.0, 0.244)),),
+    ),
+    _Link(
+        "elbow_flex", (-0.11257, -0.028, 0.0), (0.0, 0.0, HALF), (-1.69, 1.69),
+        "lower_arm_link", 0.104, (Solid((0.09, 0.03, 0.045), (-0.075, 0.003, MIDDLE)),),
+    ),
+    _Link(
+        "wrist_flex", (-0.1349, 0.0052, 0.0), (0.0, 0.0, -HALF), (-1.65806, 1.65806),
+        "wrist_link", 0.079, (Solid((0.03, 0.045, 0.045), (0.0, -0.035, MIDDLE)),),
+    ),
+    _Link(
+        "wrist_roll", (0.0, -0.0611, 0.0181), (HALF, 0.0486795, math.pi), (-2.74385, 2.84121),
+        "gripper_link", 0.099,
+        (Solid((0.05, 0.04, 0.05), (0.0, 0.0, -0.025)), Solid((0.012, 0.03, 0.05), (-0.02, 0.0, -0.075)),
+         Solid((0.012, 0.03, 0.05), (0.03, 0.0, -0.075), (0.0, -0.3, 0.0))),
+    ),
+)  # fmt: skip
+
+
+def _build_robot() -> ET.Element:
+    robot = ET.Element("robot", name="so101")
+    add_link(robot, "base_link", mass=0.147, solids=(Solid((0.07, 0.08, 0.06), (0.02, 0.0, 0.03)),))
+    parent = "base_link"
+    for link in _LINKS:
+        add_link(robot, link.name, mass=link.mass, solids=link.solids, rgba="0.95 0.78 0.15 1")
+        limit = (*link.limit, EFFORT, SPEED)
+        add_joint(
+            robot,
+            link.joint,
+            parent,
+            link.name,
+            kind="revolute",
+            xyz=link.xyz,
+            rpy=link.rpy,
+            axis=(0, 0, 1),
+            limit=limit,
+        )
+        parent = link.name
+    add_link(robot, "gripper_frame_link")
+    place = (-0.0079, -0.000218121, -0.0981274)
+    add_joint(robot, "gripper_frame_joint", parent, "gripper_frame_link", xyz=place, rpy=(0.0, math.pi, 0.0))
+    ET.indent(robot)
+    return robot
+
+
+ARM = ArmDescription(
+    name="so101",
+    title="SO-101",
+    build_urdf=_build_robot,
+    joints=tuple(link.joint for link in _LINKS),
+    home=(0.0,) * len(_LINKS),
+    base="base_link",
+    tips={"gripper_frame_link": "gripper_frame_link"},
+    default_tip="gripper_frame_link",
+)
