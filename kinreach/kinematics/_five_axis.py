@@ -92,9 +92,9 @@ class FiveAxisKinematics(ClosedFormKinematics):
     stationary. `axis_solutions` does the same for the tip's z axis alone, which most arms of five joints turn to any
     direction.
 
-    `solve` meets a `NearestOrientationGoal` by the posture that leaves least of the orientation, a `PositionGoal` by the
-    one that leaves least of the seed's. A `PoseGoal` or an `AxisGoal` has to be met exactly; if the arm cannot, the
-    result has the posture that leaves least, and its reason says how much.
+    `solve` meets a `NearestOrientationGoal` by the posture that leaves least of the orientation, a `PositionGoal` by
+    the one that leaves least of the seed's. A `PoseGoal` or an `AxisGoal` has to be met exactly; if the arm cannot,
+    the result has the posture that leaves least, and its reason says how much.
 
     Arms whose axes 2, 3 and 4 are parallel (SO-101, Koch, WidowX, ViperX, xArm5) are solved in closed form but for one
     angle, which is searched; others by a search over two angles, a hundred times slower.

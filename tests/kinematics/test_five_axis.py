@@ -229,7 +229,7 @@ def test_others_say_that_they_do_not_solve_it(kin):
     for solver in (LevenbergMarquardtSolver, QPSolver, PlacoSolver):
         with pytest.raises(InputError, match="solved by the kinematics of an arm with four or five joints"):
             solver(kin).solve(goal, kin.arm.home)
-    with pytest.raises(InputError, match="goal must be a PoseGoal, an AxisGoal or a PositionGoal, got 'home'"):
+    with pytest.raises(InputError, match="goal must be a PoseGoal, an AxisGoal or a PositionGoal, got"):
         kin.solve("home", kin.arm.home)
 
 
