@@ -20,6 +20,7 @@ from kinreach._checks import (
     as_floats,
     as_pose,
     as_vector,
+    check_entries,
     check_number,
     check_tolerance,
     is_tensor,
@@ -222,7 +223,7 @@ class FiveAxisKinematics(ClosedFormKinematics):
         """Compute every stationary posture of many poses, the least first; as `ClosedFormKinematics.batch`."""
         if is_tensor(T):
             return self._tensor_batch(T, check_tolerance(tol), limits=limits)
-        poses, tol = self._poses_of(T), check_tolerance(tol)
+        poses, tol = self._poses_of(T, np.array(self.arm.home)), check_tolerance(tol)
         q = np.full((len(poses), self.branches, self.n), np.nan)
         valid = np.zeros(q.shape[:2], dtype=np.bool_)
         for row, pose in enumerate(poses):
@@ -232,8 +233,8 @@ class FiveAxisKinematics(ClosedFormKinematics):
 
     def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = TOLERANCE) -> IKBatchNearest:
         """Compute `nearest` for each of many poses; as `ClosedFormKinematics.nearest_batch`."""
-        poses, tol = self._poses_of(T), check_tolerance(tol)
-        start = self._as_seeds(seeds, len(poses))
+        start, tol = self._as_seeds(seeds, len(np.atleast_1d(as_floats("T", T)))), check_tolerance(tol)
+        poses = self._poses_of(T, start)
         q, branch = np.full((len(poses), self.n), np.nan), np.full(len(poses), -1, dtype=np.int64)
         for row, (pose, seed) in enumerate(zip(poses, start, strict=True)):
             found = self._stationary(NearestOrientationGoal(pose), np.ascontiguousarray(seed), True, tol).minima
@@ -244,8 +245,16 @@ class FiveAxisKinematics(ClosedFormKinematics):
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         raise NotImplementedError  # `batch` goes pose by pose
 
-    def _poses_of(self, T: ArrayLike) -> Floats:
-        return rigid_poses(as_floats("T", T))
+    def _poses_of(self, T: ArrayLike, start: Floats) -> Floats:
+        """Poses, of positions with the orientation of start postures (n,) or (count, n)."""
+        given = as_floats("T", T)
+        if given.ndim != 2 or given.shape[1] != 3:
+            return rigid_poses(given)
+        check_entries("T", given, MAX_DISTANCE)
+        poses = np.tile(np.eye(4), (len(given), 1, 1))
+        poses[:] = self.fk(start)
+        poses[:, :3, 3] = given
+        return poses
 
     def _pose_of(self, T: ArrayLike, start: Floats | None) -> Floats:
         given = as_floats("T", T)

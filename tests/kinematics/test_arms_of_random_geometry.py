@@ -200,9 +200,9 @@ def test_seven_axes(seed, tmp_path):
 
 
 def test_other_joints_have_no_closed_form(tmp_path):
-    """Eight joints, five, and one that slides are refused by the classes that list all postures."""
+    """Eight joints, two, and one that slides are refused by the classes that list all postures."""
     rng = np.random.default_rng(0)
-    for joints in (5, 8):
+    for joints in (2, 8):
         kin = kinematics(tmp_path, np.array([random_motion(rng, 0.3, np.pi) for _ in range(joints + 1)]))
         assert type(kin) is ArmKinematics
         with pytest.raises(InputError, match=f"{joints} joints; six are needed"):

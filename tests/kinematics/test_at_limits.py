@@ -31,7 +31,7 @@ FILES = (
 )
 CALIBRATION = Path(__file__).parents[1] / "data/calibrations/controller_calibration_ur5e.conf"
 CASES = 15
-MORE = sorted({*arm_names(), *FILES} - {"arm3", "panda", "ur5", "ur16e", *FILES[::4]})
+MORE = sorted({*arm_names(), *FILES} - {"arm3", "panda", "so101", "ur5", "ur16e", *FILES[::4]})
 
 
 @cache

@@ -289,6 +289,11 @@ def test_batches_give_what_single_poses_give(kin):
         if each.success:
             np.testing.assert_array_equal(nearest.q[row], each.q)
     assert np.isnan(nearest.q[3]).all()
+    points = np.delete(T, 3, axis=0)[:, :3, 3]
+    for row, point in enumerate(points):  # with the orientation of the seed
+        np.testing.assert_array_equal(
+            kin.nearest_batch(points, kin.arm.home).q[row], kin.nearest(point, kin.arm.home).q
+        )
 
 
 def test_windings_are_those_nearest_to_the_seed(tmp_path):
