@@ -20,6 +20,7 @@ from kinreach.kinematics import (
     CalibratedURKinematics,
     SevenAxisKinematics,
     SixAxisKinematics,
+    SlidingKinematics,
     URKinematics,
     check,
 )
@@ -123,6 +124,9 @@ def _class_of(kin: ArmKinematics) -> str:
         return f"seven joints: every posture of a pose as curves, {kin.solved}; {numeric}"
     if isinstance(kin, Arm3Kinematics):
         return "turning base with two links: every posture of a position in closed form"
+    if isinstance(kin, SlidingKinematics):
+        what = "three slides and a wrist" if kin.slides.sum() > 1 else "SCARA"
+        return f"{what}: every posture of a pose that the arm can have, in closed form"
     if kin.no_closed_form:
         return f"no closed form, but placo, lm and qp, one posture at a time: {kin.no_closed_form}"
     spare = kin.n - POSE_JOINTS

@@ -18,6 +18,7 @@ from ._seven_axis.curves import SelfMotion as SelfMotion
 from ._seven_axis.curves import SelfMotions as SelfMotions
 from ._seven_axis.kinematics import SevenAxisKinematics as SevenAxisKinematics
 from ._six_axis.kinematics import SixAxisKinematics as SixAxisKinematics
+from ._sliding import SlidingKinematics as SlidingKinematics
 from ._solutions import IKResult as IKResult
 from ._solutions import Status as Status
 from ._solvers import ClosedFormSolver as ClosedFormSolver

@@ -191,9 +191,11 @@ class ArmKinematics:
             (7, True)
         """
         plain = cls(arm, tip=tip, base=base, tool=tool)
+        kinds = cls._closed_forms.get(plain.n, ())
         if not plain.turns_alone:
-            return plain
-        for module, name in cls._closed_forms.get(plain.n, ()):
+            kinds = (("_sliding", "SlidingKinematics"),) if plain.slides.any() else ()
+            plain.no_closed_form = "" if kinds else "joints follow others, which no closed form takes"
+        for module, name in kinds:
             kind: Any = getattr(importlib.import_module(f"kinreach.kinematics.{module}"), name)
             try:
                 return kind(plain.arm, tip=plain.tip, base=base)
@@ -384,6 +386,14 @@ class ArmKinematics:
             raise InputError(f"q must have shape (..., {self.n}), got {q.shape}")
         check_entries("q", q, MAX_ANGLE)
         return q if q.ndim == 2 else q.reshape(-1, self.n)
+
+    def _check_turns_alone(self) -> None:
+        """Refuse an arm for a class whose joints turn, each alone."""
+        if not self.turns_alone:
+            does = "slides" if self.slides.any() else "follows another"
+            raise InputError(
+                f"arm {self.arm.name!r} has a joint that {does}; {type(self).__name__} takes joints that turn"
+            )
 
     @property
     def turns_alone(self) -> bool:

@@ -71,6 +71,7 @@ class ClosedFormKinematics(SolvesGoals, ArmKinematics):
     knows_all_postures = True
 
     def _prepare(self) -> None:
+        self._check_turns_alone()
         self._low: list[float] = self.lower.tolist()
         self._high: list[float] = self.upper.tolist()
         # where every joint covers a full turn, a principal value is always within the limits,

@@ -199,7 +199,8 @@ def _windings(kin: ArmKinematics, start: Floats, goals: Floats) -> Floats:
     """Return the goals in the full turns nearest to the start and to the middle of the limits, shape (k, n)."""
     found, (low, high) = [], kin.sampling_limits
     for near in (start, (low + high) / 2.0):
-        wound, within = nearest_windings(goals.T, near[:, None], kin.lower, kin.upper)
+        turns = ~kin.slides if kin.slides.any() else None
+        wound, within = nearest_windings(goals.T, near[:, None], kin.lower, kin.upper, turns=turns)
         found.append(wound.T[within])
     return np.unique(np.vstack(found).round(12), axis=0) if any(map(len, found)) else goals
 

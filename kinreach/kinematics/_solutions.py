@@ -273,7 +273,9 @@ def past_limits(q: Floats, lower: Floats, upper: Floats, slack: float = SLACK) -
     return past
 
 
-def nearest_windings(q: Any, seed: Any, lower: Any, upper: Any, *, slack: float = SLACK) -> tuple[Any, Any]:
+def nearest_windings(
+    q: Any, seed: Any, lower: Any, upper: Any, *, slack: float = SLACK, turns: NDArray[np.bool_] | None = None
+) -> tuple[Any, Any]:
     """Compute the postures equal to `q` modulo full turns that are nearest to a seed within the limits [rad].
 
     Joints do not interact here, so taking the best turn of each joint is exact for any norm that grows with every
@@ -285,6 +287,7 @@ def nearest_windings(q: Any, seed: Any, lower: Any, upper: Any, *, slack: float 
         lower: Limits, shape (n,).
         upper: Limits, shape (n,).
         slack: How far a joint may be past them.
+        turns: Which joints turn, shape (n,); the others stay. By default all do.
 
     Returns:
         The postures, and which of them are within the limits, shape (...).
@@ -295,4 +298,7 @@ def nearest_windings(q: Any, seed: Any, lower: Any, upper: Any, *, slack: float 
     shifted = q + TURN * xp.round((seed - q) / TURN)
     shifted -= TURN * xp.ceil((shifted - high) / TURN).clip(0.0)
     shifted += TURN * xp.ceil((low - shifted) / TURN).clip(0.0)
+    if turns is not None:
+        shifted = xp.where(turns.reshape(low.shape), shifted, q)
+        return shifted, ((low <= shifted) & (shifted <= high)).all(axis=0)
     return shifted, (shifted <= high).all(axis=0)

@@ -12,7 +12,7 @@ from math import pi
 import numpy as np
 
 from kinreach._checks import Floats, check_known, listed
-from kinreach.errors import NoShapesError
+from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import (
     ArmKinematics,
     AxisGoal,
@@ -158,11 +158,17 @@ class TargetModel:
 
     Raises:
         UnknownNameError: Unknown arm or tip.
-        InputError: The arm's collision shapes cannot be read.
+        InputError: The arm's collision shapes cannot be read, or one of its joints slides.
     """
 
     def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, policies: Sequence[str] = ()) -> None:
         self.kinematics = ArmKinematics.of(arm, tip=tip, base="world")
+        if self.kinematics.slides.any():
+            sliding = self.kinematics.arm.joints[int(self.kinematics.slides.argmax())]
+            raise InputError(
+                f"joint {sliding!r} of arm {self.kinematics.arm.name!r} slides; the page shows arms whose joints turn. "
+                f"Hold it with held={{{sliding!r}: 0.0}}"
+            )
         try:
             self.checker: CollisionChecker | None = CollisionChecker(self.kinematics)
         except NoShapesError:

@@ -324,8 +324,6 @@ def test_followers_that_cannot_be_within_their_limits(tmp_path):
     with pytest.raises(InputError, match="joint 'j2m', which follows 'j2', cannot be within its limits"):
         written(tmp_path, chain(PALLETIZER[0], PALLETIZER[1], wrong))
     still = ("j2m", "revolute", {"mimic": follows("j2", 0.0, 0.5)})
-    with pytest.raises(
-        InputError, match=r"'j2m' mimics 'j2' times 0, and does not move; hold it with held={'j2m': 0.5}"
-    ):
+    with pytest.raises(InputError, match="'j2m' mimics 'j2' times 0, and does not move; hold it with held="):
         written(tmp_path, chain(PALLETIZER[0], PALLETIZER[1], still))
     assert written(tmp_path, chain(PALLETIZER[0], PALLETIZER[1], still), held={"j2m": 0.5}).n == 2

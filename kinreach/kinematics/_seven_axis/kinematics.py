@@ -48,6 +48,7 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
     unsolved = "a seven-joint arm is asked for a pose or a direction, not for a bare position"
 
     def _prepare(self) -> None:
+        self._check_turns_alone()
         if self.n != JOINTS:
             raise InputError(f"arm {self.arm.name!r} has {self.n} joints; seven are needed")
         self._tracer = SelfMotionTracer(self.chain)
