@@ -194,8 +194,8 @@ class SlidingKinematics(ClosedFormKinematics):
 
     def _all_outside(self, rows: Floats) -> str:
         q, _ = nearest_windings(rows[:, ANGLES].T, 0.0, self.lower, self.upper, turns=~self.slides)
-        past = past_limits(q.T, self.lower, self.upper).any(axis=0)
-        blocked = [name for name, out in zip(self.arm.joints, past, strict=True) if out]
+        past = past_limits(q.T, self.lower, self.upper)
+        blocked = [name for name, out in zip(self.arm.joints, past.T, strict=True) if out.any()]
         return f"all {len(rows)} postures are outside the joint limits ({', '.join(blocked)})"
 
     def _why(self, T: Floats) -> str:
