@@ -288,7 +288,7 @@ class FiveAxisKinematics(ClosedFormKinematics):
     def _too_far(self, position: Floats) -> str:
         first = (self.T_base_world @ self.model.jointPlacements[1].homogeneous)[:3, 3]
         away = float(np.linalg.norm(position - first))
-        return f"no posture brings the tip to this point, {away:.3f} m from {self.arm.joints[0]}"
+        return f"the tip does not come to this point, {away:.3f} m from {self.arm.joints[0]}"
 
     def _first(self, solutions: NearestSolutions, seed: Floats, accept: Accept | None, margin: float) -> IKResult:
         """The first minimum that the caller accepts: by what is left, and within a margin of the least by distance."""

@@ -315,7 +315,7 @@ def test_why_there_is_none(kin):
     far[:3, 3] = 3.0, 0.0, 0.3
     found = kin.all_solutions(far)
     assert found.status is Status.OUT_OF_REACH
-    assert "no posture brings the tip to this point" in found.reason
+    assert "the tip does not come to this point, " in found.reason
     assert kin.nearest(far, kin.arm.home).status is Status.OUT_OF_REACH
     assert kin.solve(AxisGoal(far[:3, 3], [0, 0, -1]), kin.arm.home).status is Status.OUT_OF_REACH
     outside, rng = 0, np.random.default_rng(10)

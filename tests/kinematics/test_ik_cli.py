@@ -292,7 +292,7 @@ def test_every_posture_of_each_pose(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--arm", "ur5e"], "give --pose or --poses"),
+        (["--arm", "ur5e"], "give --pose, --poses or --point"),
         (["--arm", "ur5ee", "--pose", "0,0,1,0,0,0"], "unknown arm 'ur5ee'.*did you mean ur5e"),
         (["--arm", "ur5e", "--pose", "1,2,3"], "--pose must be 6 numbers"),
         (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--tool", "0,0,150,0,0,0"], "metres, not millimetres"),
@@ -340,3 +340,88 @@ def test_bad_files_name_the_line(text, message, tmp_path, capsys):
     assert ik("--arm", "ur5e", "--poses", tmp_path / "in.csv", "--out", tmp_path / "out.csv") == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out.csv").exists()
+
+
+def table(lines):
+    """Numbers of the rows of a printed table: branch, angles, and what follows; and their last words."""
+    rows = [line.lstrip("* ").split() for line in lines[2:-1]]
+    return np.array([[float(word) for word in row[:8]] for row in rows]), [" ".join(row[8:]) for row in rows]
+
+
+def test_five_axes_say_what_is_left_of_an_orientation(capsys):
+    kin = ArmKinematics.of("so101")
+    numbers = "0.25,0.1,0.1,0,3,0.5"
+    T, seed = pose([0.25, 0.1, 0.1, 0, 3, 0.5]), np.array(kin.arm.home)
+    assert ik("--arm", "so101", "--pose", numbers) == 1
+    assert "5 joints leave 0.256 rad (14.7 degrees) of the orientation at this point" in capsys.readouterr().out
+    assert ik("--arm", "so101", "--pose", numbers, "--nearest-orientation") == 0
+    rows, words = table(capsys.readouterr().out.splitlines())
+    minima = kin.all_solutions(T, seed=seed).minima
+    np.testing.assert_allclose(rows[:, 1:6], minima.q, atol=1e-5)
+    np.testing.assert_allclose(rows[:, 6], minima.left, atol=1e-5)
+    np.testing.assert_allclose(rows[:, 7], np.degrees(minima.left), atol=1e-2)
+    assert [text.removesuffix(" no") for text in words] == list(minima.kind)
+    assert ik("--arm", "so101", "--pose", "0.9,0,0,0,0,0", "--nearest-orientation") == 1
+    assert "the tip does not come to this point, 0.863 m from shoulder_pan" in capsys.readouterr().out
+
+
+def test_a_point_and_a_direction(capsys):
+    kin = ArmKinematics.of("so101")
+    assert ik("--arm", "so101", "--point", "0.25,0.1,0.05", "--axis", "0,0,-1") == 0
+    rows, _ = table(capsys.readouterr().out.splitlines())
+    assert len(rows) > 0
+    for row in rows:
+        T = kin.fk(row[1:6])
+        np.testing.assert_allclose(T[:3, 3], [0.25, 0.1, 0.05], atol=1e-4)
+        np.testing.assert_allclose(T[:3, 2], [0, 0, -1], atol=1e-4)
+    assert ik("--arm", "so101", "--point", "0.25,0.1,0.05") == 0
+    rows, _ = table(capsys.readouterr().out.splitlines())
+    np.testing.assert_allclose(kin.positions(rows[:, 1:6]), np.tile([0.25, 0.1, 0.05], (len(rows), 1)), atol=1e-4)
+    point = ["--arm", "so101", "--point", "0.25,0.0,0.1", "--axis", "0,1,0"]
+    assert ik(*point) == 1
+    assert "of the direction at this point; --nearest-orientation takes that" in capsys.readouterr().out
+    assert ik(*point, "--nearest-orientation") == 0
+    assert "leaves least" in capsys.readouterr().out
+    six = URKinematics("ur5e", base="base")
+    assert ik("--arm", "ur5e", "--point", "0.4,0.2,0.3", "--axis", "0,0,-1") == 0
+    lines = capsys.readouterr().out.splitlines()
+    q = np.array([line.lstrip("* ").split()[1:7] for line in lines[2:-1]], dtype=float)
+    assert len(q) == len(six.axis_solutions([0.4, 0.2, 0.3], [0, 0, -1], seed=six.arm.home))
+    np.testing.assert_allclose(six.positions(q), np.tile([0.4, 0.2, 0.3], (len(q), 1)), atol=1e-4)
+    assert ik("--arm", "panda", "--point", "0.4,0.2,0.3") == 0  # without a list one posture is found
+    assert "* nearest to the seed" in capsys.readouterr().out
+
+
+def test_poses_in_a_file_for_five_axes(tmp_path, capsys):
+    kin, rng = ArmKinematics.of("so101"), np.random.default_rng(0)
+    T = kin.fk(rng.uniform(kin.lower, kin.upper, (12, 5)))
+    turned = T @ pose([0, 0, 0, 0.2, 0.3, 0.1])
+    source = poses_file(tmp_path / "in.csv", pose_vector(np.concatenate([T, turned])))
+    out = tmp_path / "out.csv"
+    assert ik("--arm", "so101", "--poses", source, "--out", out, "--nearest-orientation") == 0
+    rows = list(csv.DictReader(out.read_text().splitlines()))
+    assert list(rows[0]) == ["pose", "q1", "q2", "q3", "q4", "q5", "branch", "left_rad", "reason"]
+    solved = [row for row in rows if not row["reason"]]
+    for row in solved:
+        reached, wanted = kin.fk([float(row[f"q{i}"]) for i in range(1, 6)]), np.concatenate([T, turned])
+        target = wanted[int(row["pose"]) - 1]
+        np.testing.assert_allclose(reached[:3, 3], target[:3, 3], atol=1e-8)
+        left = np.arccos(min(1.0, (np.trace(reached[:3, :3].T @ target[:3, :3]) - 1) / 2))
+        assert float(row["left_rad"]) == pytest.approx(left, abs=1e-6)
+    assert len(solved) >= 15
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        (["--pose", "0,0,1,0,0,0", "--point", "0,0,1"], "give --pose, --poses or --point"),
+        (["--pose", "0,0,1,0,0,0", "--axis", "0,0,1"], "--axis belongs to --point"),
+        (["--point", "0,0"], "--point"),
+        (["--point", "0.1,0,0.1", "--axis", "0,0,0"], "axis must not be the zero vector"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--nearest-orientation"], "is for arms of four and five axes"),
+    ],
+)
+def test_what_is_asked_of_five_axes_in_other_words_is_refused(typed, said, capsys):
+    assert ik("--arm", "so101", *typed) == 2
+    assert said in capsys.readouterr().err
