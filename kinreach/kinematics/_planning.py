@@ -26,9 +26,9 @@ SEARCH_STEP = 0.1
 SHORTCUTS = 25
 #: A search for a nearer way is for one whose travel is below this part of the best. It takes that many steps of a tree,
 #: and where the first way took many, twice as many as that, up to the last number.
-NEARER, LOOKS, MOST_LOOKS = 0.95, 400, 4000
+NEARER, LOOKS, MOST_LOOKS = 0.95, 1500, 8000
 #: A goal posture that is farther away grows its tree so many steps after the one before it.
-HEAD_START = 60
+HEAD_START = 1000
 #: Largest change of a posture in one step of a tree [rad, each joint weighted by how far it moves the arm].
 RANGE = 0.3
 MAX_SEED = 2**32 - 2
