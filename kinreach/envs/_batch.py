@@ -236,7 +236,8 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
     With `device=`, what `reset` and `step` return are torch tensors on that device, except the texts in `info`;
     actions and options of `reset` may be tensors anyway.
 
-    A subclass has the single environment's `Options`, and its `episodes_class` or `_new_episodes`.
+    A subclass has the single environment's `Options`, and its `episodes_class` or `_new_episodes`; if it is `drawn`, a
+    `_new_picture`, too.
 
     Args:
         num_envs: Number of environments.
@@ -261,6 +262,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
     registered_limit: ClassVar[int]
     Options: ClassVar[type[Any]] = EnvOptions
     episodes_class: ClassVar[type[Any]]
+    drawn: ClassVar[bool] = False
     options: Any
     episodes: Any
     max_episode_steps: int | None
@@ -292,6 +294,11 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             raise InputError(f"autoreset_mode must be one of {names}, got {shown(autoreset_mode)}") from None
         self.render_mode = given.render_mode if isinstance(given, DrawnOptions) else None
         if self.render_mode is not None:
+            if not self.drawn:
+                raise InputError(
+                    f"a native batch of this task is not drawn, got render_mode={self.render_mode!r}; "
+                    "gym.make draws one environment"
+                )
             check_known("render_mode of a native batch", self.render_mode, self.metadata["render_modes"])
             if num_envs > MAX_DRAWN:
                 raise InputError(f"a native batch draws at most {MAX_DRAWN} environments, got {num_envs}")
@@ -318,8 +325,8 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         return self.episodes_class(options, self.num_envs)
 
     def _new_picture(self) -> BatchPicture:
-        """Return what draws one environment after the other."""
-        raise InputError(f"a native batch of {type(self).__name__} is not drawn, got render_mode={self.render_mode!r}")
+        """Return what draws one environment after the other, where the batch is `drawn`."""
+        raise NotImplementedError
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

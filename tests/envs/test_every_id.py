@@ -222,6 +222,11 @@ def test_a_native_batch_knows_its_limit(name):
             made(max_episode_steps=wrong)
 
 
+def test_a_batch_that_is_not_drawn_says_so_at_once():
+    with pytest.raises(InputError, match=r"is not drawn, got render_mode='rgb_array'; gym.make draws one"):
+        gym.make_vec("kinreach/Lift-v0", 2**17, "vector_entry_point", render_mode="rgb_array")
+
+
 @pytest.mark.parametrize("name", IDS)
 def test_time_can_be_observed(name):
     env = gym.make(name, disable_env_checker=True, **options(name))

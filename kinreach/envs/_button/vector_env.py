@@ -18,6 +18,7 @@ class ButtonPressVectorEnv(NativeVectorEnv):
 
     registered_limit = MAX_EPISODE_STEPS[BUTTON]
     Options = ButtonOptions
+    drawn = True
 
     def _new_episodes(self, options: ButtonOptions, threads: int, device: str | None) -> ButtonEpisodes:
         return ButtonEpisodes(options, BatchTorqueWorld(options.arm, options.motors, self.num_envs, threads=threads))

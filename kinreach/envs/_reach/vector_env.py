@@ -32,6 +32,7 @@ class ReachVectorEnv(NativeVectorEnv):
     """
 
     registered_limit = MAX_EPISODE_STEPS[MULTI]
+    drawn = True
     Options: ClassVar[type[ReachOptions]] = ReachOptions
     #: The task with the options.
     new_task: ClassVar[Any]
