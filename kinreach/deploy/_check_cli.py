@@ -18,6 +18,7 @@ from kinreach.kinematics import (
     Arm3Kinematics,
     ArmKinematics,
     CalibratedURKinematics,
+    RedundantKinematics,
     SevenAxisKinematics,
     SixAxisKinematics,
     SlidingKinematics,
@@ -124,6 +125,12 @@ def _class_of(kin: ArmKinematics) -> str:
         return f"seven joints: every posture of a pose as curves, {kin.solved}; {numeric}"
     if isinstance(kin, Arm3Kinematics):
         return "turning base with two links: every posture of a position in closed form"
+    if isinstance(kin, RedundantKinematics):
+        spare = kin.n - POSE_JOINTS
+        return (
+            f"{spare} joint{'s' * (spare > 1)} more than a pose needs; numeric: nearest, clearest and manipulable in "
+            "Python, and placo, lm and qp, give one posture at a time"
+        )
     if isinstance(kin, SlidingKinematics):
         what = "three slides and a wrist" if kin.slides.sum() > 1 else "SCARA"
         return f"{what}: every posture of a pose that the arm can have, in closed form"

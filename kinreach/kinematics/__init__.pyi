@@ -14,6 +14,7 @@ from ._goals import pose as pose
 from ._goals import pose_vector as pose_vector
 from ._planning import joint_line as joint_line
 from ._planning import plan_path as plan_path
+from ._redundant import RedundantKinematics as RedundantKinematics
 from ._seven_axis.curves import SelfMotion as SelfMotion
 from ._seven_axis.curves import SelfMotions as SelfMotions
 from ._seven_axis.kinematics import SevenAxisKinematics as SevenAxisKinematics

@@ -52,6 +52,8 @@ PLAIN_AXES = {
 }
 #: Stacks of up to so many postures go through Pinocchio one by one: `SerialChain` takes as long for two as for forty.
 FEW = 32
+#: Joints that a pose needs.
+POSE_JOINTS = 6
 #: Methods of arms of which all postures are known, as a list or as curves.
 LISTS, CURVES = ("all_solutions", "batch", "nearest", "nearest_batch"), ("self_motions", "clearest", "manipulable")
 
@@ -201,7 +203,15 @@ class ArmKinematics:
                 return kind(plain.arm, tip=plain.tip, base=base)
             except InputError as error:  # another geometry; the last class takes the most
                 plain.no_closed_form = str(error)
-        return plain
+        spare = plain.n - POSE_JOINTS
+        return plain._redundant(base) if spare > 1 or (spare > 0 and not plain.turns_alone) else plain
+
+    def _redundant(self, base: str | ArrayLike) -> Self:
+        """The same kinematics with numeric choices from the postures of a pose."""
+        kind: Any = importlib.import_module("kinreach.kinematics._redundant").RedundantKinematics
+        found = kind(self.arm, tip=self.tip, base=base)
+        found.no_closed_form = self.no_closed_form
+        return found
 
     @classmethod
     def from_file(

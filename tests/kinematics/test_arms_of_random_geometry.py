@@ -19,7 +19,7 @@ from benchmarks.ik_arms.random_arms import (
     some_arm,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, SevenAxisKinematics, SixAxisKinematics
+from kinreach.kinematics import ArmKinematics, RedundantKinematics, SevenAxisKinematics, SixAxisKinematics
 from kinreach.kinematics._general_6r import Chain
 from kinreach.kinematics._seven_axis.tracing import Curve
 from kinreach.kinematics._solutions import IKSolutions
@@ -204,12 +204,12 @@ def test_other_joints_have_no_closed_form(tmp_path):
     rng = np.random.default_rng(0)
     for joints in (2, 8):
         kin = kinematics(tmp_path, np.array([random_motion(rng, 0.3, np.pi) for _ in range(joints + 1)]))
-        assert type(kin) is ArmKinematics
+        assert type(kin) is (ArmKinematics if joints == 2 else RedundantKinematics)
         with pytest.raises(InputError, match=f"{joints} joints; six are needed"):
             SixAxisKinematics(kin.arm)
         with pytest.raises(InputError, match=f"{joints} joints; seven are needed"):
             SevenAxisKinematics(kin.arm)
-        for name in ("all_solutions", "nearest", "self_motions"):
+        for name in ("all_solutions", "self_motions", *["nearest"] * (joints == 2)):
             with pytest.raises(AttributeError, match=f"with {joints} joints has no {name}: Levenb.* or PlacoSolver"):
                 getattr(kin, name)
     file = tmp_path / "sliding.urdf"
@@ -218,8 +218,10 @@ def test_other_joints_have_no_closed_form(tmp_path):
     held = ArmKinematics.from_urdf(file)  # a base that slides is held, and that is said
     assert held.n == 5
     assert any("j1" in note for note in held.arm.notes)
-    with pytest.raises(InputError, match="'j1' slides"):
-        ArmKinematics.from_urdf(file, joints=("j1", "j2", "j3", "j4", "j5", "j6"))
+    taken = ArmKinematics.from_urdf(file, joints=("j1", "j2", "j3", "j4", "j5", "j6"))
+    assert taken.slides.tolist() == [True] + 5 * [False]
+    with pytest.raises(InputError, match="a joint that slides; SixAxisKinematics takes joints that turn"):
+        SixAxisKinematics(taken.arm)
     six, seven = (kinematics(tmp_path, np.array([random_motion(rng, 0.3, np.pi) for _ in range(n)])) for n in (7, 8))
     with pytest.raises(AttributeError, match="6 joints has no self_motions: all_solutions lists its postures"):
         six.self_motions(np.eye(4))
