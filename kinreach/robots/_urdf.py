@@ -382,9 +382,9 @@ _OTHER_FORMATS = {
 }
 
 
-def parse_urdf(text: object, *, prefixed: bool = False) -> ET.Element:
-    """Return the `<robot>` element of a URDF text; `prefixed` as in `parse_xml`."""
-    return parse_xml(text, tags=(ROBOT,), prefixed=prefixed)
+def parse_urdf(text: object) -> ET.Element:
+    """Return the `<robot>` element of a URDF text, in which every prefix is declared."""
+    return parse_xml(text, tags=(ROBOT,))
 
 
 def parse_xml(text: object, *, tags: Sequence[str], prefixed: bool = False) -> ET.Element:

@@ -3,6 +3,7 @@
 import copy
 import pickle
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,3 +106,20 @@ def test_what_no_gripper_has_is_refused(wrong):
 def test_only_a_gripper_is_mounted():
     with pytest.raises(InputError, match=r"gripper must be a Gripper, got 0\.1"):
         get_arm("ur5e").with_gripper(0.1)
+
+
+def test_a_prefix_in_a_text_is_declared():
+    """Files of people are read leniently; a text that code makes is XML."""
+    arm = get_arm("arm3")
+    for before, after, said in (
+        ("</robot>", "<sim:plugin/></robot>", "the URDF is not XML: unbound prefix"),
+        ("<robot ", '<robot xmlns:sim="https://example.org" ', ""),
+    ):
+        text = arm.urdf.replace(before, after)
+        assert text != arm.urdf
+        changed = replace(arm, build_urdf=lambda text=text: text)
+        if said:
+            with pytest.raises(InputError, match=said):
+                changed.robot  # noqa: B018 (parsed when it is asked for)
+        else:
+            assert len(changed.robot) == len(arm.robot)
