@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
-from kinreach._checks import Floats, printable, shown
-from kinreach.deploy._motion import BlendedMotion, LineError, Servo, segment_to
+from kinreach._checks import Floats, printable
+from kinreach.deploy._commands import Commands
+from kinreach.deploy._interpreter import Machine
+from kinreach.deploy._motion import BlendedMotion, JointSpeed, LineError, Servo, ToolSpeed
 from kinreach.deploy._rtde import RobotMode, RuntimeState, SafetyMode
-from kinreach.deploy._urscript import (
-    Assignment,
-    Call,
-    Choice,
-    Constant,
-    Element,
-    Expression,
-    Name,
-    Negative,
-    Numbers,
-    ScriptError,
-    Statement,
-    is_number,
-    parsing,
-)
+from kinreach.deploy._script_io import InputsOutputs
+from kinreach.deploy._script_tree import ScriptError
+from kinreach.deploy._urscript import grammar, parsing
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
+from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, Trajectory, pose_vector
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import FLANGE, JOINTS, TOOL_BODY, origin_of, ur_model
 from kinreach.sim import ArmSimulation
@@ -41,20 +31,11 @@ TIMESTEP = 0.002
 BRAKING = 10.0
 #: Largest rate at which the speed of program time follows the speed slider [1/s].
 SLIDER_RATE = 4.0
-#: Speeds below this are rest [rad/s].
-REST = 1e-6
 #: How far a joint may be from its target before the controller stops [rad].
 MAX_DEVIATION = 0.1
 #: Register for the progress of a program of kinreach, and its values; register for the number of its run.
 REGISTER, BEGUN, FINISHED, NOT_AT_START, OTHER_ARM = 24, 1, 2, 3, 4
 RUN_REGISTER = 25
-#: Ranges of arguments by their names.
-RANGES: Mapping[str, tuple[float, float]] = {
-    "a": (1e-6, 1e3), "v": (1e-6, 1e3), "t": (0.0, 3600.0), "r": (0.0, 2.0),
-    "lookahead_time": (0.03, 0.2), "gain": (100.0, 2000.0), "m": (0.0, 100.0), "output_id": (0.0, 47.0),
-    "value": (-(2.0**31), 2.0**31 - 1),
-}  # fmt: skip
-
 #: Words for the stops, and what follows a change of the runtime state.
 _STOPS = {SafetyMode.PROTECTIVE_STOP: "protective stop", SafetyMode.ROBOT_EMERGENCY_STOP: "emergency stop"}
 _AFTER = {RuntimeState.PAUSING: RuntimeState.PAUSED, RuntimeState.RESUMING: RuntimeState.PLAYING}
@@ -114,7 +95,13 @@ class Controller:
         cycle: Time between two ticks [s].
         tcp: Tool centre point on the flange (4, 4).
         target_q, target_qd, target_qdd: Commands of the joints [rad], [rad/s], [rad/s^2], shape (6,).
+        motion, servo, speed: What moves the arm: moves, `servoj`, or `speedj` and its like; the last two may be None.
+        braking: Deceleration of joints that nothing moves [rad/s^2].
+        payload, centre_of_mass, gravity: As programs set them [kg], [m] on the flange, [m/s^2].
+        io: In- and outputs, and registers.
         registers: Integers that programs wrote.
+        is_fresh: Whether the program has had no control cycle yet.
+        program_time: Time that passed for the program that runs [s].
         robot_mode, runtime_state, safety_mode: As RTDE reports them.
         program_name: Of the program that runs, empty for a single line; None if none does.
         reason: Why the last program was refused or stopped; empty if it was not.
@@ -133,14 +120,20 @@ class Controller:
         self.cycle = 1.0 / rate_of(arm)
         start = np.array(arm.home if q is None else q, dtype=np.float64)
         self.tcp: Floats = tcp_of(arm)
-        self.payload = 0.0
+        self.payload, self.centre_of_mass, self.gravity = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 9.82)
+        self.io, self.rng = InputsOutputs(), np.random.default_rng(0)
         self._drive = _Drive(self.simulation)
         self.speed_slider = self._scaling = 1.0
         self.registers: dict[int, int] = {}
         self.robot_mode, self.safety_mode = RobotMode.RUNNING, SafetyMode.NORMAL
         self.runtime_state = RuntimeState.STOPPED
         self.reason = ""
-        self._program: Generator[None, None, None] | None = None
+        self._has_to_end = self.is_fresh = False
+        self._program: Machine | None = None
+        self._beside: Machine | None = None
+        self._commands = Commands(self)
+        self.program_time = self.servo_until = 0.0
+        grammar()  # now, and not when the first program comes
         self.program_name: str | None = None
         self._ticks = 0
         self.place(start)
@@ -150,9 +143,10 @@ class Controller:
     def place(self, q: Floats) -> None:
         """Put the arm at rest into a posture [rad], shape (6,), without moving."""
         self.simulation.reset(q)
-        self._motion = BlendedMotion(self._tool, q)
-        self._servo: tuple[Servo, Floats, float, float] | None = None
-        self._braking = BRAKING
+        self.motion = BlendedMotion(self.tool_position, q)
+        self.servo: tuple[Servo, Floats, float, float] | None = None
+        self.speed: JointSpeed | ToolSpeed | None = None
+        self.braking = BRAKING
         self._began = q
         self.target_q: Floats = q.copy()
         self.target_qd, self.target_qdd = np.zeros(len(q)), np.zeros(len(q))
@@ -186,6 +180,18 @@ class Controller:
         speed[:3] += np.cross(speed[3:], (flange @ self.tcp)[:3, 3] - flange[:3, 3])
         return speed
 
+    def tool_position(self, q: Floats) -> Floats:
+        """Return the position of the tool centre point [m], shape (3,)."""
+        return (self.kinematics.fk(q) @ self.tcp)[:3, 3]
+
+    @cached_property
+    def inverse(self) -> ClosedFormKinematics:
+        """Kinematics that finds the postures of a pose of the flange in `base`."""
+        found = ArmKinematics.of(self.arm, tip=FLANGE, base="base")
+        if not isinstance(found, ClosedFormKinematics):
+            raise InputError(f"arm {self.arm.name!r} has no inverse kinematics of a UR")
+        return found
+
     def say(self, text: str) -> None:
         if self._log is not None:
             self._log(printable(text))
@@ -206,22 +212,46 @@ class Controller:
             InputError: As `start`.
         """
         self._refuse_in_stop()
-        self._end_program()
-        self.reason = ""
+        is_beside = text.lstrip().startswith("sec ")
+        if not is_beside:
+            self._end_program()
+            self.reason = ""
         try:
             script = yield from parsing(text)
         except ScriptError as error:
-            self.reason = str(error)
+            self.reason = self.reason if is_beside else str(error)
             self.say(f"program refused: {error}")
             raise
         self._refuse_in_stop()
-        self._program = self._statements(script.body, {})
+        if script.is_secondary:
+            self._beside = Machine(script.code, self._commands)
+            self.say(f"secondary program {script.name} is running")
+            return
+        self._program, self.is_fresh = Machine(script.code, self._commands), True
         self.runtime_state, self.program_name = RuntimeState.PLAYING, f"{script.name}"
         self.say(f"program {script.name or 'of one line'} is running")
 
     def _refuse_in_stop(self) -> None:
         if self.safety_mode is not SafetyMode.NORMAL:
             raise InputError(f"the program is not run: {_STOPS[self.safety_mode]} ({self.reason})")
+        if self.robot_mode is not RobotMode.RUNNING:
+            raise InputError("the program is not run: the power of the arm is off")
+
+    def power_off(self) -> None:
+        """Take the arm's power until `release`: the program ends."""
+        self.end_program()
+        self.robot_mode = RobotMode.POWER_OFF
+        self.say("the power of the arm is off")
+
+    def end_program(self) -> None:
+        """Stop the program that runs, as on the pendant: the arm brakes."""
+        if self._program is not None:
+            self._has_to_end = True
+
+    def drop_motion(self) -> None:
+        """Let nothing move the arm any more: it brakes."""
+        self.motion, self.servo, self.speed = BlendedMotion(self.tool_position, self.target_q), None, None
+        self.braking = BRAKING
 
     def release(self) -> None:
         """End a stop; after a protective one the arm is put back to where the stopped program began."""
@@ -293,22 +323,30 @@ class Controller:
         return self.target_q, self.target_qd, self.actual_q, self.actual_qd
 
     def _end_program(self) -> None:
-        self._motion, self._servo, self._braking = BlendedMotion(self._tool, self.target_q), None, BRAKING
         if self._program is not None:
-            self._program.close()
+            self._program.end()
+        self.drop_motion()
         self._program, self.program_name, self.runtime_state = None, None, RuntimeState.STOPPED
-        self._program_time = self._servo_until = 0.0
+        self._has_to_end = self.is_fresh = False
+        self.program_time = self.servo_until = 0.0
         self._began = self.actual_q
 
     def _advance_program(self) -> None:
+        if self._beside is not None:
+            self._run_beside(self._beside)
         if self._program is None:
             return
-        self._program_time += self.cycle * self._scaling
+        self.program_time += self.cycle * self._scaling
         try:
-            next(self._program)
-        except StopIteration:
-            self._end_program()
-            self.say("program finished")
+            self.is_fresh = False
+            if not self._program.is_done:
+                self._program.cycle()
+            if self._has_to_end:
+                self._end_program()
+                self.say("program ended by request")
+            elif self._program.has_halted or (self._program.is_done and not self.motion.segments):
+                self._end_program()
+                self.say("program finished")
         except ScriptError as error:
             self.reason = str(error)
             self._end_program()
@@ -316,21 +354,38 @@ class Controller:
         except LineError as error:
             self._stop(str(error))
 
+    def _run_beside(self, machine: Machine) -> None:
+        """Let a secondary program go on."""
+        try:
+            machine.cycle()
+        except ScriptError as error:
+            self.say(f"secondary program stopped: {error}")
+            self._beside = None
+        if machine.is_done:
+            self._beside = None
+
     def _advance_target(self) -> None:
         dt, before = self.cycle * self._scaling, self.target_qd
-        if self._motion.segments:
+        if self.motion.segments:
             try:
-                q, qd = self._motion.advance(dt)
+                q, qd = self.motion.advance(dt)
             except (LineError, np.linalg.LinAlgError) as error:
                 self._stop(str(error))
                 return
             self.target_q, self.target_qd = q, self._scaling * qd
-        elif self._servo is not None:
-            servo, target, lookahead, gain = self._servo
+        elif self.servo is not None:
+            servo, target, lookahead, gain = self.servo
             servo.follow(target, lookahead, gain, dt)
             self.target_q, self.target_qd = servo.q, self._scaling * servo.qd
+        elif self.speed is not None:
+            try:
+                self.target_qd = self.speed.next(self.target_q, before, self.cycle)
+            except LineError as error:
+                self._stop(str(error))
+                return
+            self.target_q = self.target_q + dt * self.target_qd
         elif (fastest := float(np.abs(before).max())) > 0.0:
-            self.target_qd = before * max(0.0, 1.0 - self._braking * self.cycle / fastest)
+            self.target_qd = before * max(0.0, 1.0 - self.braking * self.cycle / fastest)
             self.target_q = self.target_q + self.cycle * self.target_qd
         self.target_qdd = (self.target_qd - before) / self.cycle
 
@@ -359,162 +414,6 @@ class Controller:
         self.reason, self.safety_mode = reason, SafetyMode.PROTECTIVE_STOP
         self.target_q, self.target_qd, self.target_qdd = self.actual_q, np.zeros(6), np.zeros(6)
         self.say(f"protective stop: {reason}")
-
-    def _statements(self, body: Sequence[Statement], known: dict[str, Any]) -> Generator[None, None, None]:
-        """Execute statements; each yield is the end of a control cycle."""
-        for statement in body:
-            if isinstance(statement, Assignment):
-                known[statement.name] = self._value(statement.value, known, statement.line)
-            elif isinstance(statement, Choice):
-                condition = self._value(statement.condition, known, statement.line)
-                if not isinstance(condition, bool):
-                    raise ScriptError(statement.line, f"runtime error: {shown(condition)} is neither true nor false")
-                yield from self._statements(statement.then if condition else statement.otherwise, known)
-            else:
-                yield from self._call(statement, known)
-        while self._motion.segments:
-            yield
-
-    def _value(self, expression: Expression, known: Mapping[str, Any], line: int) -> Any:
-        if isinstance(expression, Constant):
-            return expression.value
-        if isinstance(expression, Numbers):
-            values = [self._number(entry, known, line) for entry in expression.entries]
-            if expression.is_pose and len(values) != 6:
-                raise ScriptError(line, f"runtime error: a pose has six numbers, got {len(values)}")
-            return _Pose(values) if expression.is_pose else values
-        if isinstance(expression, Name):
-            return known[expression.name]
-        if isinstance(expression, Element):
-            values, index = known[expression.name], self._number(expression.index, known, line)
-            if not isinstance(values, list) or not index.is_integer() or not 0 <= index < len(values):
-                raise ScriptError(line, f"runtime error: {expression.name} has no entry {index:g}")
-            return values[int(index)]
-        if isinstance(expression, Negative):
-            return -self._number(expression.value, known, line)
-        if isinstance(expression, Call):
-            return self._returned(expression, known)
-        if expression.sign == "or":
-            sides = [self._value(side, known, line) for side in (expression.left, expression.right)]
-            if not all(isinstance(side, bool) for side in sides):
-                raise ScriptError(line, f"runtime error: or is for truth values, got {shown(sides)}")
-            return any(sides)
-        left, right = (self._number(side, known, line) for side in (expression.left, expression.right))
-        return left > right if expression.sign == ">" else left - right
-
-    def _returned(self, call: Call, known: Mapping[str, Any]) -> Any:
-        values = {name: self._value(value, known, call.line) for name, value in call.arguments.items()}
-        match call.function:
-            case "norm":
-                numbers = values["a"] if isinstance(values["a"], list) else [values["a"]]
-                if not all(map(is_number, numbers)):
-                    raise ScriptError(call.line, f"runtime error: a number is needed, got {shown(values['a'])}")
-                return float(np.linalg.norm(numbers))
-            case "get_forward_kin":
-                q, tcp = self._six(call, values["q"], is_pose=False), self._six(call, values["tcp"], is_pose=True)
-                return _Pose(pose_vector(self.kinematics.fk(q) @ pose(tcp)).tolist())
-            case "pose_inv" | "pose_trans":
-                T = [pose(self._six(call, six, is_pose=True)) for six in values.values()]
-                return _Pose(pose_vector(np.linalg.inv(T[0]) if len(T) == 1 else T[0] @ T[1]).tolist())
-        return self.actual_q.tolist()
-
-    def _number(self, expression: Expression, known: Mapping[str, Any], line: int) -> float:
-        value = self._value(expression, known, line)
-        if not is_number(value):
-            raise ScriptError(line, f"runtime error: a number is needed, got {shown(value)}")
-        return float(value)
-
-    def _call(self, call: Call, known: Mapping[str, Any]) -> Generator[None, None, None]:
-        values = {name: self._value(value, known, call.line) for name, value in call.arguments.items()}
-        self._check_ranges(call, values)
-        match call.function:
-            case "movej" | "movel":
-                yield from self._move(call, values)
-            case "servoj":
-                yield from self._servoj(call, values)
-            case "stopj":
-                self._motion, self._servo = BlendedMotion(self._tool, self.target_q), None
-                self._braking = values["a"]
-                yield from self._at_rest()
-                self._braking = BRAKING
-            case "sleep":
-                until = self._program_time + float(values["t"])
-                while self._program_time < until - 1e-9:
-                    yield
-            case "set_tcp":
-                self.tcp = pose(self._six(call, values["pose"], is_pose=True))
-            case "set_payload":
-                self.payload = values["m"]
-            case "write_output_integer_register":
-                self.registers[int(values["output_id"])] = int(values["value"])
-            case "popup" | "textmsg":
-                self.say(f"{call.function}: {values.get('s', values.get('s1'))}{values.get('s2', '')}")
-
-    @staticmethod
-    def _check_ranges(call: Call, values: Mapping[str, Any]) -> None:
-        unused = ("a", "v") if call.function == "servoj" else ()
-        for name, value in values.items():
-            low, high = RANGES.get(name, (0.0, 0.0))
-            if name in RANGES and name not in unused and not (is_number(value) and low <= value <= high):
-                raise ScriptError(
-                    call.line,
-                    f"runtime error: {name} of {call.function} must be a number from {low:g} to {high:g}, got "
-                    f"{shown(value)}",
-                )
-
-    def _six(self, call: Call, value: object, *, is_pose: bool) -> Floats:
-        if not isinstance(value, list) or len(value) != 6 or isinstance(value, _Pose) is not is_pose:
-            kind = "a pose p[...]" if is_pose else "a list of six joint angles"
-            raise ScriptError(call.line, f"runtime error: {call.function} takes {kind}, got {shown(value)}")
-        return np.array(value)
-
-    def _at_rest(self) -> Generator[None, None, None]:
-        while self._motion.segments or np.abs(self.target_qd).max() > REST:
-            yield
-
-    def _move(self, call: Call, values: Mapping[str, Any]) -> Generator[None, None, None]:
-        """Run `movej` or `movel` until the next move may be blended in."""
-        if values["t"] != 0.0:
-            raise ScriptError(call.line, f"runtime error: {call.function} is not run with a time t; give a and v")
-        self._servo = None
-        if not self._motion.segments:
-            yield from self._at_rest()
-            self._motion = BlendedMotion(self._tool, self.target_q)
-        is_pose = call.function == "movel"
-        target = self._six(call, values["pose" if is_pose else "q"], is_pose=is_pose)
-        segment = segment_to(
-            self.kinematics, self.tcp, self._motion.end, call.function, target, values["v"], values["a"]
-        )
-        if overlap := self._motion.overlap(segment, values["r"]):
-            self.say(f"line {call.line}: overlapping blends, the move is skipped: {overlap}")
-            return
-        self._motion.add(segment, values["r"])
-        yield
-        while not self._motion.may_go_on():
-            yield
-
-    def _tool(self, q: Floats) -> Floats:
-        """Position of the tool centre point [m], shape (3,)."""
-        return (self.kinematics.fk(q) @ self.tcp)[:3, 3]
-
-    def _servoj(self, call: Call, values: Mapping[str, Any]) -> Generator[None, None, None]:
-        duration = values["t"]
-        if not is_number(duration) or not self.cycle - 1e-9 <= duration <= 10.0:
-            raise ScriptError(call.line, f"runtime error: t of servoj must be from {self.cycle:g} to 10 s, "
-                              f"got {shown(duration)}")  # fmt: skip
-        target = self._six(call, values["q"], is_pose=False)
-        if self._servo is None:
-            yield from self._at_rest()
-            self._servo_until = self._program_time
-        servo = Servo(self.target_q, self.target_qd) if self._servo is None else self._servo[0]
-        self._servo = servo, target, values["lookahead_time"], values["gain"]
-        self._servo_until += duration
-        while self._program_time < self._servo_until - 1e-9:
-            yield
-
-
-class _Pose(list[float]):
-    """A value `p[...]`."""
 
 
 class _Drive:

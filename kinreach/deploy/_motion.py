@@ -7,12 +7,14 @@ joins the second one at the same distance from the waypoint, the blend radius.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach._rotations import PoseLine
+from kinreach._rotations import PoseLine, turn
 from kinreach.kinematics import ArmKinematics, pose
 from kinreach.sim.inside import TrapezoidalProfile
 
@@ -32,18 +34,30 @@ class LineError(Exception):
     """A straight line cannot be followed; the message gives the place and the reason."""
 
 
+def rates_for(seconds: float, length: float, acceleration: float) -> tuple[float, float]:
+    """Return speed and acceleration of a trapezoid that takes a time [s]; the acceleration is raised if it must be."""
+    if acceleration * seconds**2 <= 4.0 * length or not length:
+        return max(2.0 * length / seconds, 1e-9), max(4.0 * length / seconds**2, 1e-9)
+    root = math.sqrt(acceleration**2 * seconds**2 - 4.0 * acceleration * length)
+    return 2.0 * length / (seconds + root / acceleration), acceleration
+
+
 class Segment:
-    """A motion from one posture at rest to another, with a trapezoidal speed profile.
+    """A motion from one posture at rest to another, with a trapezoidal speed profile; `seconds` instead of a speed.
 
     Attributes:
         start, end: Postures [rad], shape (n,).
         q, qd: Posture [rad] and speeds [rad/s] now, shape (n,).
     """
 
-    def __init__(self, start: Floats, end: Floats, length: float, speed: float, acceleration: float) -> None:
+    def __init__(
+        self, start: Floats, end: Floats, length: float, speed: float, acceleration: float, seconds: float = 0.0
+    ) -> None:
         self.start, self.end = start, end
         self.q, self.qd = start, np.zeros_like(start)
         self.length, self.time = length, 0.0
+        if seconds:
+            speed, acceleration = rates_for(seconds, length, acceleration)
         self._profile = TrapezoidalProfile(np.array([length]), speed, acceleration)
         self.duration = float(self._profile.duration[0])
         self.done = self.duration == 0.0
@@ -63,9 +77,9 @@ class Segment:
 class JointLine(Segment):
     """`movej`: a straight line in joint space; speed and acceleration are those of the joint with the longest way."""
 
-    def __init__(self, start: Floats, end: Floats, speed: float, acceleration: float) -> None:
+    def __init__(self, start: Floats, end: Floats, speed: float, acceleration: float, seconds: float = 0.0) -> None:
         length = float(np.abs(end - start).max())
-        super().__init__(start, end, length, speed, acceleration)
+        super().__init__(start, end, length, speed, acceleration, seconds)
         self._direction = (end - start) / length if length else np.zeros_like(start)
 
     def _place(self, covered: float, rate: float) -> None:
@@ -82,21 +96,32 @@ class StraightLine(Segment):
         target: Pose of the tool centre point at the end (4, 4).
         speed: Of the tool [m/s]; a turn by 1 rad counts as 1 m.
         acceleration: Of the tool [m/s^2].
+        seconds: That it takes, instead of a speed; 0 for the speed.
 
     Raises:
         LineError: The line leaves the reach, or passes a singularity: beyond it the arm is in another branch.
     """
 
     def __init__(
-        self, kinematics: ArmKinematics, tcp: Floats, start: Floats, target: Floats, speed: float, acceleration: float
+        self,
+        kinematics: ArmKinematics,
+        tcp: Floats,
+        start: Floats,
+        target: Floats,
+        speed: float,
+        acceleration: float,
+        seconds: float = 0.0,
     ) -> None:
         self._kin, self._tcp, self._from_tcp = kinematics, tcp, np.linalg.inv(tcp)
         self._T = kinematics.fk(start) @ tcp
-        self._line = line = PoseLine(self._T, target)
+        self._line = line = self._line_to(target)
         length = max(line.length, METRES_PER_RADIAN * line.angle)
-        super().__init__(start, start, length, speed, acceleration)
+        super().__init__(start, start, length, speed, acceleration, seconds)
         self.end = self._followed()
         self._covered, self._slope = 0.0, np.zeros_like(start)  # where it is, and how the joints go on there
+
+    def _line_to(self, target: Floats) -> PoseLine:
+        return PoseLine(self._T, target)
 
     def _followed(self) -> Floats:
         """Compute the posture at the end of the line, by small steps along it."""
@@ -140,7 +165,65 @@ class StraightLine(Segment):
         spin = self._T[:3, :3] @ line.axis * (line.angle / self.length)
         flange = self._kin.fk(self.q)
         arm = flange[:3, 3] - (flange @ self._tcp)[:3, 3]
-        return np.concatenate([line.way / self.length + np.cross(spin, arm), spin])
+        return np.concatenate([self._way(flange) / self.length + np.cross(spin, arm), spin])
+
+    def _way(self, flange: Floats) -> Floats:
+        """Return how the tool centre point moves [m], for the whole line at the rate of this place, shape (3,)."""
+        return self._line.way
+
+
+class PoseArc(PoseLine):
+    """The poses on an arc through a point: the position on a circle, the rotation at an even rate.
+
+    Args:
+        start, end: Homogeneous transforms, shape (4, 4).
+        via: A point between them [m], shape (3,).
+        is_fixed: Whether the rotation keeps its angle with the circle, in place of the end's rotation.
+
+    Raises:
+        LineError: The three points are on a line.
+    """
+
+    def __init__(self, start: Floats, via: Floats, end: Floats, *, is_fixed: bool) -> None:
+        a, b = via - start[:3, 3], end[:3, 3] - start[:3, 3]
+        normal = np.cross(a, b)
+        square = float(normal @ normal)
+        if not square > 1e-10 * float(a @ a) * float(b @ b):
+            raise LineError("movec needs three points that are not on a line")
+        aside = np.cross(normal, a) * float(b @ b) - np.cross(normal, b) * float(a @ a)
+        self.centre: Floats = np.asarray(start[:3, 3] + aside / (2.0 * square), dtype=np.float64)
+        self.normal: Floats = np.asarray(normal / math.sqrt(square), dtype=np.float64)
+        self._radius: Floats = np.asarray(start[:3, 3] - self.centre, dtype=np.float64)
+        last = end[:3, 3] - self.centre
+        side = float(self.normal @ np.cross(self._radius, last))
+        self.turned = math.atan2(side, float(self._radius @ last)) % (2.0 * math.pi)
+        final: Floats = end.copy()
+        if is_fixed:
+            final[:3, :3] = turn(self.normal, self.turned) @ start[:3, :3]
+        super().__init__(start, final)
+        if is_fixed:
+            self.axis, self.angle = np.asarray(start[:3, :3].T @ self.normal, dtype=np.float64), self.turned
+        self.length = self.turned * float(np.linalg.norm(self._radius))
+
+    def at(self, part: float) -> Floats:
+        T = super().at(part)
+        T[:3, 3] = self.centre + turn(self.normal, part * self.turned) @ self._radius
+        return T
+
+
+class Arc(StraightLine):
+    """`movec`: the tool centre point on an arc; `via` and `is_fixed` as in `PoseArc`, the others as `StraightLine`."""
+
+    def __init__(self, *line: Any, via: Floats, is_fixed: bool) -> None:
+        self._via, self._is_fixed = via, is_fixed
+        super().__init__(*line)
+
+    def _line_to(self, target: Floats) -> PoseLine:
+        return PoseArc(self._T, self._via, target, is_fixed=self._is_fixed)
+
+    def _way(self, flange: Floats) -> Floats:
+        arc: Any = self._line
+        return arc.turned * np.cross(arc.normal, (flange @ self._tcp)[:3, 3] - arc.centre)
 
 
 def segment_to(
@@ -151,11 +234,12 @@ def segment_to(
     target: Floats,
     speed: float,
     acceleration: float,
+    seconds: float = 0.0,
 ) -> Segment:
     """Return the segment of `movej` to joint angles, or of `movel` to a pose; arguments are those of `StraightLine`."""
     if command == "movej":
-        return JointLine(start, target, speed, acceleration)
-    return StraightLine(kinematics, tcp, start, pose(target), speed, acceleration)
+        return JointLine(start, target, speed, acceleration, seconds)
+    return StraightLine(kinematics, tcp, start, pose(target), speed, acceleration, seconds)
 
 
 class BlendedMotion:
@@ -229,3 +313,55 @@ class Servo:
         speed = self.qd + dt * gain * (target - self.q) / lookahead
         self.qd = speed / (1.0 + dt * gain + dt**2 * gain / lookahead)
         self.q = self.q + dt * self.qd
+
+
+class JointSpeed:
+    """`speedj`: joint speeds that are approached with an acceleration [rad/s], [rad/s^2]."""
+
+    def __init__(self, wanted: Floats, acceleration: float) -> None:
+        self._wanted, self._acceleration = wanted, acceleration
+
+    def next(self, q: Floats, qd: Floats, dt: float) -> Floats:
+        """Return the speeds of the next control cycle [rad/s], shape (n,)."""
+        change = self._wanted - qd
+        most = float(np.abs(change).max())
+        return self._wanted if most <= self._acceleration * dt else qd + change * (self._acceleration * dt / most)
+
+
+class ToolSpeed:
+    """`speedl` and `stopl`: a speed of the tool centre point that is approached with an acceleration.
+
+    Args:
+        kinematics: Of the flange, in the frame of the speeds.
+        tcp: Pose of the tool centre point on the flange (4, 4).
+        begin, wanted: Speeds of the tool [m/s, rad/s], shape (6,).
+        acceleration: Of the tool [m/s^2], and of its turns [rad/s^2].
+    """
+
+    def __init__(
+        self, kinematics: ArmKinematics, tcp: Floats, begin: Floats, wanted: Floats, acceleration: tuple[float, float]
+    ) -> None:
+        self._kin, self._tcp, self._now, self._wanted, self._acceleration = kinematics, tcp, begin, wanted, acceleration
+
+    def next(self, q: Floats, qd: Floats, dt: float) -> Floats:
+        """Return the speeds of the joints in the next control cycle [rad/s], shape (n,).
+
+        Raises:
+            LineError: The arm is at a singularity.
+        """
+        shares = []
+        for part, most in zip((slice(3), slice(3, 6)), self._acceleration, strict=True):
+            change = float(np.linalg.norm(self._wanted[part] - self._now[part]))
+            shares.append(1.0 if change <= most * dt else most * dt / change)
+        share = np.repeat(shares, 3)
+        self._now = np.where(share == 1.0, self._wanted, self._now + share * (self._wanted - self._now))
+        middle = q + 0.5 * dt * qd
+        flange = self._kin.fk(middle)
+        arm = flange[:3, 3] - (flange @ self._tcp)[:3, 3]
+        twist = np.concatenate([self._now[:3] + np.cross(self._now[3:], arm), self._now[3:]])
+        jacobian = self._kin.jacobian(middle)
+        if not twist.any():
+            return np.zeros_like(q)
+        if abs(float(np.linalg.det(jacobian))) < NO_SIGN:
+            raise LineError("the tool cannot keep its speed at a singularity")
+        return np.asarray(np.linalg.solve(jacobian, twist), dtype=np.float64)

@@ -32,7 +32,7 @@ from kinreach.deploy._controller import (
     tcp_of,
 )
 from kinreach.deploy._model import ModelCheck
-from kinreach.deploy._urscript import (
+from kinreach.deploy._script_tree import (
     Assignment,
     Call,
     Choice,
@@ -41,12 +41,13 @@ from kinreach.deploy._urscript import (
     Name,
     Numbers,
     Operation,
+    Place,
     ScriptError,
     Statement,
     list_text,
     number_text,
-    parse,
 )
+from kinreach.deploy._urscript import parse
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
 from kinreach.robots import ArmDescription
@@ -285,14 +286,14 @@ class Program:
         comparisons: list[tuple[Assignment, Choice]] = []
         for statement, after in pairwise([*script.body, None]):
             if isinstance(statement, Assignment) and statement.name == "start":
-                start = _constants(statement.value, statement.line)
+                start = _constants(statement.value, statement.place)
             elif isinstance(statement, Assignment) and statement.name == OFF and isinstance(after, Choice):
                 comparisons.append((statement, after))
             elif isinstance(statement, Call) and statement.function == "set_tcp":
-                settings["tcp"] = _constants(statement.arguments["pose"], statement.line)
+                settings["tcp"] = _constants(statement.arguments["pose"], statement.place)
             elif isinstance(statement, Call) and statement.function == "set_payload":
-                settings["payload"] = _constant(statement.arguments["m"], statement.line)
-                settings["centre_of_mass"] = _constants(statement.arguments["cog"], statement.line)
+                settings["payload"] = _constant(statement.arguments["m"], statement.place)
+                settings["centre_of_mass"] = _constants(statement.arguments["cog"], statement.place)
             elif isinstance(statement, Choice) and statement.otherwise:
                 choice = statement
                 while isinstance(choice.otherwise[-1], Choice):  # the start posture is compared after the arm
@@ -325,10 +326,10 @@ def _tolerance(choice: Choice) -> float:
         either = condition.sign == "or"
         comparison = condition.right if either else condition
         if isinstance(comparison, Operation) and comparison.sign == ">":
-            comparisons.append(_constant(comparison.right, choice.line))
+            comparisons.append(_constant(comparison.right, choice.place))
         condition = condition.left if either else Constant(True)
     if len(comparisons) != len(JOINTS) or len(set(comparisons)) > 1:
-        raise ScriptError(choice.line, "the check of the start posture compares each of six joints with one tolerance")
+        raise ScriptError(choice.place, "the check of the start posture compares each of six joints with one tolerance")
     return comparisons[0]
 
 
@@ -366,12 +367,12 @@ def _model(comparisons: Sequence[tuple[Assignment, Choice]]) -> ModelCheck:
     for assignment, choice in comparisons:
         try:
             here, there = assignment.value.arguments.values()  # type: ignore[union-attr]
-            poses.append(_constants(here.arguments["p_from"], assignment.line))  # type: ignore[union-attr]
-            postures.append(_constants(there.arguments["q"], assignment.line))  # type: ignore[union-attr]
+            poses.append(_constants(here.arguments["p_from"], assignment.place))  # type: ignore[union-attr]
+            postures.append(_constants(there.arguments["q"], assignment.place))  # type: ignore[union-attr]
             far, turned = (side.right for side in (choice.condition.left, choice.condition.right))  # type: ignore[union-attr]
         except (AttributeError, KeyError, ValueError):
-            raise ScriptError(assignment.line, "a comparison of the arm's kinematics is needed here") from None
-        most = _constant(far, choice.line), round(float(np.degrees(_constant(turned, choice.line))), 6)
+            raise ScriptError(assignment.place, "a comparison of the arm's kinematics is needed here") from None
+        most = _constant(far, choice.place), round(float(np.degrees(_constant(turned, choice.place))), 6)
     return ModelCheck(tuple(postures), tuple(poses), most)
 
 
@@ -379,13 +380,13 @@ def _trajectory(start: tuple[float, ...], calls: Sequence[Call]) -> Trajectory:
     """Read the motion of `servoj` lines, without the last one, which holds the end."""
     for call in calls:
         if call.function != "servoj":
-            raise ScriptError(call.line, f"{call.function} among the servoj of a trajectory")
-    period = _constant(calls[0].arguments["t"], calls[0].line)
-    steps = [call for call in calls if _constant(call.arguments["t"], call.line) == period]
-    rows = [_constants(call.arguments["q"], call.line) for call in steps]
+            raise ScriptError(call.place, f"{call.function} among the servoj of a trajectory")
+    period = _constant(calls[0].arguments["t"], calls[0].place)
+    steps = [call for call in calls if _constant(call.arguments["t"], call.place) == period]
+    rows = [_constants(call.arguments["q"], call.place) for call in steps]
     for call, row in zip(steps, rows, strict=True):
         if len(row) != len(JOINTS):
-            raise ScriptError(call.line, f"servoj takes six joint angles, got {len(row)}")
+            raise ScriptError(call.place, f"servoj takes six joint angles, got {len(row)}")
     q = np.array([start, *rows])
     t = period * np.arange(len(q), dtype=np.float64)
     qd = np.gradient(q, period, axis=0)
@@ -394,28 +395,28 @@ def _trajectory(start: tuple[float, ...], calls: Sequence[Call]) -> Trajectory:
 
 
 def _move(call: Call) -> Move:
-    numbers = {name: _constant(call.arguments[name], call.line) for name in ("a", "v", "t", "r")
+    numbers = {name: _constant(call.arguments[name], call.place) for name in ("a", "v", "t", "r")
                if name in call.arguments}  # fmt: skip
     if "a" not in numbers or numbers["t"]:
-        raise ScriptError(call.line, f"{call.function} is not a move with a and v")
+        raise ScriptError(call.place, f"{call.function} is not a move with a and v")
     target = call.arguments["q" if call.function == "movej" else "pose"]
     if not isinstance(target, Numbers) or target.is_pose is not (call.function == "movel"):
         raise ScriptError(
-            call.line, f"{call.function} takes {'a pose' if call.function == 'movel' else 'joint angles'}"
+            call.place, f"{call.function} takes {'a pose' if call.function == 'movel' else 'joint angles'}"
         )
-    return Move(call.function, _constants(target, call.line), numbers["v"], numbers["a"], numbers["r"])
+    return Move(call.function, _constants(target, call.place), numbers["v"], numbers["a"], numbers["r"])
 
 
-def _constant(expression: Expression, line: int) -> float:
+def _constant(expression: Expression, place: Place) -> float:
     if isinstance(expression, Constant) and isinstance(expression.value, float):
         return expression.value
-    raise ScriptError(line, "a number is needed here")
+    raise ScriptError(place, "a number is needed here")
 
 
-def _constants(expression: Expression, line: int) -> tuple[float, ...]:
+def _constants(expression: Expression, place: Place) -> tuple[float, ...]:
     if not isinstance(expression, Numbers):
-        raise ScriptError(line, "a list of numbers is needed here")
-    return tuple(_constant(entry, line) for entry in expression.entries)
+        raise ScriptError(place, "a list of numbers is needed here")
+    return tuple(_constant(entry, place) for entry in expression.entries)
 
 
 def _one_line(text: str) -> str:

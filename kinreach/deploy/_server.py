@@ -21,8 +21,10 @@ from contextlib import suppress
 from time import monotonic
 from typing import Any, Self
 
+import numpy as np
+
 from kinreach._checks import check_count, check_number, shown
-from kinreach.deploy._controller import Controller
+from kinreach.deploy._controller import MAX_DEVIATION, Controller
 from kinreach.deploy._model import DhFigures
 from kinreach.deploy._primary import (
     KEY,
@@ -53,7 +55,8 @@ from kinreach.deploy._rtde import (
     packages_in,
     type_of,
 )
-from kinreach.deploy._urscript import MAX_CHARACTERS, MAX_LINE, ScriptError
+from kinreach.deploy._script_tree import ScriptError
+from kinreach.deploy._urscript import MAX_CHARACTERS, MAX_LINE
 from kinreach.errors import InputError
 from kinreach.kinematics import pose_vector
 from kinreach.robots import ArmDescription, get_arm
@@ -87,9 +90,17 @@ _SIZES: Mapping[int, tuple[int, int]] = {
 }  # fmt: skip
 #: What the first line of a program looks like, and bytes that no program has.
 _FIRST = re.compile(
-    rb"\s*(#|[A-Za-z_]\w*\s*[(=]|(def|sec|thread|global|local|if|while|for|halt|return|sync|pause|end)\b)"
+    rb"\s*(#|\$|[A-Za-z_]\w*\s*[(=]|set\s+(sim|real)\b"
+    rb"|(def|sec|thread|global|local|if|while|for|halt|return|sync|pause|end|run)\b)"
 )
+#: Words that begin a program of several lines, and a definition that has arguments.
+_DEFINITIONS = (b"def ", b"sec ", b"def\t", b"sec\t")
+_DEFINED, _CALLED = re.compile(rb"\s*def\s+(\w+)"), re.compile(rb"\s*(\w+)\s*\(\s*\)")
+_ARGUMENTS = re.compile(rb"\s*(?:def|sec)\s+(\w+)\s*\(\s*[A-Za-z_]")
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
+
+#: A register: direction, type, the first of 32 bits, or its number.
+_REGISTER = re.compile(r"(input|output)_(bit|int|double)_registers?_?(?:(0|32)_to_\d+|(\d+))")
 
 _OUTPUTS: Mapping[str, Callable[[Controller], Sequence[float]]] = {
     "timestamp": lambda ur: (ur.time,),
@@ -104,6 +115,15 @@ _OUTPUTS: Mapping[str, Callable[[Controller], Sequence[float]]] = {
     "target_TCP_speed": lambda ur: ur.tcp_speed(ur.target_q, ur.target_qd).tolist(),
     "tcp_offset": lambda ur: pose_vector(ur.tcp).tolist(),
     "payload": lambda ur: (ur.payload,),
+    "payload_cog": lambda ur: ur.centre_of_mass,
+    "target_gravity": lambda ur: ur.gravity,
+    "control_step": lambda ur: (round(ur.time / ur.cycle),),
+    "joint_position_deviation_ratio": lambda ur: (deviation(ur),),
+    "actual_digital_output_bits": lambda ur: (ur.io.digital,),
+    "actual_configurable_digital_output_bits": lambda ur: (ur.io.digital >> 8 & 255,),
+    "standard_analog_output0": lambda ur: (ur.io.analog[0],),
+    "standard_analog_output1": lambda ur: (ur.io.analog[1],),
+    "tool_output_voltage": lambda ur: (ur.io.tool_voltage,),
     "robot_mode": lambda ur: (ur.robot_mode,),
     "joint_mode": lambda ur: (JOINT_RUNNING if ur.robot_mode is RobotMode.RUNNING else JOINT_POWER_OFF,) * 6,
     "safety_mode": lambda ur: (ur.safety_mode,),
@@ -121,8 +141,9 @@ _OUTPUTS: Mapping[str, Callable[[Controller], Sequence[float]]] = {
 class SimulatedUR:
     """A UR that is simulated in MuJoCo and answers on the ports of a real one, on this machine only.
 
-    It is not URSim: RTDE (protocol 2) and the script port are served, not the dashboard; programs are those that
-    kinreach writes. `ur_rtde`'s receive and I/O interfaces read it; its control interface needs a real robot or URSim.
+    It is not URSim: RTDE (protocol 2) and the script port are served, not the dashboard; programs are URScript
+    without sockets and forces. `ur_rtde`'s receive and I/O interfaces read it; its control interface needs a real robot
+    or URSim.
 
     It runs in its own thread within `with`, or in the calling thread by `serve`.
 
@@ -296,7 +317,19 @@ class SimulatedUR:
         return types
 
     def set_inputs(self, values: Mapping[str, Sequence[float]]) -> None:
-        """Set a client's inputs; only the speed slider has an effect."""
+        """Set a client's inputs: the speed slider, outputs by their masks, and registers."""
+        ur = self.controller
+        for kind, first in (("standard_", 0), ("configurable_", 8), ("tool_", 16)):
+            mask, bits = (int(values.get(f"{kind}digital_output{end}", (0,))[0]) for end in ("_mask", ""))
+            for bit in range(8):
+                if mask >> bit & 1:
+                    ur.io.set_digital(first + bit, is_on=bool(bits >> bit & 1))
+        for output in range(2):
+            share = values.get(f"standard_analog_output_{output}", (math.nan,))[0]
+            if int(values.get("standard_analog_output_mask", (0,))[0]) >> output & 1 and 0.0 <= share <= 1.0:
+                ur.io.analog[output] = share
+        for name, given in values.items():
+            set_register(ur, name, given[0])
         if "speed_slider_fraction" in values and values.get("speed_slider_mask", (1,))[0]:
             fraction = values["speed_slider_fraction"][0]
             if not 0.0 <= fraction <= 1.0:  # NaN, too
@@ -427,9 +460,43 @@ class SimulatedUR:
 def output(ur: Controller, name: str) -> Sequence[float]:
     if name in _OUTPUTS:
         return _OUTPUTS[name](ur)
-    if name.startswith("output_int_register_"):
-        return (ur.registers.get(int(name.rpartition("_")[2]), 0),)
-    return ()
+    return register(ur, name)
+
+
+def deviation(ur: Controller) -> float:
+    """Return how far the arm is from its target, as a part of what stops it."""
+    return float(np.abs(ur.target_q - ur.actual_q).max()) / MAX_DEVIATION
+
+
+def register(ur: Controller, name: str) -> Sequence[float]:
+    """Return the value of a general purpose register, nothing for another name."""
+    if not (found := _REGISTER.fullmatch(name)):
+        return ()
+    way, kind, first, number = found.groups()
+    if kind == "bit" and first is not None:  # 32 of them
+        bits = ur.io.booleans if way == "output" else ur.io.given_booleans
+        return (sum(bits.get(int(first) + bit, False) << bit for bit in range(32)),)
+    tables: Mapping[tuple[str, str], Mapping[int, float]] = {
+        ("output", "int"): ur.registers, ("output", "double"): ur.io.floats, ("output", "bit"): ur.io.booleans,
+        ("input", "int"): ur.io.given_integers, ("input", "double"): ur.io.given_floats,
+        ("input", "bit"): ur.io.given_booleans,
+    }  # fmt: skip
+    return (tables[way, kind].get(int(number), 0),)
+
+
+def set_register(ur: Controller, name: str, value: float) -> None:
+    """Set a general purpose input register that a client writes; other names are left alone."""
+    if not (found := _REGISTER.fullmatch(name)):
+        return
+    _, kind, first, number = found.groups()
+    if first is not None:
+        ur.io.given_booleans.update({int(first) + bit: bool(int(value) >> bit & 1) for bit in range(32)})
+    elif kind == "bit":
+        ur.io.given_booleans[int(number)] = bool(value)
+    elif kind == "int":
+        ur.io.given_integers[int(number)] = int(value)
+    else:
+        ur.io.given_floats[int(number)] = value
 
 
 class _Client:
@@ -611,7 +678,7 @@ class _ScriptClient(_Client):
 
     def __init__(self, robot: SimulatedUR, connection: socket.socket) -> None:
         super().__init__(robot, connection)
-        self.program = bytearray()
+        self.program, self.defined = bytearray(), b""
 
     def farewell(self, why: str) -> bytes:
         return message_package(Message(RUNTIME_EXCEPTION, "", f"line 1: {why}"), self.robot.controller.time)
@@ -629,6 +696,8 @@ class _ScriptClient(_Client):
                 if len(self.received) > MAX_LINE:
                     raise InputError(f"a line may have {MAX_LINE} bytes")
                 return False
+            if self.robot.controller.is_fresh:  # the program before it has its first control cycle
+                return True
             line = bytes(self.received[:end])
             del self.received[: end + 1]
             if self.take_line(line.rstrip()):
@@ -645,17 +714,35 @@ class _ScriptClient(_Client):
             return False
         if not self.has_spoken and not self.program and not _FIRST.match(line):
             raise InputError(f"what it sends is not URScript: {shown(line[:40].decode('utf-8', 'replace'))}")
+        if not self.program and line.lstrip().startswith(b"#"):
+            return False
+        if not self.program and (called := _CALLED.fullmatch(line)) and called[1] == self.defined:
+            return False  # who defines a program and calls it means the one that runs already
         self.program += line + b"\n"
         if len(self.program) > MAX_CHARACTERS:
             raise InputError(f"a program may have {MAX_CHARACTERS} bytes")
-        if not self.program.startswith(b"def ") or line == b"end":
+        if self.is_complete(line):
             program, self.program = self.program, bytearray()
+            defined = _DEFINED.match(program)
+            self.defined = b"" if defined is None else defined[1]
             self.has_spoken, self.unfinished_since = True, math.inf
             self.robot.run_script(program[:-1].decode("utf-8", "replace"))
             return True
         if len(self.program) % READ < len(line) + 1:
             self.robot.check_unfinished()
         return False
+
+    def is_complete(self, line: bytes) -> bool:
+        """Return whether a program ends with this line, its last one until now.
+
+        A function with arguments is no program before it is called, in the next line.
+        """
+        if line == b"end":
+            return _ARGUMENTS.match(self.program) is None
+        called = _ARGUMENTS.match(self.program)
+        if called is not None:
+            return b"\nend\n" in self.program and line.startswith(called[1] + b"(")
+        return not self.program.lstrip().startswith(_DEFINITIONS)
 
 
 def _unpacked(form: str, payload: bytes) -> tuple[Any, ...]:

@@ -21,7 +21,7 @@ from kinreach.kinematics import ArmKinematics
 from kinreach.robots.inside import ArmFlags
 
 _ABOUT = (
-    "This is not URSim: it runs the URScript that kinreach writes, and nothing else.\n"
+    "This is not URSim: it runs URScript, without sockets and forces.\n"
     "ur_rtde's receive and I/O interfaces read it; its control interface needs URSim or a robot."
 )
 #: Lines of the log that may wait to be printed, and how long they are waited for at the end [s].

@@ -1,149 +1,169 @@
-"""A strict parser of the URScript that kinreach writes. Nothing is evaluated by Python.
+r"""The grammar of URScript, and its reader: from a text to a tree. Nothing is evaluated by Python.
 
-    program    = "def" NAME "():" body "end" | statement
-    statement  = NAME "=" expression | call | "if" expression ":" body ["else:" body] "end"
-    expression = term {"-" term} [">" term {"-" term}] {"or" ...}
-    term       = NUMBER | STRING | "True" | "False" | NAME | NAME "[" expression "]" | call | list | "p" list | "-" term
-
-A statement is a line, and so is each of "def", "if", "else:" and "end". Expressions are written as in Python. A STRING
-has no backslash, and a variable's NAME is no keyword of Python.
-
-A function that is not in `FUNCTIONS`, an argument that it does not have, and a name that was not assigned before are
-refused when the text is read, before anything moves, as a controller refuses them.
+A statement is a line, and so is each of "def", "if", "elif", "else:", "while", "thread" and "end". `$` begins the label
+of a program line, which does nothing, nor does `set real`. Names, functions and their arguments are checked when a text
+is read, before anything moves, as a controller checks them.
 """
 
 from __future__ import annotations
 
-import ast
 import re
-import threading
-from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial, reduce
-from keyword import iskeyword
+from collections.abc import Generator
+from functools import cache
 from sys import float_info
+from typing import TYPE_CHECKING, Any
 
 from kinreach._checks import shown
-from kinreach.errors import InputError
-
-#: Longest program that is read, and longest line [characters]; most statements, and deepest expression.
-MAX_CHARACTERS, MAX_LINE, MAX_STATEMENTS, MAX_DEPTH = 2**25, 2048, 2**18, 50
-#: Lines without a statement that are read at a time.
-EMPTY_LINES = 100
-#: The functions and their parameters with the defaults of Universal Robots' manual; None must be given.
-FUNCTIONS: Mapping[str, Mapping[str, float | bool | str | None]] = {
-    "get_actual_joint_positions": {},
-    "get_forward_kin": {"q": None, "tcp": None},
-    "movej": {"q": None, "a": 1.4, "v": 1.05, "t": 0.0, "r": 0.0},
-    "movel": {"pose": None, "a": 1.2, "v": 0.25, "t": 0.0, "r": 0.0},
-    "norm": {"a": None},
-    "pose_inv": {"p_from": None},
-    "pose_trans": {"p_from": None, "p_from_to": None},
-    "popup": {"s": None, "title": "Popup", "warning": False, "error": False, "blocking": False},
-    "servoj": {"q": None, "a": 0.0, "v": 0.0, "t": 0.002, "lookahead_time": 0.1, "gain": 300.0},
-    "set_payload": {"m": None, "cog": None},
-    "set_tcp": {"pose": None},
-    "sleep": {"t": None},
-    "stopj": {"a": None},
-    "textmsg": {"s1": None, "s2": ""},
-    "write_output_integer_register": {"output_id": None, "value": None},
-}
-#: Functions that return a value, only for expressions.
-VALUES = ("get_actual_joint_positions", "get_forward_kin", "norm", "pose_inv", "pose_trans")
-#: What a line may have before its comment; other signs are refused.
-_TOKEN = re.compile(
-    r"[ \t\r]+|(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?(?![\w.])|(?<!\w)\"[^\"\\]*\"(?!\s*\")"
-    r"|[A-Za-z_]\w*|[()\[\],:=>-]",
-    re.ASCII,
+from kinreach.deploy._script_code import Code, compiling
+from kinreach.deploy._script_functions import FUNCTIONS, Required, bound, lack_of
+from kinreach.deploy._script_tree import (
+    Assignment,
+    Call,
+    Choice,
+    Constant,
+    Definition,
+    Element,
+    Expression,
+    Name,
+    Negative,
+    Numbers,
+    Operation,
+    Order,
+    OwnCall,
+    Place,
+    ScriptError,
+    Statement,
+    While,
 )
-#: CPython 3.11 counts the depth of what it parses for all threads together, and fails where two parse.
-_ONE_AT_A_TIME = threading.Lock()
-_DEF, _IF = re.compile(r"def\s+([A-Za-z_]\w*)\s*\(\s*\)\s*:"), re.compile(r"if\b(.*):")
-_ASSIGNMENT = re.compile(r"([A-Za-z_]\w*)\s*=(?!=)(.*)")
+
+if TYPE_CHECKING:
+    from lark import Lark, Token
+
+#: Longest program that is read, and longest line [characters]; most statements, deepest expression or block, and most
+#: signs of operations in a line.
+MAX_CHARACTERS, MAX_LINE, MAX_STATEMENTS, MAX_DEPTH, MAX_OPERATIONS = 2**25, 2**13, 2**18, 50, 300
+#: Lines without a statement, and words, that are read at a time.
+EMPTY_LINES, WORDS = 100, 16
+
+_GRAMMAR = r"""
+start: _NL* _line*
+block: _NL+ _line*
+_line: statement _NL+
+?statement: NAME "=" _value -> assigned
+    | (GLOBAL | LOCAL) NAME "=" _value -> assigned_in
+    | NAME _index+ "=" _value -> assigned_element
+    | call
+    | (DEF | THREAD | SEC) NAME "(" [parameters] ")" COLON block END -> definition
+    | IF _value COLON block (ELIF _value COLON block)* [ELSE COLON block] END -> choice
+    | WHILE _value COLON block END -> loop
+    | (RETURN | KILL | JOIN) _value -> order
+    | (RETURN | BREAK | CONTINUE | HALT | ENTER_CRITICAL | EXIT_CRITICAL) -> order
+    | RUN NAME "(" ")" -> started
+    | (LABEL | MODE) -> label
+parameters: parameter ("," parameter)*
+parameter: NAME ["=" _value]
+_index: LSQB _value "]"
+_value: or_
+?or_: and_ | or_ (OR | XOR) and_ -> operation
+?and_: not_ | and_ AND not_ -> operation
+?not_: compared | NOT not_ -> negative
+?compared: sum | sum COMPARISON sum -> operation
+?sum: product | sum (PLUS | MINUS) product -> operation
+?product: unary | product (STAR | SLASH | PERCENT) unary -> operation
+?unary: part | MINUS unary -> negative
+?part: atom | part LSQB _value "]" -> element
+?atom: NUMBER -> number
+    | STRING -> string
+    | TRUE -> truth
+    | FALSE -> truth
+    | NAME -> name
+    | LIST -> numbers
+    | LSQB [_value ("," _value)*] "]" -> entries
+    | POSE -> numbers
+    | POSE_BEGIN _value ("," _value)* "]" -> entries
+    | LPAR _value ")" -> within
+    | RUN NAME "(" ")" -> started
+    | call
+call: NAME LPAR [argument ("," argument)*] ")"
+    | FLAT_CALL -> flat_call
+argument: NAME "=" _value -> keyword
+    | _value -> positional
+
+DEF: "def"
+THREAD: "thread"
+SEC: "sec"
+IF: "if"
+ELIF: "elif"
+ELSE: "else"
+WHILE: "while"
+END: "end"
+RETURN: "return"
+BREAK: "break"
+CONTINUE: "continue"
+HALT: "halt"
+RUN: "run"
+KILL: "kill"
+JOIN: "join"
+ENTER_CRITICAL: "enter_critical"
+EXIT_CRITICAL: "exit_critical"
+GLOBAL: "global"
+LOCAL: "local"
+OR: "or"
+XOR: "xor"
+AND: "and"
+NOT: "not"
+TRUE.2: /(True|true)\b/
+FALSE.2: /(False|false)\b/
+COLON: ":"
+LPAR: "("
+LSQB: "["
+PLUS: "+"
+MINUS: "-"
+STAR: "*"
+SLASH: "/"
+PERCENT: "%"
+COMPARISON: "==" | "!=" | "<=" | ">=" | "<" | ">"
+LABEL: /\$[^\n]*/
+MODE.5: /set[ \t]+(sim|real)\b[^\n]*/
+NAME: /[A-Za-z_][A-Za-z0-9_]*/
+NUMBER: /@(?![\w.])/
+STRING: /"[^"\n]*"/
+FLAT_CALL.4: /[A-Za-z_]\w*\(&(,&)*\)/
+LIST.2: /~/
+POSE.3: /p~/
+POSE_BEGIN.2: "p["
+COMMENT: /#[^\n]*/
+_NL: /(\n[ \t\r]*(#[^\n]*)?){1,LINES}/
+%ignore /[ \t\r]+/
+%ignore COMMENT
+"""
+#: A number, a list or pose of numbers, and an argument that is one of both, in the grammar's `@`, `~` and `&`.
+_NUMBER = r"(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?"
+_LIST = r"\[[ \t]*-?@[ \t]*(,[ \t]*-?@[ \t]*)*\]"
+_FLAT = r"[ \t]*([A-Za-z_]\w*[ \t]*=[ \t]*)?(p?~|-?@)[ \t]*"
+#: An argument of a `FLAT_CALL`: its name, a list, a number.
+_ARGUMENT = re.compile(r"\s*(?:([A-Za-z_]\w*)\s*=\s*)?(?:(p?\[[^\]]*\])|([^,)]+))[\s,)]*")
+#: What words are called that were expected.
+_WORDS = {
+    "_NL": "the end of the line", "COLON": "':'", "END": "'end'", "RPAR": "')'", "RSQB": "']'", "COMMA": "','",
+    "EQUAL": "'='", "LPAR": "'('", "LSQB": "'['", "NAME": "a name", "ELSE": "'else'", "ELIF": "'elif'",
+}  # fmt: skip
 
 
-class ScriptError(InputError):
-    """A program that is not run; the message has the line."""
-
-    def __init__(self, line: int, text: str) -> None:
-        super().__init__(f"line {line}: {text}")
-        self.line = line
-
-
-@dataclass(frozen=True, slots=True)
-class Constant:
-    """A number, a truth value or a text."""
-
-    value: float | bool | str
-
-
-@dataclass(frozen=True, slots=True)
-class Numbers:
-    """A list, or a pose."""
-
-    entries: tuple[Expression, ...]
-    is_pose: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Name:
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
-class Element:
-    """An element of a variable."""
-
-    name: str
-    index: Expression
-
-
-@dataclass(frozen=True, slots=True)
-class Negative:
-    value: Expression
-
-
-@dataclass(frozen=True, slots=True)
-class Operation:
-    """`-`, `>` or `or` between two values."""
-
-    sign: str
-    left: Expression
-    right: Expression
-
-
-@dataclass(frozen=True, slots=True)
-class Call:
-    """A function with all of its parameters."""
-
-    function: str
-    arguments: Mapping[str, Expression]
-    line: int
-
-
-@dataclass(frozen=True, slots=True)
-class Assignment:
-    name: str
-    value: Expression
-    line: int
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    condition: Expression
-    then: tuple[Statement, ...]
-    otherwise: tuple[Statement, ...]
-    line: int
-
-
-Expression = Constant | Numbers | Name | Element | Negative | Operation | Call
-Statement = Assignment | Call | Choice
-
-
-@dataclass(frozen=True, slots=True)
 class Script:
-    name: str  # empty for a single statement
-    body: tuple[Statement, ...]
+    """A program that was read.
+
+    Attributes:
+        name: Empty for a single statement.
+        body: Its statements.
+        is_secondary: Whether it runs beside another program: `sec` in place of `def`.
+        code: For the interpreter.
+    """
+
+    __slots__ = ("body", "code", "is_secondary", "name")
+
+    def __init__(self, name: str, body: tuple[Statement, ...], *, is_secondary: bool, code: Code) -> None:
+        self.name, self.body, self.is_secondary, self.code = name, body, is_secondary, code
 
 
 def parse(text: str) -> Script:
@@ -159,196 +179,278 @@ def parsing(text: str) -> Generator[None, None, Script]:
     """Parse a program in parts of some 0.2 ms, each of which ends in a `yield`."""
     if len(text) > MAX_CHARACTERS:
         raise ScriptError(1, f"a program may have {MAX_CHARACTERS} characters, got {len(text)}")
-    reader = _Reader(text)
-    line, code = yield from reader.next()
-    if found := _DEF.fullmatch(code):
-        statements, _ = yield from reader.body("end")
-        script = Script(found[1], statements)
-    else:
-        statement = yield from reader.statement(line, code)
-        script = Script("", (statement,))
-    if rest := (yield from reader.rest()):
-        raise ScriptError(rest[0], f"syntax error: nothing more is expected, got {shown(rest[1])}")
-    return script
+    statements = yield from _tree(text)
+    name, body, is_secondary = _program(statements)
+    code = yield from compiling(body, is_secondary=is_secondary)
+    return Script(name, body, is_secondary=is_secondary, code=code)
 
 
-class _Reader:
-    """Reads a program line by line; Python's own parser, which runs nothing, divides what is within a line."""
+def _program(statements: tuple[Statement, ...]) -> tuple[str, tuple[Statement, ...], bool]:
+    """Return name and statements of the program that a text is: one definition, which may be called, or a statement."""
+    if not statements:
+        raise ScriptError(1, "syntax error: the program ends where a statement is expected")
+    first, *others = statements
+    if not isinstance(first, Definition):
+        if others:
+            raise ScriptError(others[0].place, "syntax error: nothing more is expected after a statement")
+        return "", statements, False
+    if first.kind == "thread":
+        raise ScriptError(first.place, "compile error: a thread belongs into a program")
+    calls = [other for other in others if isinstance(other, OwnCall) and other.function == first.name]
+    if len(others) > 1 or len(calls) != len(others):
+        raise ScriptError(others[0].place, "syntax error: nothing more is expected after the end of a program")
+    if first.parameters or (calls and (calls[0].positional or calls[0].keywords)):
+        if not calls:
+            raise ScriptError(
+                first.place, f"compile error: the program {first.name} has arguments, and nothing calls it"
+            )
+        return first.name, (first, calls[0]), first.kind == "sec"
+    return first.name, first.body, first.kind == "sec"
 
-    def __init__(self, text: str) -> None:
-        self._text, self._place, self._line = text, 0, 0
-        self.depth, self.statements, self.known = 0, 0, set[str]()
 
-    def next(self) -> Generator[None, None, tuple[int, str]]:
-        """Return the number of the next line that has code, and its code."""
-        if found := (yield from self.rest()):
-            return found
-        raise ScriptError(self._line, "syntax error: the program ends where a statement is expected")
+def _tree(text: str) -> Generator[None, None, tuple[Statement, ...]]:
+    from lark.exceptions import UnexpectedCharacters, UnexpectedToken, VisitError
 
-    def rest(self) -> Generator[None, None, tuple[int, str] | None]:
-        """Return the same as `next`, or None at the end."""
-        while self._place <= len(self._text):
-            end = self._text.find("\n", self._place)
-            end = len(self._text) if end < 0 else end
-            content, self._place, self._line = self._text[self._place : end], end + 1, self._line + 1
-            if code := _code(content, self._line):
-                return self._line, code
-            if self._line % EMPTY_LINES == 0:
+    yield from _checked_lines(text)
+    reading = grammar().parse_interactive(text + "\n")
+    bounds, words = _Bounds(), 0
+    try:
+        for token in reading.iter_parse():
+            bounds.count(token)
+            words += 1
+            if token.type == "_NL" or words == WORDS:
+                words = 0
                 yield
-        return None
+        tree: tuple[Statement, ...] = reading.feed_eof()  # type: ignore[no-untyped-call]
+        return tree
+    except VisitError as error:
+        raise error.orig_exc from None
+    except UnexpectedCharacters as error:
+        place = Place(error.line, error.column)
+        raise ScriptError(place, f"syntax error at {shown(error.char)}") from None
+    except UnexpectedToken as error:
+        token = error.token
+        if token.type == "$END":
+            raise ScriptError(
+                text.count("\n") + 1, "syntax error: the program ends where 'end' or a statement is expected"
+            ) from None
+        expected = [_WORDS.get(word, word) for word in sorted(error.expected)]
+        wanted = f": {' or '.join(expected)} is expected" if len(expected) <= 3 else ""
+        got = "the end of the line" if token.type == "_NL" else shown(str(token))
+        raise ScriptError(Place(token.line, token.column), f"syntax error at {got}{wanted}") from None
 
-    def body(self, *ends: str) -> Generator[None, None, tuple[tuple[Statement, ...], str]]:
-        """Read statements up to one of the ends; return that, too."""
-        self.depth += 1
-        statements: list[Statement] = []
-        while (found := (yield from self.next()))[1] not in ends:
-            if self.depth > MAX_DEPTH:
-                raise ScriptError(found[0], f"more than {MAX_DEPTH} levels within one another")
-            if self.statements == MAX_STATEMENTS:
-                raise ScriptError(found[0], f"a program may have {MAX_STATEMENTS} statements")
-            self.statements += 1
-            statement = yield from self.statement(*found)
-            statements.append(statement)
+
+def _checked_lines(text: str) -> Generator[None, None, None]:
+    """Refuse a line that is too long."""
+    place, line = 0, 1
+    while place <= len(text):
+        end = text.find("\n", place)
+        end = len(text) if end < 0 else end
+        if end - place > MAX_LINE:
+            raise ScriptError(
+                Place(line, MAX_LINE + 1), f"syntax error: a line may have {MAX_LINE} signs, got {end - place}"
+            )
+        place, line = end + 1, line + 1
+        if line % 1000 == 0:
             yield
-        self.depth -= 1
-        return tuple(statements), found[1]
-
-    def statement(self, line: int, code: str) -> Generator[None, None, Statement]:
-        if found := _IF.fullmatch(code):
-            return (yield from self.choice(line, found[1]))
-        if found := _ASSIGNMENT.fullmatch(code):
-            name = found[1]
-            if iskeyword(name) or name == "end" or name in FUNCTIONS:
-                raise ScriptError(line, f"compile error: {shown(name)} cannot be a variable")
-            value = self.expression(found[2], line)
-            self.known.add(name)
-            return Assignment(name, value, line)
-        tree = self.tree(code, line)
-        if not isinstance(tree, ast.Call):
-            raise ScriptError(line, f"compile error: {shown(code)} is not in the URScript that kinreach runs")
-        call = self.call(tree, line)
-        if call.function in VALUES:
-            raise ScriptError(line, f"compile error: the value of {call.function} is not used")
-        return call
-
-    def choice(self, line: int, condition: str) -> Generator[None, None, Choice]:
-        asked = self.expression(condition, line)
-        before = set(self.known)
-        then, end = yield from self.body("else:", "end")
-        in_then, self.known = self.known, before
-        otherwise: tuple[Statement, ...] = ()
-        if end == "else:":
-            otherwise, _ = yield from self.body("end")
-        self.known &= in_then
-        return Choice(asked, then, otherwise, line)
-
-    def expression(self, code: str, line: int) -> Expression:
-        return self.value(self.tree(code, line), line)
-
-    def tree(self, code: str, line: int) -> ast.expr:
-        try:
-            with _ONE_AT_A_TIME:
-                return ast.parse(code.strip(), mode="eval").body
-        except SyntaxError as error:
-            reason = error.msg.partition(";")[0]  # what follows is advice on Python
-            raise ScriptError(line, f"syntax error: {reason}, in {shown(code)}") from None
-        except (ValueError, MemoryError, RecursionError):  # a number of too many digits, or too many brackets
-            raise ScriptError(line, f"syntax error in {shown(code)}") from None
-
-    def value(self, tree: ast.expr, line: int, depth: int = 0) -> Expression:
-        if depth > MAX_DEPTH:
-            raise ScriptError(line, f"more than {MAX_DEPTH} levels within one another")
-
-        def inner(part: ast.expr) -> Expression:
-            return self.value(part, line, depth + 1)
-
-        match tree:
-            case ast.Constant(value=bool() | str() as value):
-                return Constant(value)
-            case ast.Constant(value=int() | float() as number):
-                if not abs(number) <= float_info.max:
-                    raise ScriptError(line, f"syntax error: {shown(number)} is too large")
-                return Constant(float(number))
-            case ast.UnaryOp(op=ast.USub(), operand=operand):
-                negated = inner(operand)
-                if isinstance(negated, Constant) and isinstance(negated.value, float):
-                    return Constant(-negated.value)
-                return Negative(negated)
-            case ast.List(elts=entries):
-                return Numbers(tuple(map(inner, entries)), is_pose=False)
-            case ast.Subscript(value=ast.Name(id="p"), slice=entries):
-                parts = entries.elts if isinstance(entries, ast.Tuple) else [entries]
-                return Numbers(tuple(map(inner, parts)), is_pose=True)
-            case ast.Subscript(value=ast.Name(id=name), slice=index):
-                return Element(self.defined(name, line), inner(index))
-            case ast.Name(id=name):
-                return Name(self.defined(name, line))
-            case ast.BinOp(op=ast.Sub(), left=left, right=right):
-                return Operation("-", inner(left), inner(right))
-            case ast.Compare(left=left, ops=[ast.Gt()], comparators=[right]):
-                return Operation(">", inner(left), inner(right))
-            case ast.BoolOp(op=ast.Or(), values=sides) if len(sides) <= MAX_DEPTH:
-                return reduce(partial(Operation, "or"), map(inner, sides))
-            case ast.Call():
-                call = self.call(tree, line, depth)
-                if call.function not in VALUES:
-                    raise ScriptError(line, f"compile error: {call.function} returns no value")
-                return call
-        raise ScriptError(line, "syntax error: a value is expected that the URScript of kinreach has")
-
-    def defined(self, name: str, line: int) -> str:
-        if name not in self.known:
-            raise ScriptError(line, f"compile error: name {shown(name)} is not defined")
-        return name
-
-    def call(self, tree: ast.Call, line: int, depth: int = 0) -> Call:
-        function = tree.func.id if isinstance(tree.func, ast.Name) else ""
-        if function not in FUNCTIONS:
-            raise ScriptError(line, f"compile error: function {shown(function)} is not in the URScript that kinreach "
-                              f"runs: {', '.join(FUNCTIONS)}")  # fmt: skip
-        parameters = FUNCTIONS[function]
-        if len(tree.args) > len(parameters):
-            raise ScriptError(line, f"compile error: {function} has {len(parameters)} arguments, got {len(tree.args)}")
-        given = dict(zip(parameters, tree.args, strict=False))
-        for keyword in tree.keywords:
-            if keyword.arg is None or keyword.arg in given or keyword.arg not in parameters:
-                known = ", ".join(parameters) or "none"
-                raise ScriptError(
-                    line, f"compile error: {function} has no free argument {shown(keyword.arg)}; it has: {known}"
-                )
-            given[keyword.arg] = keyword.value
-        arguments: dict[str, Expression] = {name: self.value(value, line, depth + 1) for name, value in given.items()}
-        for name, default in parameters.items():
-            if name not in given:
-                if default is None:
-                    raise ScriptError(line, f"compile error: {function} needs the argument {name}")
-                arguments[name] = Constant(default)
-        return Call(function, arguments, line)
 
 
-def _code(content: str, line: int) -> str:
-    """Return what a line has before its comment, in the signs that are known."""
-    if len(content) > MAX_LINE:
-        raise ScriptError(line, f"syntax error at sign {MAX_LINE + 1}: a line may have {MAX_LINE}, got {len(content)}")
-    end = 0
-    while end < len(content) and content[end] != "#":
-        found = _TOKEN.match(content, end)
-        if found is None:
-            raise ScriptError(line, f"syntax error at {shown(content[end])}")
-        end = found.end()
-    return re.sub(r"\s+:$", ":", content[:end].strip())
+class _Bounds:
+    """Counts what a program is made of, and refuses what is too much before the tree has it."""
+
+    def __init__(self) -> None:
+        self._statements = self._blocks = self._brackets = self._operations = 0
+        self._before = "_NL"
+
+    def count(self, token: Token) -> None:
+        kind = token.type
+        if kind == "_NL":
+            self._statements += self._before not in ("_NL", "COLON", "END")
+            self._operations = 0
+        elif kind in ("DEF", "THREAD", "SEC", "IF", "WHILE"):
+            self._blocks += 1
+        elif kind == "END":
+            self._blocks -= 1
+        elif kind in ("LPAR", "LSQB", "POSE_BEGIN"):
+            self._brackets += 1
+        elif kind in ("RPAR", "RSQB"):
+            self._brackets -= 1
+        elif kind in ("PLUS", "MINUS", "STAR", "SLASH", "PERCENT", "OR", "XOR", "AND", "NOT", "COMPARISON"):
+            self._operations += 1
+        self._before = kind
+        place = _place(token)
+        if max(self._blocks, self._brackets) > MAX_DEPTH:
+            raise ScriptError(place, f"more than {MAX_DEPTH} levels within one another")
+        if self._operations > MAX_OPERATIONS:
+            raise ScriptError(place, f"a line may have {MAX_OPERATIONS} operations")
+        if self._statements > MAX_STATEMENTS:
+            raise ScriptError(place, f"a program may have {MAX_STATEMENTS} statements")
 
 
-def is_number(value: object) -> bool:
-    """Return whether a value is a number; truth values are not."""
-    return isinstance(value, float | int) and not isinstance(value, bool)
+@cache
+def grammar() -> Lark:
+    """Return the parser; making it takes some 0.1 s."""
+    from lark import Lark
+
+    text = _GRAMMAR.replace("&", _FLAT).replace("~", _LIST).replace("@", _NUMBER).replace("LINES", f"{EMPTY_LINES}")
+    return Lark(text, parser="lalr", transformer=_Builder(), maybe_placeholders=True)
 
 
-def number_text(value: float) -> str:
-    """Write a number so that it is read back as it is, without an exponent where that is short."""
-    text = f"{value:.12f}".rstrip("0").rstrip(".")
-    return (text if text != "-0" else "0") if float(text) == value else repr(float(value))
+class _Builder:
+    """Makes the nodes of the tree: each method is called with the parts of its rule."""
+
+    def start(self, parts: list[Any]) -> tuple[Statement, ...]:
+        return tuple(parts)
+
+    block = start
+
+    def assigned(self, parts: list[Any]) -> Assignment:
+        name, value = parts
+        return Assignment(_own(name), value, _place(name))
+
+    def assigned_in(self, parts: list[Any]) -> Assignment:
+        scope, name, value = parts
+        return Assignment(_own(name), value, _place(name), scope=str(scope))
+
+    def assigned_element(self, parts: list[Any]) -> Assignment:
+        name, *indices, value = parts
+        return Assignment(_own(name), value, _place(name), indices=tuple(indices[1::2]))
+
+    def definition(self, parts: list[Any]) -> Definition:
+        kind, name, parameters, _, body, _ = parts
+        return Definition(str(kind), _own(name), parameters or {}, body, _place(name))
+
+    def parameters(self, parts: list[Any]) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for token, default in parts:
+            if token in found:
+                raise ScriptError(_place(token), f"compile error: two arguments are called {shown(str(token))}")
+            found[_own(token)] = default
+        return found
+
+    def parameter(self, parts: list[Any]) -> tuple[Token, Any]:
+        return parts[0], parts[1] if len(parts) > 1 else Required
+
+    def choice(self, parts: list[Any]) -> Choice:
+        *parts, _ = parts  # the end
+        otherwise: tuple[Statement, ...] = parts[-1] or ()
+        branches = parts[:-3]  # each four parts: its word, the condition, the colon, the block
+        for word, condition, _, block in reversed([branches[at : at + 4] for at in range(0, len(branches), 4)]):
+            otherwise = (Choice(condition, block, otherwise, _place(word)),)
+        return otherwise[0]  # type: ignore[return-value]
+
+    def loop(self, parts: list[Any]) -> While:
+        word, condition, _, block, _ = parts
+        return While(condition, block, _place(word))
+
+    def order(self, parts: list[Any]) -> Order:
+        return Order(str(parts[0]), parts[1] if len(parts) > 1 else None, _place(parts[0]))
+
+    def started(self, parts: list[Any]) -> OwnCall:
+        return OwnCall(str(parts[1]), (), {}, is_run=True, place=_place(parts[1]))
+
+    def label(self, parts: list[Any]) -> Order:
+        return Order("label", place=_place(parts[0]))
+
+    def operation(self, parts: list[Any]) -> Operation:
+        left, sign, right = parts
+        return Operation(str(sign), left, right, _place(sign))
+
+    def negative(self, parts: list[Any]) -> Expression:
+        sign, value = parts
+        if sign == "-" and isinstance(value, Constant) and isinstance(value.value, float):
+            return Constant(-value.value)
+        return Negative(value, str(sign), _place(sign))
+
+    def element(self, parts: list[Any]) -> Element:
+        of, bracket, index = parts
+        return Element(of, index, _place(bracket))
+
+    def number(self, parts: list[Any]) -> Constant:
+        return Constant(_finite(parts[0], parts[0]))
+
+    def string(self, parts: list[Any]) -> Constant:
+        return Constant(str(parts[0][1:-1]))
+
+    def truth(self, parts: list[Any]) -> Constant:
+        return Constant(parts[0].lower() == "true")
+
+    def name(self, parts: list[Any]) -> Name:
+        return Name(str(parts[0]), _place(parts[0]))
+
+    def numbers(self, parts: list[Any]) -> Expression:
+        """A list or a pose of which all entries are numbers, which is one word: trajectories are made of these."""
+        token = parts[0]
+        is_pose = token.startswith("p")
+        entries = tuple(Constant(_finite(text, token)) for text in token[is_pose + 1 : -1].split(","))
+        return Numbers(entries, is_pose, _place(token))
+
+    def entries(self, parts: list[Any]) -> Numbers:
+        begin, *entries = parts
+        return Numbers(tuple(entry for entry in entries if entry is not None), begin != "[", _place(begin))
+
+    def within(self, parts: list[Any]) -> Expression:
+        return parts[1]
+
+    def keyword(self, parts: list[Any]) -> tuple[Token, Expression]:
+        return parts[0], parts[1]
+
+    def positional(self, parts: list[Any]) -> tuple[None, Expression]:
+        return None, parts[0]
+
+    def flat_call(self, parts: list[Any]) -> Call | OwnCall:
+        """A call of which all arguments are numbers and lists of numbers, which is one word as in `numbers`."""
+        token = parts[0]
+        name, _, rest = token.partition("(")
+        given = list[tuple[str | None, Expression]]()
+        for keyword, entries, text in _ARGUMENT.findall(rest):
+            value: Expression
+            if entries:
+                is_pose = entries.startswith("p")
+                numbers = entries[is_pose + 1 : -1].split(",")
+                value = Numbers(tuple(Constant(_finite(text, token)) for text in numbers), is_pose, _place(token))
+            else:
+                value = Constant(_finite(text, token))
+            given.append((keyword or None, value))
+        return self._called(name, _place(token), given)
+
+    def call(self, parts: list[Any]) -> Call | OwnCall:
+        token, _, *given = parts
+        return self._called(str(token), _place(token), [argument for argument in given if argument is not None])
+
+    def _called(self, name: str, place: Place, given: list[tuple[Any, Expression]]) -> Call | OwnCall:
+        positional, keywords = list[Expression](), dict[str, Expression]()
+        for keyword, value in given:
+            if keyword is None:
+                if keywords:
+                    raise ScriptError(
+                        place, f"compile error: {name} has an argument without a name after one with a name"
+                    )
+                positional.append(value)
+            elif keyword in keywords:
+                raise ScriptError(place, f"compile error: {name} has no free argument {shown(str(keyword))}: "
+                                  "it is there twice")  # fmt: skip
+            else:
+                keywords[str(keyword)] = value
+        if name not in FUNCTIONS:
+            return OwnCall(name, tuple(positional), keywords, place=place)
+        return Call(name, bound(name, FUNCTIONS[name].parameters, positional, keywords, place), place)
 
 
-def list_text(values: Sequence[float]) -> str:
-    return f"[{', '.join(map(number_text, values))}]"
+def _place(token: Token) -> Place:
+    return Place(token.line or 1, token.column or 0)
+
+
+def _own(token: Token) -> str:
+    """Return a name that a program may give."""
+    if token in FUNCTIONS or lack_of(token):
+        raise ScriptError(_place(token), f"compile error: {shown(str(token))} cannot be a variable or a function of a "
+                          "program: the robot has a function of that name")  # fmt: skip
+    return str(token)
+
+
+def _finite(text: str, token: Token) -> float:
+    value = float(text)
+    if not abs(value) <= float_info.max:
+        raise ScriptError(_place(token), f"syntax error: {shown(text[:40])} is too large")
+    return value

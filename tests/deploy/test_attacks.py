@@ -12,7 +12,8 @@ import pytest
 
 from kinreach.deploy import SimulatedUR, _server
 from kinreach.deploy._rtde import HEADER, Kind, package
-from kinreach.deploy._urscript import MAX_LINE, ScriptError, parse, parsing
+from kinreach.deploy._script_tree import ScriptError
+from kinreach.deploy._urscript import MAX_LINE, parse, parsing
 from tests.deploy.test_rtde import PATIENCE, Client, alive
 
 #: A program that moves at once, and what would be seen of it.
@@ -121,12 +122,12 @@ def test_the_first_line_decides_however_it_is_cut(robot):
 
 def test_programs_as_people_send_them_are_read(robot):
     """Comments, names, definitions and calls may come first; what is refused keeps its connection for the reason."""
-    for first in (b"# a comment", b"  def f():", b"x = 3", b"  textmsg(1)", b"halt", b"sec s():", b"global a = 1"):
+    for first in (b"# a comment", b"  def f():", b"x = 3", b"  textmsg(1)", b"foo()", b"sec s():", b"global a = 1"):
         with connected(robot, "script") as client:
             client.sendall(b"\n" + first + b"\n" + (b"end\n" if b"def " in first else b""))
-            client.sendall(b"halt\n")
+            client.sendall(b"foo()\n")
             said = b""
-            while b"'halt'" not in said:
+            while b"'foo'" not in said:
                 data = client.recv(4096)
                 assert data, first
                 said += data
@@ -139,9 +140,9 @@ class TestSlowClients:
     def test_what_never_comes_to_an_end_is_ended(self, robot, port, part, monkeypatch):
         """Silent, or with another byte again and again; who has sent something complete stays."""
         with connected(robot, "script") as idle, connected(robot, port) as still, connected(robot, port) as slow:
-            idle.sendall(b"halt\n")
+            idle.sendall(b"foo()\n")
             said = b""
-            while b"'halt'" not in said:  # after the robot's figures, which everybody gets
+            while b"'foo'" not in said:  # after the robot's figures, which everybody gets
                 said += (data := idle.recv(4096))
                 assert data
             monkeypatch.setattr(_server, "UNFINISHED", 0.3)
@@ -151,8 +152,8 @@ class TestSlowClients:
             with suppress(OSError):
                 while True:
                     slow.sendall(b" ")
-            idle.sendall(b"halt\n")
-            while b"'halt'" not in idle.recv(4096):
+            idle.sendall(b"foo()\n")
+            while b"'foo'" not in idle.recv(4096):
                 pass
         assert sum("has not come to an end within 0.3 s" in line for line in robot.log) == 2
 
@@ -249,7 +250,7 @@ class TestManyClients:
         ticks = robot.controller._ticks
         with connected(robot, "script") as client:
             client.sendall(b"textmsg(1)\n" * 500 + b"textmsg(2)\n")
-            while "textmsg: 2.0" not in robot.log:
+            while "textmsg: 2" not in robot.log:
                 assert alive(robot)
         assert robot.controller._ticks - ticks > 250
 
@@ -302,7 +303,7 @@ class TestLongPrograms:
             assert max(statements, 60) <= parts <= most
         monkeypatch.setattr("kinreach.deploy._urscript.MAX_STATEMENTS", 1000)
         assert len(parse("def f():\n" + "x=1\n" * 1000 + "end\n").body) == 1000
-        with pytest.raises(ScriptError, match=r"line 1002: a program may have 1000 statements"):
+        with pytest.raises(ScriptError, match=r"line 1002, column .*: a program may have 1000 statements"):
             parse("def f():\n" + "x=1\n" * 1001 + "end\n")
 
 

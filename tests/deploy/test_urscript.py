@@ -1,0 +1,402 @@
+"""URScript as people write it: its words, its functions, threads, and loops that never end."""
+
+import math
+import re
+import socket
+import time
+
+import numpy as np
+import pytest
+
+from kinreach.deploy import _server
+from kinreach.deploy._controller import Controller
+from kinreach.deploy._interpreter import STEPS
+from kinreach.deploy._rtde import RuntimeState
+from kinreach.deploy._script_functions import FUNCTIONS
+from kinreach.deploy._script_tree import ScriptError
+from kinreach.deploy._urscript import parse
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, pose, pose_vector
+from kinreach.robots import get_arm
+from tests.deploy.conftest import CALIBRATION
+
+ARM = get_arm("ur5e").calibrated(CALIBRATION)
+HOME = np.array(ARM.home)
+KIN = ArmKinematics.of(ARM, tip="tool0", base="base")
+
+
+def listed(values):
+    return "[" + ", ".join(repr(float(value)) for value in values) + "]"
+
+
+def program(text):
+    return "def test():\n" + text.strip("\n") + "\nend\n"
+
+
+@pytest.fixture
+def ur():
+    controller = Controller(ARM, log=(log := []).append)
+    controller.log = log
+    return controller
+
+
+def said(ur, text):
+    """What a program says by `textmsg`."""
+    ur.log.clear()
+    done = ur.run(program(text))
+    assert done.reason == "", done.reason
+    return [line.removeprefix("textmsg: ") for line in ur.log if line.startswith("textmsg")]
+
+
+WORDS = {
+    "i = 0\nwhile i < 5:\n  i = i + 1\n  if i == 2:\n    continue\n  elif i == 4:\n    break\n  else:\n    textmsg(i)\n"
+    "  end\nend":
+        ["1", "3"],
+    "def f(a, b=2):\n  return a * b\nend\ntextmsg(f(3) + f(3, b=5))": ["21"],
+    "def f(n):\n  if n <= 1:\n    return 1\n  end\n  return n * f(n - 1)\nend\ntextmsg(f(6))": ["720"],
+    "global a = 1\ndef f():\n  local a = 2\n  global b = 3\n  return a\nend\nc = f()\n"
+    "textmsg(str_cat(a, str_cat(b, c)))": ["132"],
+    "n = 0\ndef count():\n  n = n + 1\nend\ncount()\ncount()\ntextmsg(n)": ["2"],
+    "q = [1, 2, 3]\nr = q\nq[1] = 7\ntextmsg(q, r)": ["[1, 7, 3][1, 2, 3]"],
+    "w = p[0, 0, 0, 0, 0, 0]\nw[2] = .5\ntextmsg(w)\ntextmsg(w[2] == 0.5)": ["p[0, 0, 0.5, 0, 0, 0]", "True"],
+    "p = [4, 5]\ntextmsg(p[1])": ["5"],
+    "textmsg(not (True xor False) or 1 < 2 and 3 != 4)": ["True"],
+    "textmsg(1 + 2 * 3 - 8 / 4 % 3)": ["5"],
+    "if False and 1 / 0 > 1:\n  textmsg(0)\nend\ntextmsg(\"and stops early\")": ["and stops early"],
+    "$ 1 \"Robot Program\"\n# a comment\nset real 1\ntextmsg(\"a # b\") # c": ["a # b"],
+    "textmsg(str_at(\"abc\", 1))\ntextmsg(to_str(1.5))\ntextmsg(to_num(\"2.5\") + 1)\ntextmsg(length([1, 2]))":
+        ["b", "1.5", "3.5", "2"],
+    "textmsg(1)\nhalt\ntextmsg(2)": ["1"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", WORDS)
+def test_words(ur, text):
+    assert said(ur, text) == WORDS[text]
+
+
+def test_functions_compute_what_the_manual_says(ur):
+    rng, tried = np.random.default_rng(0), 0
+    for _ in range(20):
+        one, other = rng.uniform(-1, 1, (2, 6))
+        T, S = pose(one), pose(other)
+        added, less = np.eye(4), np.eye(4)
+        added[:3, :3], added[:3, 3] = T[:3, :3] @ S[:3, :3], one[:3] + other[:3]
+        less[:3, :3], less[:3, 3] = T[:3, :3] @ S[:3, :3].T, one[:3] - other[:3]
+        a, b = f"p{listed(one)}", f"p{listed(other)}"
+        for wanted, call in ((T @ S, f"pose_trans({a}, {b})"), (np.linalg.inv(T), f"pose_inv({a})"),
+                             (added, f"pose_add({a}, {b})"), (less, f"pose_sub({a}, {b})"),
+                             (S, f"interpolate_pose({a}, {b}, 1)")):  # fmt: skip
+            (text,) = said(ur, f"textmsg({call})")
+            numbers = [float(part) for part in text[2:-1].split(",")]
+            np.testing.assert_allclose(pose(numbers), wanted, atol=1e-8)
+            tried += 1
+        (text,) = said(ur, f"textmsg(pose_dist({a}, {b}))")
+        assert float(text) == pytest.approx(float(np.linalg.norm(pose_vector(less))), abs=1e-8)
+    assert tried == 100
+    assert said(ur, "textmsg(norm([3, 4]))\ntextmsg(r2d(d2r(30)))\ntextmsg(atan2(1, 1))\ntextmsg(floor(-1.5))") == [
+        "5", "30", f"{math.pi / 4:.10g}", "-2"]  # fmt: skip
+
+
+def test_get_inverse_kin_is_nearest(ur):
+    """With the arm's own calibration, and the active tool centre point or another one."""
+    rng, found = np.random.default_rng(1), 0
+    ur.tcp = pose([0.01, 0.02, 0.15, 0.1, 0, 0])
+    for _ in range(30):
+        near = HOME + rng.uniform(-0.5, 0.5, 6)
+        flange = KIN.fk(HOME + rng.uniform(-0.8, 0.8, 6))
+        for tcp, argument in ((ur.tcp, ""), (np.eye(4), ", tcp=p[0, 0, 0, 0, 0, 0]")):
+            target = f"p{listed(pose_vector(flange @ tcp))}"
+            (text,) = said(ur, f"textmsg(get_inverse_kin({target}, qnear={listed(near)}{argument}))")
+            q = np.array([float(part) for part in text[1:-1].split(",")])
+            np.testing.assert_allclose(q, KIN.nearest(flange, near).q, atol=1e-7)
+            found += 1
+    assert found == 60
+    assert said(ur, "textmsg(get_inverse_kin_has_solution(p[3, 0, 0, 0, 0, 0]))") == ["False"]
+
+
+def test_moves_with_a_time_a_pose_and_joints(ur):
+    goal = np.add(HOME, [0.3, 0.1, -0.1, 0, 0.1, 0])
+    for t in (0.5, 1.0, 4.0):
+        ur.place(HOME)
+        done = ur.run(program(f"movej({listed(goal)}, a=20, t={t})"))
+        assert done.commanded.duration == pytest.approx(t, abs=3 * ur.cycle)
+        np.testing.assert_allclose(done.commanded.q[-1], goal, atol=1e-12)
+    target = pose_vector(KIN.fk(goal) @ ur.tcp)
+    for line in (f"movej(p{listed(target)})", f"movel({listed(goal)})", f"movep(p{listed(target)})",
+                 f"movel(p{listed(target)}, t=2)"):  # fmt: skip
+        ur.place(HOME)
+        assert ur.run(program(line)).reason == ""
+        np.testing.assert_allclose(ur.target_q, goal, atol=1e-6)
+
+
+@pytest.mark.parametrize("mode", [0, 1])
+def test_movec_is_on_the_circle_through_three_points(ur, mode):
+    start = ur.tcp_pose(HOME)
+    via, end = (np.add(start, way) for way in ([0.06, 0, 0.06, 0, 0, 0], [0.12, 0, 0, 0, 0, 0]))
+    done = ur.run(program(f"movec(p{listed(via)}, p{listed(end)}, a=1.2, v=0.1, mode={mode})"))
+    assert done.reason == ""
+    points = np.array([ur.tcp_pose(q) for q in done.commanded.q])
+    off = np.linalg.norm(points[:, :3] - (start + end)[:3] / 2, axis=1) - 0.06
+    assert np.abs(off).max() < 1e-8
+    assert np.linalg.norm(points[:, :3] - via[:3], axis=1).min() < 1e-4
+    np.testing.assert_allclose(points[-1, :3], end[:3], atol=1e-8)
+    turned = np.arccos(np.clip((np.trace(pose(start)[:3, :3].T @ pose(points[-1])[:3, :3]) - 1) / 2, -1, 1))
+    assert turned == pytest.approx(np.pi if mode else 0.0, abs=1e-6)
+    np.testing.assert_allclose(np.diff(done.commanded.q, axis=0) / ur.cycle,
+                               (done.commanded.qd[1:] + done.commanded.qd[:-1]) / 2, atol=5e-3)  # fmt: skip
+    assert "not on a line" in ur.run(program(f"movec(p{listed(end)}, p{listed(end)})")).reason
+
+
+def test_speeds_are_reached_and_kept(ur):
+    wanted = np.array([0.2, 0, 0, 0, -0.1, 0])
+    done = ur.run(program(f"speedj({listed(wanted)}, 1, 0.8)\nstopj(4)"))
+    assert done.reason == ""
+    assert np.abs(done.commanded.qd - wanted).max(axis=1).min() < 1e-9
+    assert not done.commanded.qd[-1].any()
+    begin = ur.tcp_pose(ur.target_q)
+    done = ur.run(program("speedl([0, 0.05, -0.02, 0, 0, 0], 0.5, 1.0)\nstopl(1)"))
+    assert done.reason == ""
+    speeds = np.array([ur.tcp_speed(q, qd) for q, qd in zip(done.commanded.q, done.commanded.qd, strict=True)])
+    assert np.abs(speeds[200:450] - [0, 0.05, -0.02, 0, 0, 0]).max() < 1e-3
+    way = ur.tcp_pose(ur.target_q) - begin
+    np.testing.assert_allclose(way[1:3] / way[1], [1, -0.4], atol=1e-3)
+    np.testing.assert_allclose(way[3:], 0, atol=1e-4)
+
+
+class TestThreads:
+    def test_they_take_turns_in_every_control_cycle(self, ur):
+        text = """
+x = 0
+thread count():
+  while True:
+    x = x + 1
+    sync()
+  end
+end
+h = run count()
+sleep(0.2)
+kill h
+y = x
+sleep(0.1)
+textmsg(x == y)
+textmsg(x)
+"""
+        same, count = said(ur, text)
+        assert same == "True"
+        assert float(count) == pytest.approx(0.2 / ur.cycle, abs=3)
+
+    def test_join_waits_and_the_main_thread_moves(self, ur):
+        text = f"""
+thread slow():
+  sleep(0.3)
+  textmsg("slow")
+end
+h = run slow()
+movej({listed(HOME + 0.05)}, a=5, v=1)
+textmsg("moved")
+join h
+textmsg("joined")
+"""
+        assert said(ur, text) == ["moved", "slow", "joined"]
+
+    def test_two_cannot_move_the_arm(self, ur):
+        text = f"thread t():\n  movej({listed(HOME + 0.2)})\nend\nh = run t()\nmovej({listed(HOME - 0.2)})\n"
+        assert "another thread is already controlling the robot" in ur.run(program(text)).reason
+
+    def test_a_killed_one_stops_the_arm(self, ur):
+        text = f"thread t():\n  movej({listed(HOME + 0.5)}, a=2, v=1)\nend\nh = run t()\nsleep(0.4)\nkill h\nsleep(0.5)"
+        assert ur.run(program(text)).reason == ""
+        assert not ur.target_qd.any()
+        assert 0.02 < ur.target_q[0] - HOME[0] < 0.4
+
+
+@pytest.mark.parametrize("loop", ["while True:\n  x = 1\nend", "def f():\n  while True:\n  end\nend\nf()",
+                                  "thread t():\n  while True:\n  end\nend\nrun t()\nwhile True:\nend"])  # fmt: skip
+def test_a_loop_that_never_waits_delays_nothing_and_ends_with_the_next_program(ur, loop):
+    ur.start(program(loop))
+    for _ in range(20):
+        ur.tick()
+    assert ur.runtime_state is RuntimeState.PLAYING
+    ur.end_program()
+    ur.tick()
+    assert ur.runtime_state is RuntimeState.STOPPED
+    ur.start(program(loop))
+    ur.tick()
+    assert ur.run(program(f"movej({listed(HOME + 0.1)})")).reason == ""
+
+
+@pytest.mark.parametrize(("text", "reason"), [
+    ("def f():\n  f()\nend\nf()", "functions call one another"),
+    ("x = [1]\nwhile True:\n  x = [x, x]\nend", "levels within one another|at most 10000"),
+    ("x = \"a\"\nwhile True:\n  x = str_cat(x, x)\nend", "a text may have 10000 signs"),
+    ("thread t():\n  sleep(9)\nend\nwhile True:\n  run t()\nend", "50 threads at a time"),
+])  # fmt: skip
+def test_memory_is_bounded(ur, text, reason):
+    found = ur.run(program(text), longest=60.0).reason
+    assert re.search(reason, found)
+    assert found.startswith("line ")
+
+
+def test_a_program_takes_a_bounded_number_of_steps_in_a_cycle(ur):
+    ur.start(program("x = 0\nwhile True:\n  x = x + 1\nend"))
+    counts = []
+    for _ in range(10):
+        ur.tick()
+        counts.append(ur._program.variables["x"])
+    assert (np.diff(counts) > 10).all()
+    assert np.diff(counts).max() <= STEPS
+
+
+def test_what_the_simulated_robot_lacks_is_refused_where_it_would_be_called():
+    for text, reason in (("socket_open(\"10.0.0.1\", 80)", "'socket_open': the simulated robot has no sockets"),
+                         ("while True:\n  force_mode(1)\nend", "has no force control"),
+                         ("thread t():\n  freedrive_mode()\nend\nrun t()", "cannot be moved by hand")):  # fmt: skip
+        with pytest.raises(ScriptError, match=reason) as refused:
+            parse(program(text))
+        assert refused.value.line >= 2
+        assert refused.value.column >= 1
+    ur = Controller(ARM)
+    assert ur.run(program("if 1 > 2:\n  force_mode(1)\nend")).reason == ""
+    assert (
+        "line 3, column 3: runtime error: function 'force_mode'"
+        in ur.run(program("if True:\n  force_mode()\nend")).reason
+    )
+
+
+def test_outputs_and_registers_are_seen_by_rtde(ur):
+    text = """
+set_digital_out(2, True)
+set_configurable_digital_out(1, True)
+set_tool_digital_out(0, True)
+set_standard_analog_out(1, 0.25)
+set_tool_voltage(24)
+set_payload(1.5, [0, 0, 0.05])
+set_gravity([0, 0, 9.8])
+write_output_float_register(3, 1.5)
+write_output_boolean_register(5, True)
+write_output_integer_register(7, -2)
+textmsg(get_digital_out(2))
+textmsg(read_output_float_register(3))
+"""
+    assert said(ur, text) == ["True", "1.5"]
+    for name, values in {
+        "actual_digital_output_bits": (1 << 2 | 1 << 9 | 1 << 16,), "standard_analog_output1": (0.25,),
+        "tool_output_voltage": (24,), "payload": (1.5,), "payload_cog": (0, 0, 0.05), "target_gravity": (0, 0, 9.8),
+        "output_double_register_3": (1.5,), "output_bit_registers0_to_31": (1 << 5,), "output_int_register_7": (-2,),
+    }.items():  # fmt: skip
+        assert tuple(_server.output(ur, name)) == values, name
+
+
+def test_a_secondary_program_runs_beside(ur):
+    ur.start(program('sleep(0.1)\ntextmsg("main")'))
+    ur.tick()
+    ur.start("sec other():\n  set_digital_out(0, True)\nend\n")
+    for _ in range(200):
+        ur.tick()
+    assert ur.io.digital == 1
+    assert "textmsg: main" in ur.log
+    with pytest.raises(InputError, match="cannot move the arm"):
+        ur.start("sec other():\n  movej([0, 0, 0, 0, 0, 0])\nend\n")
+
+
+EXPORTED = """def Palletise():
+  global _hidden_verificationVariable=0
+  step_count = 0.0
+  thread Step_Counter():
+    while (True):
+      step_count = step_count + 1.0
+      sync()
+    end
+  end
+  run Step_Counter()
+  set_standard_analog_input_domain(0, 1)
+  set_tool_analog_input_domain(0, 1)
+  set_analog_outputdomain(0, 0)
+  set_input_actions_to_default()
+  set_tool_communication(False, 115200, 0, 1, 1.5, 3.5)
+  set_tool_voltage(0)
+  set_gravity([0.0, 0.0, 9.82])
+  set_tcp(p[0.0,0.0,0.12,0.0,0.0,0.0])
+  set_target_payload(1.200000, [0.000000, 0.000000, 0.050000], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+  global Above_p=%s
+  global Above_q=%s
+  global Down_p=%s
+  global Down_q=%s
+  global rounds = 0
+  while (True):
+    $ 1 "Robot Program"
+    $ 2 "MoveJ"
+    $ 3 "Above" "breakAfter"
+    movej(get_inverse_kin(Above_p, qnear=Above_q), a=1.3962634015954636, v=1.0471975511965976)
+    $ 4 "MoveL"
+    $ 5 "Down"
+    movel(pose_trans(p[0.0,0.0,0.0,0.0,0.0,0.0], Down_p), a=1.2, v=0.25)
+    $ 6 "Set DO[0]=On"
+    set_standard_digital_out(0, True)
+    $ 7 "Wait: 0.1"
+    sleep(.1)
+    rounds = rounds + 1
+    $ 8 "If rounds≥2"
+    if (rounds >= 2):
+      halt
+    end
+  end
+end
+"""
+
+
+def test_a_waypoint_program_as_polyscope_exports_it(ur):
+    tcp = pose([0, 0, 0.12, 0, 0, 0])
+    above = np.add(HOME, [0.2, 0, 0, 0, 0.1, 0])
+    T = KIN.fk(above)
+    down = T.copy()
+    down[2, 3] -= 0.08
+    q = KIN.nearest(down, above).q
+    text = EXPORTED % (
+        f"p{listed(pose_vector(T @ tcp))}",
+        listed(above),
+        f"p{listed(pose_vector(down @ tcp))}",
+        listed(q),
+    )
+    done = ur.run(text)
+    assert done.reason == ""
+    np.testing.assert_allclose(done.commanded.q[-1], q, atol=1e-6)
+    assert np.abs(done.commanded.q - above).max(axis=1).min() < 1e-6
+    assert ur.io.digital == 1
+
+
+def test_every_function_is_simulated(ur):
+    """Each that the parser knows is known to the robot, too: none ends in "is not simulated"."""
+    values = {"t": "0.01", "b": "True", "n": "0", "q": listed(HOME), "tcp": "p[0, 0, 0, 0, 0, 0]"}
+    tried = 0
+    for name, function in FUNCTIONS.items():
+        given = ", ".join(values.get(parameter, "1") for parameter, default in function.parameters.items()
+                          if default.__class__ is type)  # fmt: skip
+        ur.release()
+        reason = ur.run(program(f"x = {name}({given})" if function.returns else f"{name}({given})")).reason
+        assert "is not simulated" not in reason, reason
+        tried += 1
+    assert tried > 110
+
+
+def test_what_people_send_to_the_script_port_runs():
+    """A function and its call, two lines at once, comments, and what ends in a carriage return."""
+    lines = {
+        b"def f(x):\n  textmsg(x)\nend\nf(3)\n": ["3"],
+        b"def g():\n  textmsg(4)\n  sleep(0.2)\nend\ng()\n": ["4"],
+        b"textmsg(1)\ntextmsg(2)\n": ["1", "2"],
+        b"# a comment\ntextmsg(5)\r\n": ["5"],
+        b"set real 1\ntextmsg(6)\n": ["6"],
+        b"sec s():\n  textmsg(7)\nend\n": ["7"],
+    }
+    log = []
+    with _server.SimulatedUR(ARM, rtde_port=0, script_port=0, speed=20, log=log.append) as robot:
+        for text, wanted in lines.items():
+            with socket.create_connection((robot.address, robot.script_port), 20) as client:
+                client.sendall(text + b'textmsg("done")\n')
+                deadline = time.monotonic() + 20
+                while "textmsg: done" not in log and time.monotonic() < deadline:
+                    client.recv(4096)
+            assert [line.removeprefix("textmsg: ") for line in log if line.startswith("textmsg")] == [*wanted, "done"]
+            log.clear()
