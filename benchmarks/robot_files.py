@@ -110,6 +110,7 @@ REASONS = {
     "a joint that slides, mimics or is coupled": ("slides|mimics|follows", True),
     "a joint of another kind (floating, ball)": ("is floating|is planar|is spherical|must be one of revolute", True),
     "put together of other models (<attach>)": ("attaches other models", True),
+    "a file that it includes is not in the repository": ("cannot read the included file", True),
     "MuJoCo does not read it": ("MuJoCo cannot read", False),
     "broken: no XML, links that hang nowhere, names twice": (
         "not XML|must begin with|connect two links|names .* times|two joints of one|several links|one root|"

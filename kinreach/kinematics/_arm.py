@@ -369,6 +369,7 @@ class ArmKinematics:
 
     def _jacobian(self, q: Floats) -> Floats:
         J = pin.computeFrameJacobian(self.model, self.data, q, self.tip_frame, pin.LOCAL_WORLD_ALIGNED)
+        J = J.reshape(6, -1)  # of one joint Pinocchio returns a vector
         R = self.T_base_world[:3, :3]
         return np.vstack([R @ J[:3], R @ J[3:]])
 

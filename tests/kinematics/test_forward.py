@@ -76,6 +76,21 @@ def test_jacobian_by_central_differences(arm, tip, base):
             np.testing.assert_allclose(J[3:, j], [spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-8)
 
 
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_an_arm_of_one_joint_has_a_jacobian_of_one_column(kind, tmp_path):
+    joint = f'<joint name="j" type="{kind}"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
+    joint += '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+    fixed = '<joint name="f" type="fixed"><parent link="b"/><child link="c"/><origin xyz="1 0 0"/></joint>'
+    file = tmp_path / "one.urdf"
+    file.write_text(f'<robot name="a"><link name="a"/><link name="b"/><link name="c"/>{joint}{fixed}</robot>')
+    kin = ArmKinematics.from_file(file, tip="c", joints=["j"])
+    expected = [0, 1, 0, 0, 0, 1] if kind == "revolute" else [0, 0, 1, 0, 0, 0]
+    np.testing.assert_allclose(kin.jacobian([0.0]), np.array(expected)[:, None], atol=1e-15)
+    np.testing.assert_allclose(
+        kin.jacobian(np.zeros((40, 1))), np.tile(np.array(expected)[:, None], (40, 1, 1)), atol=1e-15
+    )
+
+
 @pytest.mark.parametrize("tilt", [1e-9, 1e-8, 3e-8, 1e-6])
 def test_axes_that_are_almost_parallel_are_not_taken_for_parallel(tilt, tmp_path):
     """The cosine of a tilt of 1e-8 is 1 to rounding; its sine moves the tip by 1e-8 m."""
