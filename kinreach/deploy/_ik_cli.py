@@ -39,7 +39,7 @@ from kinreach.kinematics import (
 from kinreach.robots.inside import JOINTS, ArmFlags
 
 if TYPE_CHECKING:
-    from kinreach.kinematics._solutions import IKSolutions
+    from kinreach.kinematics.inside import IKSolutions
 
 #: Columns of the poses that are read.
 COLUMNS = ("x", "y", "z", "rx", "ry", "rz")
