@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinreach._checks import check_count, check_path, printable
+from kinreach._checks import Floats, check_count, check_path, printable
 from kinreach._files import replacing
 from kinreach._rotations import listed_pose
 from kinreach.cli import Parser, print_notes
@@ -18,6 +18,7 @@ from kinreach.kinematics import (
     Arm3Kinematics,
     ArmKinematics,
     CalibratedURKinematics,
+    FiveAxisKinematics,
     RedundantKinematics,
     SevenAxisKinematics,
     SixAxisKinematics,
@@ -107,6 +108,8 @@ def report(subject: Subject, *, poses: int, seed: int) -> Iterator[str]:
         times = f"{median:12.3f} / {late:<9.3f}"
         shares = f"{100 * done.success:6.1f} %   {singular_share}"
         yield f"             {done.name:<12} {shares}   {times}  {1e3 * done.error:.1e}"
+    if isinstance(kin, FiveAxisKinematics):
+        yield from _orientation(kin, postures, seed)
     yield f"singular     {_singular(kin, singular)}"
     yield f"collisions   {_collisions(kin, seed)}"
     yield from _joints(kin)
@@ -134,6 +137,9 @@ def _class_of(kin: ArmKinematics) -> str:
     if isinstance(kin, SlidingKinematics):
         what = "three slides and a wrist" if kin.slides.sum() > 1 else "SCARA"
         return f"{what}: every posture of a pose that the arm can have, in closed form"
+    if isinstance(kin, FiveAxisKinematics):
+        count = "four" if kin.n == 4 else "five"
+        return f"{count} joints: a point exactly, the orientation as near as it goes, {kin.solved}"
     if kin.no_closed_form:
         return f"no closed form, but placo, lm and qp, one posture at a time: {kin.no_closed_form}"
     spare = kin.n - POSE_JOINTS
@@ -143,6 +149,17 @@ def _class_of(kin: ArmKinematics) -> str:
         else "not the geometry of an arm that kinreach has one for"
     )
     return f"no closed form ({because}): placo, lm and qp, one posture at a time"
+
+
+def _orientation(kin: FiveAxisKinematics, postures: Floats, seed: int) -> Iterator[str]:
+    """Say what is left of random orientations at points that random postures reach."""
+    found = check.nearest_orientations(kin, postures, seed=seed)
+    median, late, _ = np.rad2deg(check.quantiles(found.left))
+    yield (
+        f"orientation  {len(found.left)} points, each with a random orientation: {median:.0f}° are left in the median, "
+        f"p95 {late:.0f}°; {1e3 * found.time:.2f} ms"
+    )
+    yield f"             at {100 * found.down:.0f} % of them the tip's z axis points straight down"
 
 
 def _joints(kin: ArmKinematics) -> Iterator[str]:

@@ -90,8 +90,7 @@ class FiveAxisKinematics(ClosedFormKinematics):
 
     Such an arm brings its tip to a point, and cannot choose all of its orientation. Postures meet the point to 1e-9 m,
     and what is left of the orientation is as little as it can be: `all_solutions` lists every posture at which it is
-    stationary. `axis_solutions` does the same for the tip's z axis alone, which most arms of five joints turn to any
-    direction.
+    stationary. `axis_solutions` does the same for the direction of the tip's z axis alone.
 
     `solve` meets a `NearestOrientationGoal` by the posture that leaves least of the orientation, a `PositionGoal` by
     the one that leaves least of the seed's. A `PoseGoal` or an `AxisGoal` has to be met exactly; if the arm cannot,

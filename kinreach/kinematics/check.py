@@ -20,6 +20,7 @@ from kinreach.errors import InputError, InstallationError, NoShapesError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._closed_form import POSE_JOINTS, ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker
+from kinreach.kinematics._five_axis import FiveAxisKinematics
 from kinreach.kinematics._goals import PoseGoal, PositionGoal
 from kinreach.kinematics._sliding import SlidingKinematics
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
@@ -123,6 +124,21 @@ class Explained:
     orientation: Floats
     speed: Floats
     tracking: Floats
+
+
+@dataclass(frozen=True)
+class NearestOrientations:
+    """What an arm of four or five axes leaves of orientations, at points that it reaches.
+
+    Attributes:
+        left: Least angle to a random orientation [rad], shape (m,).
+        down: Share of the points at which the z axis can point against that of the base.
+        time: Median time of a solution [s].
+    """
+
+    left: Floats
+    down: float
+    time: float
 
 
 def explained(flange: ArmKinematics, pairs: PosePairs, tool: Floats | None = None) -> Explained:
@@ -310,6 +326,20 @@ def solved(kin: ArmKinematics, solver: Solver, postures: Floats, singular: Float
     share = float(np.mean(done[regular:])) if len(singular) else float("nan")
     median, late = np.quantile(times[:regular], (0.5, 0.95)).tolist()
     return Solved(solver.name, float(np.mean(done[:regular])), share, (median, late), max(errors))
+
+
+def nearest_orientations(kin: FiveAxisKinematics, postures: Floats, *, seed: int = 0) -> NearestOrientations:
+    """Ask for a random orientation, and for the tip straight down, at the point of each posture (m, n)."""
+    rng, left, times, met = np.random.default_rng(seed + 2), [], [], []
+    for T in kin.fk(postures):
+        T[:3, :3] = Rotation.random(rng=rng).as_matrix()
+        start = perf_counter()
+        found = kin.nearest(T, kin.arm.home)
+        times.append(perf_counter() - start)
+        left.append(found.orientation_error)
+        directed = kin.axis_solutions(T[:3, 3], [0.0, 0.0, -1.0])
+        met.append(len(directed) > 0 and directed.left[0] <= REACHED[1])
+    return NearestOrientations(np.array(left), float(np.mean(met)), float(np.median(times)))
 
 
 def deviation(real: ArmKinematics, believed: ArmKinematics, *, seed: int = 0, count: int = POSTURES) -> Deviation:

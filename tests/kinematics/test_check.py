@@ -216,3 +216,12 @@ def test_bad_input(capsys):
     ):
         assert main(["check", *arguments]) == EXIT_ERROR
         assert said in capsys.readouterr().err
+
+
+def test_what_five_axes_leave_of_orientations():
+    kin = ArmKinematics.of("so101")
+    found = check.nearest_orientations(kin, check.random_postures(kin, 30, 0))
+    assert found.left.shape == (30,)
+    assert 0.3 < np.median(found.left) < 2.5
+    assert 0.0 < found.down < 1.0
+    assert found.time > 0.0

@@ -119,27 +119,34 @@ static void reach(search *s, int held, int triple, double q[N]) {
 }
 
 /* Hold some joints, take values of all others but three on a grid. */
-static void scan_by(search *s, int held, int triple, double q[N]) {
+static void scan_by(search *s, int held, int triple, int finer, double q[N]) {
     const int n = s->goal.arm->n;
     int others[2] = {0, 0}, count = 0;
     for (int i = 0; i < n; i++)
         if (!((held | triple) >> i & 1)) others[count++] = i;
     if (count == 0) reach(s, held, triple, q);
-    for (int i = 0; count == 1 && i < CURVE; i++) {
-        q[others[0]] = KR_TURN * (i + 0.5) / CURVE - KR_PI;
+    const int curve = finer * CURVE, surface = finer * SURFACE;
+    for (int i = 0; count == 1 && i < curve; i++) {
+        q[others[0]] = KR_TURN * (i + 0.5) / curve - KR_PI;
         reach(s, held, triple, q);
     }
-    for (int i = 0; count == 2 && i < SURFACE * SURFACE; i++) {
-        q[others[0]] = KR_TURN * (i / SURFACE + 0.5) / SURFACE - KR_PI;
-        q[others[1]] = KR_TURN * (i % SURFACE + 0.5) / SURFACE - KR_PI;
+    for (int i = 0; count == 2 && i < surface * surface; i++) {
+        q[others[0]] = KR_TURN * (i / surface + 0.5) / surface - KR_PI;
+        q[others[1]] = KR_TURN * (i % surface + 0.5) / surface - KR_PI;
         reach(s, held, triple, q);
     }
 }
 
+/* By the two best ways. Without limits the stationary postures on a closed curve or surface are even in number, because
+ * minima and maxima less saddles are its Euler characteristic (M. Morse): where they are odd, the grid becomes finer. */
 static void scan(search *s, int held, double q[N]) {
     if (!s->five->triple[held][0]) return;
-    s->started = 0;
-    for (int way = 0; way < 2 && s->five->triple[held][way]; way++) scan_by(s, held, s->five->triple[held][way], q);
+    for (int finer = 1; finer <= 2; finer++) {
+        s->started = 0;
+        for (int way = 0; way < 2 && s->five->triple[held][way]; way++)
+            scan_by(s, held, s->five->triple[held][way], finer, q);
+        if (held & ~s->fixed || s->count % 2 == 0) break;
+    }
 }
 
 /* The same with one joint or two of those that matter at a limit. */

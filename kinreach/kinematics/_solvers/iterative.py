@@ -218,7 +218,8 @@ class IterativeSolver(ABC):
 
         Returns:
             The first posture that is within tolerance and limits and accepted. Failing that, the first refused one
-            with `REJECTED`, or the one nearest to the goal with `NOT_CONVERGED`.
+            with `REJECTED`, or the one nearest to the goal with `NOT_CONVERGED`; a radian
+            counts as the length of all links.
 
         Raises:
             InputError: The goal or the seed is malformed.
@@ -244,7 +245,8 @@ class IterativeSolver(ABC):
         if refused:
             reason = f"{len(refused)} of {attempts} converged, and accept refused the posture of each"
             return refused[0].result(Status.REJECTED, reason, iterations=iterations, restarts=self.max_restarts)
-        nearest = min(missed, key=lambda candidate: candidate.miss)
+        reach = max(float(np.linalg.norm(self.kin.chain.placements[1:, :3, 3], axis=1).sum()), self.tolerance.position)
+        nearest = min(missed, key=lambda candidate: candidate.position_error / reach + candidate.orientation_error)
         reason = (
             f"none of {attempts} came within {self.tolerance.position:g} m and {self.tolerance.orientation:g} rad; "
             f"the nearest is {nearest.position_error:.3g} m and {nearest.orientation_error:.3g} rad away"
