@@ -44,11 +44,12 @@ def kinematics(name: str) -> ArmKinematics:
 
 
 def at_limits(kin, beyond, count=CASES):
-    """Postures with some joints at a limit or so far beyond it, the others anywhere."""
-    rng = np.random.default_rng(0)
-    q = rng.uniform(kin.lower, kin.upper, (count, kin.n))
+    """Postures with some joints at a limit or so far beyond it, if they have one, the others anywhere."""
+    rng, ends = np.random.default_rng(0), np.isfinite(kin.upper)
+    q = rng.uniform(*kin.sampling_limits, (count, kin.n))
     there, above = rng.random(q.shape) < 0.4, rng.random(q.shape) < 0.5
-    there[~there.any(axis=1), 0] = True
+    there &= ends
+    there[~there.any(axis=1), ends.argmax()] = True
     return np.where(there, np.where(above, kin.upper + beyond, kin.lower - beyond), q)
 
 
