@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,6 +20,9 @@ Array = np.ndarray[Any, Any]
 
 #: Entries of an environment's `info` for stable-baselines3's loggers.
 INFO_KEYS = ("is_success", "distance", "posture_error", "impossible", "wrong_presses", "energy")
+#: Methods of goal environments, which `HerReplayBuffer` calls, and what they read in every step's `info`.
+GOAL_METHODS = ("compute_reward", "compute_terminated", "compute_truncated")
+GOAL_KEYS = ("impossible", "impossible_code", "q", "status", "attempts", "distance", "held", "clearance")
 
 
 class SB3VecEnv(VecEnv):
@@ -40,6 +44,7 @@ class SB3VecEnv(VecEnv):
         self._env = env  # the base class asks for its attributes
         self._reward, self._bootstrap = reward, bootstrap
         self._actions: Any = None
+        self._has_goals = "desired_goal" in getattr(env.single_observation_space, "spaces", ())
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
     def seen(self, observations: Array) -> Any:
@@ -51,7 +56,7 @@ class SB3VecEnv(VecEnv):
         seeds = self._seeds if any(seed is not None for seed in self._seeds) else None
         observations, _ = self._env.reset(seed=seeds)  # type: ignore[arg-type]
         self._reset_seeds()
-        return np.asarray(observations)
+        return _as_arrays(observations)
 
     def step_async(self, actions: np.ndarray[Any, Any]) -> None:
         """Keep the actions for `step_wait`."""
@@ -61,21 +66,31 @@ class SB3VecEnv(VecEnv):
         """Step; the `info` of an ended episode has its last observation."""
         observations, rewards, terminated, truncated, info = self._env.step(self._actions)
         done = terminated | truncated
-        last_seen = np.array(observations)
+        last_seen = copy.deepcopy(_as_arrays(observations))
         if done.any():
-            last_seen[done] = np.stack(list(info["final_obs"][done]))
-        rewards = self._rewarded(rewards, {**info, **last_step(info), "observation": last_seen})
-        _check_finite("an observation", last_seen)
+            final = [_row(info["final_obs"], index) for index in np.flatnonzero(done)]
+            if isinstance(last_seen, dict):
+                for name, rows in last_seen.items():
+                    rows[done] = np.stack([row[name] for row in final])
+            else:
+                last_seen[done] = np.stack(final)
+        told = last_step(info)
+        rewards = self._rewarded(rewards, {**info, **told, "observation": last_seen})
+        for rows in last_seen.values() if isinstance(last_seen, dict) else [last_seen]:
+            _check_finite("an observation", rows)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if self._has_goals:
+            kept = {name: told[name] for name in GOAL_KEYS if name in told}
+            infos = [{name: rows[index] for name, rows in kept.items()} for index in range(self.num_envs)]
         if done.any():
             last = info["final_info"]
             columns = {key: last[key].tolist() for key in INFO_KEYS if key in last}
             cut = (truncated & ~terminated & self._bootstrap).tolist()
             for index in np.flatnonzero(done).tolist():
-                infos[index] = {key: values[index] for key, values in columns.items()}
-                infos[index]["terminal_observation"] = info["final_obs"][index]
+                infos[index] |= {key: values[index] for key, values in columns.items()}
+                infos[index]["terminal_observation"] = _row(info["final_obs"], index)
                 infos[index]["TimeLimit.truncated"] = cut[index]
-        return np.asarray(observations), np.asarray(rewards, dtype=np.float32), done, infos
+        return _as_arrays(observations), np.asarray(rewards, dtype=np.float32), done, infos
 
     def _rewarded(self, rewards: Any, info: Mapping[str, Any]) -> Array:
         given = np.asarray(rewards)
@@ -106,12 +121,33 @@ class SB3VecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Raise an `InputError`: environments of a batch have no methods."""
+        """Return what a method of a goal environment says, once for each; there are no others.
+
+        Raises:
+            InputError: Another method.
+        """
+        if self._has_goals and method_name in GOAL_METHODS:
+            said = getattr(self._env.unwrapped, method_name)(*method_args, **method_kwargs)
+            return [said] * len(list(self._get_indices(indices)))
         raise InputError(f"environments of a native batch have no methods of their own, such as {method_name}")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
         """Return False for each environment."""
         return [False] * len(list(self._get_indices(indices)))
+
+
+def _as_arrays(observations: Any) -> Any:
+    """Return observations as an array, or as a dictionary of them."""
+    if isinstance(observations, Mapping):
+        return {name: np.asarray(rows) for name, rows in observations.items()}
+    return np.asarray(observations)
+
+
+def _row(observations: Any, index: int) -> Any:
+    """Return the observation of one environment."""
+    if isinstance(observations, Mapping):
+        return {name: rows[index] for name, rows in observations.items()}
+    return observations[index]
 
 
 def _check_finite(what: str, values: Array) -> None:

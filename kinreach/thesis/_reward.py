@@ -141,6 +141,12 @@ def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -
         except (ValueError, RuntimeError):
             shapes = f"d {away.shape}, q {(*np.shape(natural), 6)}, impossible {failed.shape}"
             raise InputError(f"leading shapes do not fit: {shapes}") from None
+    return reward_of_errors(away, natural, angle, failed)
+
+
+def reward_of_errors(away: Any, natural: Any, angle: Any, failed: Any) -> ReachReward:
+    """Compute `reach_reward` from checked distances and the two errors of a posture, all of one shape."""
+    xp = namespace(natural)
     r_e = natural + angle
     at_goal = away < REACHED_DISTANCE
     near = at_goal & ~failed

@@ -40,6 +40,9 @@ FORMS = TASKS | {
     "button, as in the report": (BUTTON, {"actuation": "report"}),
     "moving, free": (MOVING, {"collisions": False}),
     "lift, small steps": (LIFT, {"steps": "multi", "max_episode_steps": 12}),
+    "space, goals": (SPACE, {"steps": "multi", "goal_env": True, "tilt": 30.0, "reward": "sparse"}),
+    "multi, goals": (MULTI, {"goal_env": True}),
+    "lift, goals": (LIFT, {"goal_env": True, "steps": "multi"}),
 }
 COUNT = 3
 COSTLY = ("moving", "lift", "judged", "small steps")
@@ -276,7 +279,9 @@ def test_arguments_are_keywords(name):
     every = {"pipeline", "width", "height", "rgb_noise", "depth_noise", "exposure"}
     assert cameras == every.intersection(names)
     flagless = {entry.name for entry in entries if entry.metadata["flag"] is None}
-    assert flagless == {"controls", "frames", "goal_in", "info", "sights"}.intersection(names)
+    assert flagless == {"controls", "frames", "goal_env", "goal_in", "info", "sights"}.intersection(names) | (
+        {"reward"} if name == LIFT else set()
+    )
 
 
 @pytest.mark.parametrize("name", [SINGLE, MULTI, SPACE, BUTTON, MOVING, LIFT, REAL_ARM, OBSTACLES])

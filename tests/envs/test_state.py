@@ -19,6 +19,8 @@ VARIANTS = [
     ("kinreach/Lift-v0", {"backend": "kinematic"}),
     ("kinreach/Lift-v0", {"steps": "multi", "shapes": ("ball", "cube", "cylinder"), "masses": (0.02, 0.2)}),
     ("kinreach/UR5MultiStep-v0", {"backend": "kinematic"}),
+    ("kinreach/UR5MultiStep-v0", {"goal_env": True, "reward": "sparse"}),
+    ("kinreach/Lift-v0", {"goal_env": True}),
     ("kinreach/UR5MultiStep-v0", {"imperfections": {"payload": 0.5}}),
 ]
 

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from kinreach._checks import Floats
 from kinreach._registration import LIFT, MAX_EPISODE_STEPS
 from kinreach.envs._batch import NativeVectorEnv
+from kinreach.envs._goals import GoalMethods
 from kinreach.envs._lift.episodes import LiftEpisodes
 from kinreach.envs._lift.lift_task import LiftOptions, LiftTask
 from kinreach.envs._options import with_options
@@ -21,7 +22,7 @@ def _objects(options: LiftOptions) -> int:
 
 
 @with_options(LiftOptions)
-class LiftEnv(ForfeitEnv, ArmEnv):
+class LiftEnv(GoalMethods, ForfeitEnv, ArmEnv):
     """A UR grasps an object on the table and lifts it.
 
     ## Description
@@ -72,7 +73,14 @@ class LiftEnv(ForfeitEnv, ArmEnv):
     The sum of the terms in `info["reward_terms"]`, after every action: `distance`, minus the distance of tip and object
     [m] (in single steps before the fingers close); `closed`, 1 while the object touches both fingers; `height`, how
     high it is held, as a share of 0.10 m; `lifted`, 20 for success; `impossible`, -1 where the arm does not attain a
-    posture or collides. In small steps the first three are a second: 0.04 of that a step.
+    posture or collides. In small steps the first three are a second: 0.04 of that a step. With `reward="sparse"` it is
+    0 for success, else -1.
+
+    ## Goals
+    With `goal_env=True` observations are a `Dict` of `observation`, as above, `achieved_goal` and `desired_goal`. A
+    goal is the height of the object's lowest point while it touches both fingers [m], and the time for which it is held
+    0.10 m up [s]; (0.10, 0.5) is desired, and reached by as much or more. `compute_reward(achieved_goal, desired_goal,
+    info)`, `compute_terminated` and `compute_truncated` take one step, or rows of them; the dense reward needs `info`.
 
     ## Starting State
     The arm stands in its start posture with the gripper open by 0.10 m. Place, turn, shape, size, mass and friction of
@@ -145,7 +153,7 @@ class LiftEnv(ForfeitEnv, ArmEnv):
             self._grasping.put(only, 0, episodes.kinds, places, episodes.yaws)
 
 
-class LiftVectorEnv(NativeVectorEnv):
+class LiftVectorEnv(GoalMethods, NativeVectorEnv):
     """A batch of `kinreach/Lift-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
     Arguments, and how episodes start anew, are as of `NativeVectorEnv`.

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
 from kinreach.envs._batch import Episodes, Flags, Ids, Outcome, RowStreams, texts, told_terms
+from kinreach.envs._goals import SPARSE, Told
 from kinreach.envs._lift.geometry import closes
 from kinreach.envs._lift.lift_task import (
     CLOSING,
@@ -28,7 +29,7 @@ from kinreach.envs._lift.lift_task import (
 )
 from kinreach.envs._options import check_box_actions
 from kinreach.envs._reach.observers import CameraObserver, PixelObserver
-from kinreach.envs._reach.reach_task import CAMERA, within_joint_limits
+from kinreach.envs._reach.reach_task import CAMERA, GOAL_RANGE, within_joint_limits
 from kinreach.sim.inside import CUBE, SHAPES, Grasping, MoveStatus, Objects
 from kinreach.vision.inside import GoalMeasurement
 
@@ -41,6 +42,8 @@ TERMS = ("distance", "closed", "height", "lifted", "impossible")
 LIFTED_REWARD = 20.0
 #: Interval between two checks of a grasp while the object is to be held [s].
 LOOK = 0.1
+#: What is to be achieved: the object's height [m], and the time for which it is held up [s].
+DESIRED = np.array([HEIGHT, HOLD])
 ALL_DRAWN = LiftStart()
 _SHAPES = np.array(SHAPES, dtype=object)
 
@@ -74,6 +77,7 @@ class LiftEpisodes(Episodes):
         self._stage, self._steps = np.empty(count, dtype=np.intp), np.empty(count, dtype=np.intp)
         self._lifted_for, self._time = np.empty(count), np.empty(count)
         self._reasons, self._status = np.empty(count, dtype=object), np.empty(count, dtype=object)
+        self._achieved = np.empty((count, 2))
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> LiftStart:
         return self.task.reset_options(options, count)
@@ -111,6 +115,7 @@ class LiftEpisodes(Episodes):
         self._stage[ids], self._steps[ids] = STARTED, 0
         self._lifted_for[ids] = self._time[ids] = self._clearance[ids] = 0.0
         self._gripped[ids], self._reasons[ids], self._status[ids] = False, "", ""
+        self._achieved[ids] = 0.0
         self._distance[ids] = np.linalg.norm(self._tips(ids) - self.goals[ids], axis=1)
         self._see(ids, start.views)
 
@@ -135,13 +140,17 @@ class LiftEpisodes(Episodes):
         return self.task.observation_space if self._pixels is None else self._pixels.space
 
     def observe(self) -> Any:
-        """Return the observations, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
+        """Return the observations, shape (count, size); with pixels or goals a dictionary of arrays with count rows."""
         everyone = np.arange(self.count)
         if self._pixels is not None:
             return self._pixels.measure(self.q, self.goals, self._sensors, self._opening)
-        return self.task.observation(
+        observation = self.task.observation(
             self.seen, self.yaws, self.kinds, self.q, self._tips(everyone), self._opening, self._others
         )
+        if not self.options.goal_env:
+            return observation
+        desired = np.tile(DESIRED, (self.count, 1))
+        return {"observation": observation, "achieved_goal": self._achieved.copy(), "desired_goal": desired}
 
     def goal_info(self, rows: Any) -> dict[str, Any]:
         kinds = self.kinds.of(rows)
@@ -158,7 +167,8 @@ class LiftEpisodes(Episodes):
 
     def start_info(self, ids: Ids) -> dict[str, Any]:
         nobody = np.zeros(len(ids), dtype=np.bool_)
-        info = self._info(ids, nobody, {name: np.zeros(len(ids)) for name in TERMS})
+        names = (SPARSE,) if self.options.reward == SPARSE else TERMS
+        info = self._info(ids, nobody, {name: np.zeros(len(ids)) for name in names})
         return info | {"status": texts(len(ids)), "cause": texts(len(ids))}
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
@@ -339,25 +349,71 @@ class LiftEpisodes(Episodes):
     def _outcome(self, acting: Flags, terminated: Flags, truncated: Flags) -> Outcome:
         lifted = acting & (self._stage == LIFTED) & (self._status != "collision")
         impossible = acting & (self._reasons != "")
-        share = np.clip(self._clearance / HEIGHT, 0.0, 1.0) * self._gripped
-        weight = STEP_S if self.task.options.steps == MULTI else 1.0
-        paid = (
-            -weight * self._distance,
-            weight * self._gripped,
-            weight * share,
-            LIFTED_REWARD * lifted,
-            -1.0 * impossible,
-        )
-        terms = {name: np.where(acting, term, 0.0) for name, term in zip(TERMS, paid, strict=True)}
+        paid = self._paid(lifted, impossible, lambda: (self._distance, self._gripped, self._clearance))
+        terms = {name: np.where(acting, term, 0.0) for name, term in paid.items()}
         reward = np.zeros(self.count)
         for term in terms.values():
             reward += term
+        self._achieve(acting, lifted)
         words = np.where(self._status != "", self._status, np.where(lifted, "lifted", "missed"))
         cause = np.where(lifted, "", CAUSES[np.minimum(self._stage, RAISED)])
         cause = np.where(np.isnan(self.seen).any(axis=1), "seen", cause)
         info = self._info(slice(None), lifted, terms)
         info |= {"impossible": impossible, "status": words.astype(object), "cause": cause.astype(object)}
         return Outcome(reward, terminated, truncated, info)
+
+    def _paid(
+        self, lifted: Flags, impossible: Flags, grasps: Callable[[], tuple[Floats, Flags, Floats]]
+    ) -> dict[str, Any]:
+        """Return the terms of the reward, each of shape (k,).
+
+        `grasps` gives distances of the tips from the objects [m], whether objects touch both fingers, and their
+        heights [m].
+        """
+        if self.options.reward == SPARSE:
+            return {SPARSE: np.where(lifted, 0.0, -1.0)}
+        distance, gripped, clearance = grasps()
+        weight = STEP_S if self.options.steps == MULTI else 1.0
+        share = np.clip(clearance / HEIGHT, 0.0, 1.0) * gripped
+        paid = (
+            -weight * distance,
+            weight * gripped,
+            weight * share,
+            LIFTED_REWARD * lifted,
+            -1.0 * impossible,
+        )
+        return dict(zip(TERMS, paid, strict=True))
+
+    def _achieve(self, acting: Flags, lifted: Flags) -> None:
+        """Note how high the objects are held and for how long; what geometry accepts is as good as lifted."""
+        time = np.where(self._status == "collision", 0.0, self._lifted_for)
+        height = self._clearance * self._gripped
+        if self.options.steps != MULTI:
+            time, height = HOLD * lifted, np.where(lifted, np.maximum(height, HEIGHT), height)
+        now = np.column_stack([height, time]).clip(0.0, GOAL_RANGE)
+        self._achieved[acting] = now[acting]
+
+    def judge(self, achieved: Floats, desired: Floats, told: Told) -> Outcome:
+        """Return what transitions with these goals, shape (k, 2), lead to; its `info` is empty.
+
+        A goal is reached by an object that is held as high and for as long. Where `info` does not say so, no action was
+        impossible, and no simulation diverged.
+        """
+        lifted: Flags = np.all(achieved >= desired, axis=1)
+        impossible = told.get("impossible", False).astype(np.bool_)
+        lost = told.get("status", "") == "diverged"
+        reward = np.zeros(len(lifted))
+
+        def grasps() -> tuple[Floats, Flags, Floats]:
+            return told.need("distance"), told.need("held"), told.need("clearance")
+
+        for term in self._paid(lifted, impossible, grasps).values():
+            reward += term
+        if self.options.steps == MULTI:
+            ended = lifted | (impossible & ~lost)
+            return Outcome(reward, ended, lost & ~ended, {})
+        ended = lifted | lost | (told.get("attempts", 1) >= self.options.attempts)
+        return Outcome(reward, ended, np.zeros_like(ended), {})
 
     def _info(self, rows: Any, lifted: Flags, terms: dict[str, Floats]) -> dict[str, Any]:
         """Return the `info` of some arms, whose results have as many rows, without what an action led to."""

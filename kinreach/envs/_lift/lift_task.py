@@ -22,7 +22,8 @@ from kinreach._checks import (
     check_number,
     shown,
 )
-from kinreach.envs._options import CameraOptions, about, given_options, option_rows
+from kinreach.envs._goals import DENSE, REWARD_NAMES, GoalOptions, goal_dict
+from kinreach.envs._options import about, given_options, option_rows
 from kinreach.envs._reach.reach_task import (
     CAMERA_RANGE,
     GOAL_RANGE,
@@ -62,7 +63,7 @@ SEEN, FACES, SIZE, IS_CUBE, KIND_END = slice(0, 3), 3, 4, 6, 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class LiftOptions(CameraOptions):
+class LiftOptions(GoalOptions):
     """Options of `kinreach/Lift-v0`."""
 
     steps: str = field(
@@ -99,9 +100,12 @@ class LiftOptions(CameraOptions):
     )
     attempts: int = field(default=1, metadata=about("grasps that may be tried in an episode of single steps"))
 
+    reward: str = field(default=DENSE, metadata=about('`"dense"`, or `"sparse"`: 0 for success, else -1', flag=None))
+
     def __post_init__(self) -> None:
         super().__post_init__()
         check_known("steps", self.steps, STEPS)
+        check_known("reward", self.reward, REWARD_NAMES)
         for shape in self.shapes:
             check_known("shape", shape, SHAPES)
         arm = grasping_arm(self.arm)
@@ -239,8 +243,8 @@ class LiftTask:
         return spaces.Box(-1.0, 1.0, (len(self.home) + 1,), np.float32)
 
     @property
-    def observation_space(self) -> spaces.Box:
-        """Observations of one environment, except pictures, shape (size,)."""
+    def observation_space(self) -> spaces.Space[Any]:
+        """Observations of one environment, except pictures, shape (size,); with goals, those too."""
         lower, upper = joint_limits(self.arm)
         high = np.concatenate([
             3 * [GOAL_RANGE], [1.0], 4 * [1.0], upper + BEYOND_LIMIT, [CAMERA_RANGE], 3 * [2 * GOAL_RANGE],
@@ -249,7 +253,9 @@ class LiftTask:
         low, layout = -high, self.layout
         low[SIZE:KIND_END] = low[layout.gripper] = 0.0
         low[layout.q] = lower - BEYOND_LIMIT
-        return spaces.Box(low, high, dtype=np.float64)
+        whole = spaces.Box(low, high, dtype=np.float64)
+        goal = spaces.Box(0.0, GOAL_RANGE, (2,), np.float64)
+        return goal_dict(whole, goal) if self.options.goal_env else whole
 
     def observation(
         self,

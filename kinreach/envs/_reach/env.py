@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, as_vector
+from kinreach.envs._goals import GoalMethods
 from kinreach.envs._options import with_options
 from kinreach.envs._reach.episodes import ReachEpisodes
 from kinreach.envs._reach.reach_task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant, tool_goal
@@ -77,7 +78,7 @@ class PostureEnv(ForfeitEnv):
         return tool_goal(self.episodes.task.arm, position, self.episodes.directions[0])
 
 
-class ReachEnv(PostureEnv, ArmEnv):
+class ReachEnv(GoalMethods, PostureEnv, ArmEnv):
     """One arm that reaches for a ball; the subclasses are the tasks, and describe them."""
 
     #: The task with the options.
@@ -208,7 +209,15 @@ class UR5SingleStepEnv(ReachEnv):
     names it). `info["reward_terms"]` has the terms `natural_arm`, `gripper_angle`, `distance` and `special`; their sum
     is the reward.
 
-    `reward=` replaces all that by a function of yours (`kinreach.envs._reach.rewards`).
+    `reward=` replaces all that by a function of yours (`kinreach.envs._reach.rewards`), or by `"sparse"`: 0 where the
+    goal is reached, else -1.
+
+    ## Goals
+    With `goal_env=True` observations are a `Dict` of `observation` (joint angles and opening of the gripper),
+    `achieved_goal` and `desired_goal`, float64. A goal is the place of the tip in the world [m], and where the reward
+    is the thesis's the errors of natural arm and gripper angle [rad], of which 0 is desired; an achieved error counts
+    as far as it exceeds the desired one. `compute_reward(achieved_goal, desired_goal, info)`, `compute_terminated` and
+    `compute_truncated` take one step, or rows of them. Without `info` no action was impossible.
 
     ## Starting State
     The arm stands in [-pi/2, -pi/2, pi/2, -pi/2, -pi/2, 0] rad. The ball lies on the table, uniformly in
@@ -298,6 +307,9 @@ class UR5MultiStepEnv(ReachEnv):
     As in `kinreach/UR5SingleStep-v0`, after every step. An impossible change (outside the limits, or held off by
     something) pays -100 and the episode goes on from where the arm stands.
 
+    ## Goals
+    As in `kinreach/UR5SingleStep-v0`.
+
     ## Starting State
     As in `kinreach/UR5SingleStep-v0`.
 
@@ -357,7 +369,11 @@ class SpaceReachEnv(ReachEnv):
     arm is preferred.
 
     `reward=` replaces it by a function of yours, which may take the angle as a fourth argument
-    (`kinreach.envs._reach.rewards`).
+    (`kinreach.envs._reach.rewards`), or by `"sparse"`.
+
+    ## Goals
+    As in `kinreach/UR5SingleStep-v0`; a goal is the place of the tip [m] and the tool's z axis, a unit vector, in the
+    world.
 
     ## Starting State
     Goals are uniform in the arm's own region (the UR5: 0.30 <= x <= 0.65 m, -0.30 <= y <= 0.30 m), from the height of a

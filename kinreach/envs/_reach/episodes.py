@@ -9,9 +9,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, torch_module
+from kinreach._checks import Floats
 from kinreach._tensors import copied, on_device, on_host
 from kinreach.envs._batch import Episodes, Outcome, texts, told_terms
+from kinreach.envs._goals import Told
 from kinreach.envs._reach.observers import PixelObserver, goal_observer, measured
 from kinreach.envs._reach.reach_task import (
     CAMERA_RANGE,
@@ -21,6 +22,7 @@ from kinreach.envs._reach.reach_task import (
     ReachTask,
     action_space,
     check_actions,
+    distance_between,
     seen_joints,
     within_joint_limits,
 )
@@ -52,7 +54,6 @@ class ReachEpisodes(Episodes):
         self.directions = np.tile(TOOL_DOWN, (count, 1))
         self.task, self.options = task, task.options
         self.world = world
-        self._library: Any = np if world.device is None else torch_module()
         self.action_space = action_space(task.arm)
         self._observer = goal_observer(task)
         self._pixels = PixelObserver(task.arm, task.options) if task.options.observation == "pixels" else None
@@ -64,6 +65,9 @@ class ReachEpisodes(Episodes):
         self._observation[:, task.layout.gripper] = task.gripper_opening
         self._move_time = np.empty(count)
         self._terms: tuple[str, ...] | None = None  # names of the reward's
+        if self.options.goal_env:
+            shape = (count, *task.observation_space["desired_goal"].shape)  # type: ignore[index]
+            self._achieved, self._desired = np.empty(shape), np.empty(shape)
 
     @property
     def q(self) -> Floats:
@@ -101,6 +105,10 @@ class ReachEpisodes(Episodes):
         if start.directions is not None:
             self.directions[rows] = start.directions
             self._observation[rows, self.task.layout.direction] = start.directions
+        if self.options.goal_env:
+            q, tip = map(on_host, self.world.snapshot(ids))
+            self._achieved[rows] = self.task.achieved(tip, q)
+            self._desired[rows] = self.task.desired(goals, self.directions[rows])
 
     @property
     def measurement(self) -> GoalMeasurement | None:  # type: ignore[override]
@@ -112,10 +120,16 @@ class ReachEpisodes(Episodes):
         return self.task.observation_space if self._pixels is None else self._pixels.space
 
     def observe(self) -> Any:
-        """Return the observations, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
+        """Return the observations, shape (count, size); with pixels or goals a dictionary of arrays with count rows."""
         if self._pixels is not None:
             return self._taken_pictures(self._pixels)
         self._observation[:, self.task.layout.q] = seen_joints(self.task.arm, self.world.q)
+        if self.options.goal_env:
+            return {
+                "observation": self._observation[:, self.task.layout.rest].copy(),
+                "achieved_goal": self._achieved.copy(),
+                "desired_goal": self._desired.copy(),
+            }
         observation = self._observation.copy()
         if self.task.options.goal_in == IMAGE:
             block = observation[:, self.task.layout.goal]
@@ -146,7 +160,7 @@ class ReachEpisodes(Episodes):
         q, tip = self.world.snapshot(ids)
         nobody = np.zeros(count, dtype=np.bool_)
         goals, directions, impossible = self._on_device(self.goals[ids], self.directions[ids], nobody)
-        distance = self._distance(tip, goals)
+        distance = distance_between(tip, goals)
         if self._terms is None:
             self._terms = term_names(self.task.score, distance, q, impossible, directions)
         terms = {name: np.zeros(count) for name in self._terms}
@@ -168,14 +182,25 @@ class ReachEpisodes(Episodes):
             self._move_time += executed.durations
         score, info = self._judge(targets, executed)
         self._changed |= True if acting is None else acting
-        everyone = np.ones(self.world.count, dtype=np.bool_)
-        if variant.one_action:
-            outcome = Outcome(score.reward, everyone, ~everyone, info)
-        else:
-            terminated = on_host(score.reached) & self.task.options.end_on_reached
-            lost = executed.status == TargetStatus.DIVERGED
-            outcome = Outcome(score.reward, terminated, lost & ~terminated, info)
+        outcome = self._outcome(score, executed.status, info)
         return outcome if acting is None else outcome.of(acting)
+
+    def _outcome(self, score: Score, status: Any, info: dict[str, Any]) -> Outcome:
+        everyone = np.ones(len(score.reached), dtype=np.bool_)
+        if self.task.variant.one_action:
+            return Outcome(score.reward, everyone, ~everyone, info)
+        terminated = on_host(score.reached) & self.task.options.end_on_reached
+        lost = status == TargetStatus.DIVERGED
+        return Outcome(score.reward, terminated, lost & ~terminated, info)
+
+    def judge(self, achieved: Floats, desired: Floats, told: Told) -> Outcome:
+        """Return what transitions with these goals, shape (k, size), lead to; its `info` is empty.
+
+        Where `info` does not say so, no action was impossible, and no simulation diverged.
+        """
+        impossible = told.get("impossible", False).astype(np.bool_)
+        score = self.task.score_of_goals(achieved, desired, impossible, lambda: told.need("q"))
+        return self._outcome(score, told.get("impossible_code", TargetStatus.COMPLETED), {})
 
     def _ends(self, targets: Floats, acting: Flags | None) -> Floats:
         """Where joints end near targets within their limits [rad], shape (count, n); other targets are kept."""
@@ -197,8 +222,13 @@ class ReachEpisodes(Episodes):
     def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
         q, tip = self.world.snapshot()
         goals, directions, impossible = self._on_device(self.goals, self.directions, executed.impossible)
-        distance = self._distance(tip, goals)
-        score = self.task.score(distance, q, impossible, directions)
+        distance = distance_between(tip, goals)
+        if self.options.goal_env:
+            q_here, tip_here = on_host(q), on_host(tip)
+            self._achieved[:] = self.task.achieved(tip_here, q_here)
+            score = self.task.score_of_goals(self._achieved, self._desired, executed.impossible, lambda: q_here)
+        else:
+            score = self.task.score(distance, q, impossible, directions)
         self._terms = tuple(score.terms)
         info = self._info(slice(None), executed, score, q, tip, distance) | {"target": targets}
         if self.world.explains:  # not in large kinematic batches, where it would take long
@@ -234,11 +264,6 @@ class ReachEpisodes(Episodes):
         if impossible.any():
             tips[impossible] = self.task.kinematics.positions(targets[impossible])
         return tips
-
-    def _distance(self, tip: Floats, goals: Floats) -> Floats:
-        x, y, z = (tip[:, axis] - goals[:, axis] for axis in range(3))
-        distance: Floats = self._library.sqrt(x * x + y * y + z * z)
-        return distance
 
     def _on_device(self, *values: Any) -> Sequence[Any]:
         """Return arrays as what the world has its arms' places in."""

@@ -6,7 +6,7 @@ Everything here works on stacks, so that one environment and thousands in a batc
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -26,10 +26,21 @@ from kinreach._checks import (
     shown,
 )
 from kinreach._rotations import wrapped
+from kinreach._tensors import namespace
 from kinreach.envs._batch import RowStreams
-from kinreach.envs._options import ARM_BACKENDS, CameraOptions, about, check_box_actions, option_rows
+from kinreach.envs._goals import REWARD_NAMES, GoalOptions, goal_dict
+from kinreach.envs._options import ARM_BACKENDS, about, check_box_actions, option_rows
 from kinreach.envs._reach.goals import goal_streams
-from kinreach.envs._reach.rewards import RewardFunction, Score, Scorer, check_reward, default_reward, scorer_of
+from kinreach.envs._reach.rewards import (
+    RewardFunction,
+    Score,
+    Scorer,
+    check_reward,
+    default_reward,
+    judges_posture,
+    score_of_goals,
+    scorer_of,
+)
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
 from kinreach.kinematics.inside import MARGIN
@@ -37,6 +48,7 @@ from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, get_arm
 from kinreach.robots.inside import between_phases
 from kinreach.sim.inside import BEYOND_LIMIT, IDEAL, Imperfections, as_imperfections
 from kinreach.thesis import REACHED_POSTURE_ERROR
+from kinreach.thesis.inside import posture_errors
 from kinreach.vision import SensorNoise, geometric_goal_view
 from kinreach.vision.inside import MAX_EXPOSURE
 
@@ -48,6 +60,8 @@ STEP_SIZE = math.radians(5.0)
 CAMERA_RANGE = 2.0
 #: The same for an arm without cameras, whose goals are given in the world [m].
 GOAL_RANGE = 10.0
+#: Bound of the errors of a posture in a goal [rad].
+ERROR_RANGE = 50.0
 
 BACKENDS = (*ARM_BACKENDS, "warp")
 #: How an observation gives the goal: in metres in the cameras' frames, or as places in their pictures and depth.
@@ -55,15 +69,19 @@ CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReachOptions(CameraOptions):
+class ReachOptions(GoalOptions):
     """Options of the reach environments, single and in native batches."""
 
     backend: str = field(
         default="mujoco",
         metadata=about('`"mujoco"` (dynamics) or `"kinematic"`; in native batches also `"warp"` (tried on CPUs only)'),
     )
-    reward: RewardFunction | None = field(
-        default=None, metadata=about("a function as `kinreach.envs._reach.rewards` describes; by default the arm's own")
+    reward: RewardFunction | str | None = field(
+        default=None,
+        metadata=about(
+            '`"sparse"` (0 where the goal is reached, else -1), or a function as `kinreach.envs._reach.rewards` '
+            'describes; by default the arm\'s own, `"dense"`'
+        ),
     )
     exposure: float = field(
         default=1.0,
@@ -122,7 +140,9 @@ class ReachOptions(CameraOptions):
         check_flag("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
-        check_reward(self.reward)
+        check_reward(self.reward, names=REWARD_NAMES)
+        if self.goal_env and self.goal_in != CAMERA:
+            raise InputError(f'goal_env=True has the goal in the world: use goal_in="camera", got {self.goal_in!r}')
         arm = get_arm(self.arm)
         if arm.goal_cameras:
             return
@@ -193,6 +213,11 @@ class Layout(NamedTuple):
     def fixed(self) -> slice:
         """Goal block and direction, which stay the same during an episode."""
         return slice(0, self.direction.stop)
+
+    @property
+    def rest(self) -> slice:
+        """All but these: joint angles and gripper."""
+        return slice(self.q.start, self.size)
 
     @property
     def size(self) -> int:
@@ -299,6 +324,12 @@ def _check_views(arm: ArmDescription) -> None:
             )
 
 
+def distance_between(tip: Any, goals: Any) -> Any:
+    """Return the distances of tips from goals [m], shape (k,), by the first three columns of both."""
+    x, y, z = (tip[:, axis] - goals[:, axis] for axis in range(3))
+    return namespace(x).sqrt(x * x + y * y + z * z)
+
+
 def tool_goal(arm: ArmDescription, position: ArrayLike, direction: ArrayLike = TOOL_DOWN) -> AxisGoal | PositionGoal:
     """Return the goal of a solver: the tip at a point of the world [m], the tool in a direction of the world.
 
@@ -372,12 +403,59 @@ class ReachTask:
         return default_reward(self.arm)
 
     @property
-    def observation_space(self) -> spaces.Box:
-        return observation_space(self.arm, directed=self.directed)
+    def observation_space(self) -> spaces.Space[Any]:
+        whole = observation_space(self.arm, directed=self.directed)
+        if not self.options.goal_env:
+            return whole
+        rest = self.layout.rest
+        return goal_dict(spaces.Box(whole.low[rest], whole.high[rest], dtype=whole.dtype.type), self._goal_space)
+
+    @property
+    def _goal_space(self) -> spaces.Box:
+        high = np.array(3 * [GOAL_RANGE] + 3 * self.directed * [1.0] + 2 * self.judges_posture * [ERROR_RANGE])
+        low = -high
+        low[3 + 3 * self.directed :] = 0.0
+        return spaces.Box(low, high, dtype=np.float64)
+
+    @cached_property
+    def judges_posture(self) -> bool:
+        """Whether the thesis's errors of the posture are a part of a goal."""
+        return judges_posture(self.scorer)
+
+    def achieved(self, tip: Floats, q: Floats) -> Floats:
+        """Return the goals that arms have achieved, shape (k, size).
+
+        Place of the tip in the world [m], the tool's z axis where goals have a direction, and where the reward judges
+        the posture its two errors [rad].
+        """
+        parts = [tip, np.clip(self.axes(q), -1.0, 1.0)]
+        return np.column_stack([*parts, *posture_errors(q)] if self.judges_posture else parts)
+
+    def desired(self, goals: Floats, directions: Floats) -> Floats:
+        """Return what is to be achieved, likewise: errors of the posture are to be 0."""
+        parts = [goals, np.clip(directions[:, : 3 * self.directed], -1.0, 1.0)]
+        return np.column_stack([*parts, np.zeros((len(goals), 2 * self.judges_posture))])
+
+    def score_of_goals(
+        self, achieved: Floats, desired: Floats, impossible: NDArray[np.bool_], q: Callable[[], Floats]
+    ) -> Score:
+        """Judge k steps by goals, shape (k, size); `q` gives postures to a function of the user's.
+
+        An error of the posture counts as far as it is larger than the desired one.
+        """
+        distance = distance_between(achieved, desired)
+        errors = np.maximum(achieved - desired, 0.0)[:, -2:].T
+        return score_of_goals(self.scorer, distance, impossible, errors=errors, q=q)
+
+    def axes(self, q: Floats) -> Floats:
+        """Return the tools' z axes in the world, shape (k, 3), where goals have a direction; else shape (k, 0)."""
+        return np.empty((len(q), 0))
 
     def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> ReachReset:
         """Check the options of `reset`."""
         arm = self.arm
+        if self.options.goal_env and isinstance(options, Mapping) and options.get("view") is not None:
+            raise InputError("a view is of the goal block, which observations with goal_env=True do not have")
         sizes = {"goal": 3, "q": len(arm.joints), "view": self.layout.goal.stop}
         start = ReachReset(*option_rows(options, sizes | ({"direction": 3} if self.directed else {}), count))
         bound, where = (CAMERA_RANGE, "that the cameras see") if arm.goal_cameras else (GOAL_RANGE, "of goals")

@@ -26,7 +26,7 @@ In `kinreach/Reach-v0` a function that takes a fourth argument gets the angle be
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from sys import float_info
 from typing import Any, NamedTuple, Protocol
@@ -36,10 +36,17 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats, as_flags, as_floats, check_entries, check_number, shown
 from kinreach._tensors import like, namespace, on_host
+from kinreach.envs._goals import DENSE, SPARSE
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 from kinreach.thesis import REACHED_POSTURE_ERROR, distance_reward, posture_error, reach_reward
-from kinreach.thesis.inside import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
+from kinreach.thesis.inside import (
+    IMPOSSIBLE_REWARD,
+    NEAR_REWARD,
+    REACHED_REWARD,
+    ReachReward,
+    reward_of_errors,
+)
 
 Flags = NDArray[np.bool_]
 Terms = Mapping[str, Floats]
@@ -90,7 +97,13 @@ class ThesisReward:
 
     def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
         """Reached: possible, nearer than 0.01 m, posture error below 0.15."""
-        result = reach_reward(distance, q, impossible=impossible)
+        return self._scored(reach_reward(distance, q, impossible=impossible))
+
+    def of_errors(self, distance: Floats, natural_arm: Floats, gripper_angle: Floats, impossible: Flags) -> Score:
+        """Judge k steps by the two errors of the posture [rad], each of shape (k,)."""
+        return self._scored(reward_of_errors(distance, natural_arm, gripper_angle, impossible))
+
+    def _scored(self, result: ReachReward) -> Score:
         return Score(result.reward, result.terms._asdict(), result.posture_error, result.reached)
 
     def posture_error(self, q: Floats) -> Floats:
@@ -152,6 +165,29 @@ class DirectedReward:
         return nothing(q)
 
 
+class SparseReward:
+    """0 where the goal is reached, else -1.
+
+    Args:
+        default: Says when it is reached.
+    """
+
+    def __init__(self, default: Scorer) -> None:
+        self.default = default
+
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
+        return self.of(self.default.score(distance, q, impossible, *angle))
+
+    def of(self, score: Score) -> Score:
+        """Return the verdict of the default with this reward."""
+        xp, zeros = namespace(score.reached), nothing(score.posture_error)
+        reward = xp.where(score.reached, zeros, zeros - 1.0)
+        return score._replace(reward=reward, terms={SPARSE: reward})
+
+    def posture_error(self, q: Floats) -> Floats:
+        return self.default.posture_error(q)
+
+
 class OwnReward:
     """A user's reward function, checked at every call.
 
@@ -160,7 +196,7 @@ class OwnReward:
     """
 
     def __init__(self, function: RewardFunction, default: Scorer) -> None:
-        self._default = default
+        self.default = default
         self._directed = directed = isinstance(default, DirectedReward)
         self._function = _with_or_without_angle("reward", function, directed)
         reached = getattr(function, "reached", None)
@@ -169,7 +205,10 @@ class OwnReward:
     def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
         distance, q, impossible = on_host(distance), on_host(q), on_host(impossible)
         angle = tuple(map(on_host, angle))
-        default = self._default.score(distance, q, impossible, *angle)
+        return self.of(self.default.score(distance, q, impossible, *angle), distance, q, impossible, *angle)
+
+    def of(self, default: Score, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
+        """Return the verdict of the default with this reward."""
         if not self._directed:
             angle = ()
         answer: object = self._function(distance, q, impossible, *angle)
@@ -187,7 +226,7 @@ class OwnReward:
         return default._replace(reward=reward, terms=terms, reached=reached)
 
     def posture_error(self, q: Floats) -> Floats:
-        return self._default.posture_error(q)
+        return self.default.posture_error(q)
 
 
 def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
@@ -201,20 +240,59 @@ def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
     return DistanceReward(arm.workcell.reached_distance)
 
 
-def check_reward(reward: object, arguments: str = "distance, q and impossible") -> None:
-    if reward is not None and not callable(reward):
-        raise InputError(f"reward must be a callable of {arguments}, got {shown(reward)}")
+def check_reward(reward: object, arguments: str = "distance, q and impossible", *, names: Collection[str] = ()) -> None:
+    if reward is None or callable(reward) or (isinstance(reward, str) and reward in names):
+        return
+    named = "".join(f"{name!r}, " for name in names)
+    raise InputError(f"reward must be {named}{'or ' if named else ''}a callable of {arguments}, got {shown(reward)}")
 
 
-def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
+def scorer_of(reward: RewardFunction | str | None, default: Scorer) -> Scorer:
     """Return the scorer for an option `reward`; the default also has what a function does not return."""
-    if reward is None:
+    if reward is None or reward == DENSE:
         return default
+    if reward == SPARSE:
+        return SparseReward(default)
     if isinstance(reward, DirectedReward) and not isinstance(default, DirectedReward):
         raise InputError("DirectedReward is for tasks in which goals have a direction, such as kinreach/Reach-v0")
     if isinstance(reward, ThesisReward | DistanceReward | DirectedReward):
         return reward
-    return OwnReward(reward, default)
+    return OwnReward(reward, default)  # type: ignore[arg-type]
+
+
+def judges_posture(scorer: Scorer) -> bool:
+    """Return whether the two errors of the thesis's posture are a part of what is to be reached."""
+    inner = scorer.default if isinstance(scorer, SparseReward | OwnReward) else scorer
+    return isinstance(inner, ThesisReward)
+
+
+def score_of_goals(
+    scorer: Scorer,
+    distance: Floats,
+    impossible: Flags,
+    *angle: Floats,
+    errors: Floats,
+    q: Callable[[], Floats],
+) -> Score:
+    """Judge k steps without their postures.
+
+    Args:
+        scorer: Of the task.
+        distance: From the tips to the goals [m], shape (k,).
+        impossible: Whether the actions could not be executed, shape (k,).
+        *angle: Between tools and their directions [rad], shape (k,), where goals have one.
+        errors: Errors of the thesis's posture [rad], shape (2, k); unused where it is not judged.
+        q: Gives postures [rad], shape (k, n), for a function of the user's, which alone needs them.
+    """
+    match scorer:
+        case SparseReward():
+            return scorer.of(score_of_goals(scorer.default, distance, impossible, *angle, errors=errors, q=q))
+        case OwnReward():
+            default = score_of_goals(scorer.default, distance, impossible, *angle, errors=errors, q=q)
+            return scorer.of(default, distance, q(), impossible, *angle)
+        case ThesisReward():
+            return scorer.of_errors(distance, errors[0], errors[1], impossible)
+    return scorer.score(distance, np.empty((len(distance), 0)), impossible, *angle)
 
 
 def term_names(scorer: Callable[..., Score], *arguments: Any) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ The task of `kinreach/Reach-v0`. The rest is as in the thesis's tasks.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -26,8 +26,9 @@ from kinreach.envs._reach.reach_task import (
     ReachReset,
     ReachTask,
     ReachVariant,
+    distance_between,
 )
-from kinreach.envs._reach.rewards import DirectedReward, Score
+from kinreach.envs._reach.rewards import DirectedReward, Score, score_of_goals
 from kinreach.errors import InputError
 from kinreach.robots import BoxRegion, get_arm
 from kinreach.thesis import REACHED_DISTANCE
@@ -142,9 +143,28 @@ class SpaceTask(ReachTask):
         error = self.posture_error(q, directions)
         return self.scorer.score(distance, q, impossible, error)._replace(posture_error=error)
 
+    def score_of_goals(
+        self, achieved: Floats, desired: Floats, impossible: NDArray[np.bool_], q: Callable[[], Floats]
+    ) -> Score:
+        distance = distance_between(achieved, desired)
+        error = angle_between(achieved[:, 3:6], desired[:, 3:6])
+        errors = np.maximum(achieved - desired, 0.0)[:, -2:].T
+        return score_of_goals(self.scorer, distance, impossible, error, errors=errors, q=q)._replace(
+            posture_error=error
+        )
+
+    def axes(self, q: Floats) -> Floats:
+        axes: Floats = self.kinematics.fk(q)[:, :3, 2]
+        return axes
+
     def posture_error(self, q: Floats, directions: Floats) -> Floats:
         """Angle between the tool's z axis and its wanted direction [rad], shape (k,)."""
-        axes, xp = self.kinematics.fk(q)[:, :3, 2], namespace(q)
-        sine = xp.linalg.norm(xp.linalg.cross(axes, directions), axis=1)
-        error: Floats = xp.arctan2(sine, (axes * directions).sum(axis=1))
-        return error
+        return angle_between(self.axes(q), directions)
+
+
+def angle_between(axes: Floats, directions: Floats) -> Floats:
+    """Return the angles between axes and directions, unit vectors of shape (k, 3) [rad], shape (k,)."""
+    xp = namespace(axes)
+    sine = xp.linalg.norm(xp.linalg.cross(axes, directions), axis=1)
+    error: Floats = xp.arctan2(sine, (axes * directions).sum(axis=1))
+    return error

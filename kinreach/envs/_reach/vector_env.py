@@ -10,6 +10,7 @@ import numpy as np
 from kinreach._checks import check_count
 from kinreach._registration import MAX_EPISODE_STEPS, MULTI
 from kinreach.envs._batch import BatchPicture, NativeVectorEnv
+from kinreach.envs._goals import GoalMethods
 from kinreach.envs._reach.episodes import ReachEpisodes
 from kinreach.envs._reach.reach_task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask
 from kinreach.envs._reach.space import SpaceOptions, SpaceTask
@@ -21,7 +22,7 @@ from kinreach.sim.inside import as_imperfections
 _PIXEL_BYTES, MAX_BYTES = 2 * (3 + 4), 2**32
 
 
-class ReachVectorEnv(NativeVectorEnv):
+class ReachVectorEnv(GoalMethods, NativeVectorEnv):
     """As many independent environments, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
     Arguments, and how episodes start anew, are as of `NativeVectorEnv`. What would take long is left out of `info` with
