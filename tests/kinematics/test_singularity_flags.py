@@ -33,7 +33,8 @@ def test_a_free_wrist_3_keeps_the_seeds_value(q5, q6):
 
 @pytest.mark.parametrize(("beyond", "solved"), [(4e-8, True), (4e-7, False)])
 @pytest.mark.parametrize("kind", ["stretch", "fold", "shoulder"])
-def test_the_tolerance_holds_in_a_batch(kind, beyond, solved):
+@pytest.mark.parametrize("tensors", [False, True])
+def test_the_tolerance_holds_in_a_batch(kind, beyond, solved, tensors):
     g, rng = FLANGE.geometry, np.random.default_rng(2)
     poses = []
     for _ in range(60):
@@ -50,8 +51,9 @@ def test_the_tolerance_holds_in_a_batch(kind, beyond, solved):
             along -= (along @ lift[:3, 1]) * lift[:3, 1]
             T[:3, 3] += (1 if kind == "stretch" else -1) * beyond * along / np.linalg.norm(along)
         poses.append(T)
-    batch = FLANGE.batch(np.array(poses))
-    for T, q, valid in zip(poses, batch.q, batch.valid, strict=True):
+    given = pytest.importorskip("torch").tensor(np.array(poses)) if tensors else np.array(poses)
+    batch = FLANGE.batch(given)
+    for T, q, valid in zip(poses, np.array(batch.q), np.array(batch.valid), strict=True):
         solutions = FLANGE.all_solutions(T)
         near = solutions.singularity & (Singularity.SHOULDER if kind == "shoulder" else Singularity.ELBOW) != 0
         if kind == "shoulder" and not solved:
