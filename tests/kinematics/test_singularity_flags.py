@@ -53,7 +53,7 @@ def test_the_tolerance_holds_in_a_batch(kind, beyond, solved, tensors):
         poses.append(T)
     given = pytest.importorskip("torch").tensor(np.array(poses)) if tensors else np.array(poses)
     batch = FLANGE.batch(given)
-    for T, q, valid in zip(poses, np.array(batch.q), np.array(batch.valid), strict=True):
+    for T, q, valid in zip(poses, np.asarray(batch.q), np.asarray(batch.valid), strict=True):
         solutions = FLANGE.all_solutions(T)
         near = solutions.singularity & (Singularity.SHOULDER if kind == "shoulder" else Singularity.ELBOW) != 0
         if kind == "shoulder" and not solved:
