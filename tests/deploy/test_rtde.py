@@ -581,3 +581,55 @@ class TestScriptPort:
         assert not robot._clients
         assert alive(robot)
         assert robot.controller.runtime_state == 1
+
+
+NEWER = {
+    "DOUBLE": "joint_position_deviation_ratio collision_detection_ratio actual_robot_energy_consumed "
+    "actual_robot_braking_energy_dissipated euromap67_24V_voltage euromap67_24V_current payload",
+    "VECTOR6D": "actual_TCP_acceleration target_TCP_acceleration wrench_calc_from_currents target_base_acceleration "
+    "target_base_wrench ft_raw_wrench payload_inertia actual_current_as_torque",
+    "VECTOR3D": "target_gravity payload_cog",
+    "INT32": "encoder0_raw encoder1_raw time_scale_source",
+    "UINT32": "euromap67_input_bits euromap67_output_bits script_control_line",
+    "UINT64": "control_step",
+}
+
+
+def test_variables_of_newer_controllers_are_there(robot):
+    """A client with UR's shipped recipe ends at the first name that a robot does not have."""
+    names = [name for each in NEWER.values() for name in each.split()]
+    with Client(robot) as client:
+        recipe = client.begin(names, 500.0)
+        first, second = (recipe.unpack(client.next(Kind.DATA)[1:]) for _ in range(2))
+    assert {name: type_of(name) for name in names} == {
+        name: kind for kind, each in NEWER.items() for name in each.split()
+    }
+    assert second["control_step"] > first["control_step"]
+    assert 0.0 <= first["joint_position_deviation_ratio"][0] < 0.1
+    assert first["target_gravity"] == (0.0, 0.0, 9.82)
+    assert first["ft_raw_wrench"] == (0.0,) * 6
+
+
+def test_a_client_writes_outputs_and_registers_that_programs_read(robot):
+    names = [
+        "standard_digital_output_mask",
+        "standard_digital_output",
+        "input_int_register_24",
+        "input_double_register_2",
+    ]
+    seen = ["actual_digital_output_bits", "input_int_register_24", "input_double_register_2", "output_int_register_3"]
+    with Client(robot) as client, Client(robot) as watch:
+        client.ask(Kind.PROTOCOL_VERSION, b"\0\2")
+        answer = client.ask(Kind.SETUP_INPUTS, ",".join(names).encode())
+        number, types = answer[0], answer[1:].decode().split(",")
+        values = {names[0]: (0b110,), names[1]: (0b010,), names[2]: (-5,), names[3]: (0.25,)}
+        client.socket.sendall(package(Kind.DATA, bytes([number]) + RtdeRecipe(names, types).pack(values)))
+        recipe = watch.begin(seen, 500.0)
+        while (state := recipe.unpack(watch.next(Kind.DATA)[1:]))["input_double_register_2"] != (0.25,):
+            pass
+        assert state[seen[0]] == (0b010,)
+        assert state[seen[1]] == (-5,)
+        with socket.create_connection((robot.address, robot.script_port), PATIENCE) as script:
+            script.sendall(b"write_output_integer_register(3, read_input_integer_register(24))\n")
+            while recipe.unpack(watch.next(Kind.DATA)[1:])[seen[3]] != (-5,):
+                pass
