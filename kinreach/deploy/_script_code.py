@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import IntEnum, auto
 from typing import Any
 
@@ -65,7 +64,6 @@ class Op(IntEnum):
 Instruction = tuple[Op, Any, Place]
 
 
-@dataclass(slots=True)
 class Code:
     """The instructions of a function or a program.
 
@@ -75,11 +73,11 @@ class Code:
         lacks: What it certainly calls and the simulated robot lacks.
     """
 
-    name: str
-    parameters: tuple[str, ...] = ()
-    instructions: list[Instruction] = field(default_factory=list)
-    called: list[Code] = field(default_factory=list)
-    lacks: list[ScriptError] = field(default_factory=list)
+    def __init__(self, name: str, parameters: tuple[str, ...] = ()) -> None:
+        self.name, self.parameters = name, parameters
+        self.instructions = list[Instruction]()
+        self.called = list[Code]()
+        self.lacks = list[ScriptError]()
 
 
 def compiling(body: Sequence[Statement], *, is_secondary: bool = False) -> Generator[None, None, Code]:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 
-
-@dataclass(slots=True)
 class InputsOutputs:
     """What programs and clients write; inputs that nobody writes are off, or 0.
 
@@ -18,15 +15,12 @@ class InputsOutputs:
         given_integers, given_floats, given_booleans: Input registers, which clients write.
     """
 
-    digital: int = 0
-    analog: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    tool_voltage: int = 0
-    flags: list[bool] = field(default_factory=lambda: [False] * 33)
-    floats: dict[int, float] = field(default_factory=dict)
-    booleans: dict[int, bool] = field(default_factory=dict)
-    given_integers: dict[int, int] = field(default_factory=dict)
-    given_floats: dict[int, float] = field(default_factory=dict)
-    given_booleans: dict[int, bool] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self.digital = self.tool_voltage = 0
+        self.analog, self.flags = [0.0, 0.0], [False] * 33
+        self.floats, self.given_floats = dict[int, float](), dict[int, float]()
+        self.booleans, self.given_booleans = dict[int, bool](), dict[int, bool]()
+        self.given_integers = dict[int, int]()
 
     def set_digital(self, bit: int, *, is_on: bool) -> None:
         self.digital = self.digital | 1 << bit if is_on else self.digital & ~(1 << bit)
