@@ -218,6 +218,15 @@ def run_command(name: str, argv: Sequence[str] | None = None, *, prog: str) -> i
     return run(COMMANDS[name].module, argv, prog=prog)
 
 
+def subcommand(name: str) -> Any:
+    """Import the module of a subcommand, for another one that goes on with it.
+
+    Args:
+        name: Key of `COMMANDS`.
+    """
+    return importlib.import_module(COMMANDS[name].module)
+
+
 def main(argv: Sequence[str] | None = None, *, prog: str = "kinreach") -> int:
     """Entry point of the console script.
 

@@ -31,8 +31,8 @@ ROOMS["plots"] = {"kinematics", *ROOMS["kinematics"]}
 ROOMS["baselines"] = {"envs", *ROOMS["envs"]}
 ROOMS["compare"] = {"baselines", "plots", *ROOMS["baselines"]}
 ROOMS["demo"] = {"compare", *ROOMS["compare"]}
-ROOMS["view"] = {"demo", *ROOMS["demo"]}
 ROOMS["deploy"] = {"sim", "plots", *ROOMS["sim"]}
+ROOMS["view"] = {"demo", "deploy", *ROOMS["demo"]}
 #: Modules that every room may import, and that import none: but for the command line, which loads jobs by their names.
 FOUNDATION = {
     "checks", "cli", "engines", "errors", "files", "flags", "jobs", "objects", "provenance", "registration",

@@ -185,7 +185,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         seed = posture_of("--seed", arguments.seed, kin.n, degrees=arguments.degrees, limits=limits, slides=kin.slides)
     if arguments.cell and arguments.table is not None:
         raise InputError("give --cell or --table, not both")
-    answers = Answers(ArmKinematics.of(surrounded(kin, arguments, cell=arguments.cell), base=base), seed)
+    answers = Answers(
+        ArmKinematics.of(surrounded(kin, arguments.table, arguments.box, cell=arguments.cell), base=base), seed
+    )
     yields = arguments.nearest_orientation
     if yields and not isinstance(answers.kinematics, FiveAxisKinematics):
         raise InputError(

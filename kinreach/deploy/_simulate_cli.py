@@ -35,7 +35,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     print_notes(arm.notes)
     check_is_ur(arm)
     kin = ArmKinematics(arm, base="base")
-    arm = surrounded(kin, arguments, cell=not arguments.no_cell)
+    arm = surrounded(kin, arguments.table, arguments.box, cell=not arguments.no_cell)
     start = None
     if arguments.start is not None:
         limits = kin.lower, kin.upper

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -33,17 +34,17 @@ def add_surroundings(parser: argparse.ArgumentParser, frame: str) -> None:
     )
 
 
-def surrounded(kinematics: ArmKinematics, arguments: argparse.Namespace, *, cell: bool) -> ArmDescription:
+def surrounded(kinematics: ArmKinematics, table: str | None, boxes: Sequence[str], *, cell: bool) -> ArmDescription:
     """Return an arm with what `add_surroundings` puts around it, boxes in the frame of its kinematics.
 
     Its own work cell is kept only with `cell`, and not beside a table.
     """
     arm = kinematics.arm
     around = arm.workcell if cell else Workcell()
-    if arguments.table is not None:
-        around = _table(kinematics, numbers_of("--table", arguments.table, 1)[0])
-    boxes = [_box(kinematics, text, number) for number, text in enumerate(arguments.box, start=1)]
-    return replace(arm, workcell=replace(around, obstacles=(*around.obstacles, *boxes)))
+    if table is not None:
+        around = _table(kinematics, numbers_of("--table", table, 1)[0])
+    placed = [_box(kinematics, text, number) for number, text in enumerate(boxes, start=1)]
+    return replace(arm, workcell=replace(around, obstacles=(*around.obstacles, *placed)))
 
 
 def _table(kinematics: ArmKinematics, height: float) -> Workcell:

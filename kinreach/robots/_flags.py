@@ -111,6 +111,20 @@ class ArmFlags:
             held_of(arguments), package_dirs_of(arguments), arguments.srdf,
         )  # fmt: skip
 
+    @classmethod
+    def words(cls, arguments: argparse.Namespace) -> list[str]:
+        """Return the flags of `add_to` as they were typed, for a command line without `--degrees`."""
+        words: list[str] = []
+        for name in cls.NAMES:
+            flag, value = f"--{name.replace('_', '-')}", getattr(arguments, name)
+            if name == "hold":
+                value = [f"{joint}={place!r}" for joint, place in held_of(arguments).items()]
+            if value is True:
+                words.append(flag)
+            elif value:
+                words += [word for each in ([value] if isinstance(value, str) else value) for word in (flag, each)]
+        return words
+
     def arm(self, name: str) -> ArmDescription:
         """Return the arm of this name or file, calibrated, with the tool or with the tip as its default."""
         if self.tool is not None and self.tip is not None:

@@ -5,18 +5,41 @@ from __future__ import annotations
 import threading
 import webbrowser
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from kinreach._checks import check_count
-from kinreach.cli import Parser, print_notes
+from kinreach.cli import Parser, print_notes, say
+from kinreach.deploy.inside import MotionFlags, TriedMotion
 from kinreach.robots import THESIS_ARM, Tool, arm_names
 from kinreach.robots.inside import FILES, ArmFlags
+from kinreach.view._motion import ShownMotion
 from kinreach.view._results import read_results
 from kinreach.view._server import Server
 from kinreach.view._setup import Setup
 from kinreach.view._snippet import calibrated, described, with_tool
 
 PORT, MAX_PORT = 8080, 65535
+
+
+def open_motion(
+    arm: str, choice: ArmFlags, words: Sequence[str], flags: MotionFlags, motion: TriedMotion, *, sends: bool
+) -> Server:
+    """Serve the page with a motion, print its address, and open a browser.
+
+    Args:
+        arm: Name or file.
+        choice: What `words` say of it.
+        words: The flags of the command line that choose the arm.
+        flags: What the motion was asked for by.
+        motion: To be shown.
+        sends: Whether the terminal asks to send it.
+    """
+    setup = replace(setup_of(arm, **vars(choice)), words=tuple(words), motion=ShownMotion(flags, motion, sends))
+    server = Server(setup, port=PORT)
+    say(f"page     {server.address}  (only on this machine; Ctrl-C ends it)")
+    webbrowser.open(server.address)
+    return server
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -31,6 +54,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         results=arguments.results,
         environment=arguments.environment,
     )
+    setup = replace(setup, words=("--arm", arguments.arm, *ArmFlags.words(arguments)))
     print_notes(setup.arm.notes)
     server = Server(setup, port=arguments.port)
     try:
@@ -71,7 +95,7 @@ def setup_of(
         sheet, expression = with_tool(sheet, tool), with_tool(expression, tool)
     setup = Setup(
         description, expression, sheet, simple, nominal, calibration, policy=policy, results=results,
-        environment=environment,
+        environment=environment, words=("--arm", arm),
     )  # fmt: skip
     setup.environments  # noqa: B018  (refuses an unknown policy or environment)
     if results is not None:

@@ -234,6 +234,9 @@ class Surroundings(Branch):
                     position=(sx * (x - _LEG), sy * (y - _LEG), -z - box.legs / 2),
                 )
 
+    def remove(self) -> None:
+        self._root.remove()
+
     def mark(self, red: Collection[str]) -> None:
         """Draw only the boxes of these names red."""
         wanted = frozenset(red)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,26 +15,22 @@ from kinreach.view._draw import BLUE, BRANCH_COLOURS, RED, SolidArm, SolidScene,
 from kinreach.view._episodes import Episode, EpisodeRequest, Stopped, circled
 from kinreach.view._figure import Figure
 from kinreach.view._inputs import by_user
-from kinreach.view._messages import error_message
 from kinreach.view._names import plain
-from kinreach.view._panel import Panel
+from kinreach.view._playing import PAUSE, PLAY, START, PlayedPanel
 from kinreach.vision.inside import GoalMeasurement
 
-PLAY, PAUSE, STEP, START = "play", "pause", "step", "start"
+STEP = "step"
 #: Size of a contact [m].
 DOT = 0.02
 MAX_SEED = 2**31 - 1
 
 
-class EpisodesPanel(Panel):
+class EpisodesPanel(PlayedPanel):
     """Plays episodes of any environment and policy."""
 
     def build(self) -> None:
         self.episode: Episode | None = None
-        self.at = 0
         self._recording = EpisodeRequest(self._setup.environments[0], "", self._setup.arm)
-        self._still, self._gone = threading.Event(), threading.Event()
-        self._still.set()
         self._step = -1
         self._solid: SolidScene | None = None
         self._believed: SolidArm | None = None
@@ -50,21 +44,10 @@ class EpisodesPanel(Panel):
         self._choose_environment(self._environment.value)
         self.record()
 
-    @property
-    def playing(self) -> bool:
-        return not self._still.is_set()
-
     def show(self, visible: bool) -> None:
         with self._lock:
-            self.pause()
             super().show(visible)
-            self._shown = visible
             self._furnish()
-
-    def close(self) -> None:
-        self._gone.set()
-        self._still.set()
-        super().close()
 
     def record(self) -> None:
         """Record the chosen episode in a thread of its own, then play it unless the part is hidden by then."""
@@ -73,31 +56,16 @@ class EpisodesPanel(Panel):
         self._verdict.content = html.message("The episode is being played through ...")
         self._start(self._record)
 
-    def go(self, index: int) -> None:
-        """Show a frame; an index out of range means the first or the last one."""
-        with self._lock:
-            if self.episode is not None:
-                self.at = int(np.clip(index, 0, len(self.episode.frames) - 1))
-                self._draw(self.episode)
-
     def step(self) -> None:
         """Go to the end of the next action."""
         self.pause()
         if self.episode is not None:
             self.go(self.episode.frame_after(self.episode.frames[self.at].step + 1))
 
-    def run(self) -> None:
-        """Play from the frame on the screen; from the start if that is the last one."""
-        with self._lock:
-            if self.episode is None or self.playing or self._gone.is_set():
-                return
-            if self.at == len(self.episode.frames) - 1:
-                self.go(0)
-            self._still = threading.Event()
-            self._start(self._play, self._still, self.episode)
-
-    def pause(self) -> None:
-        self._still.set()
+    @property
+    def last(self) -> int:
+        """Index of the last frame; -1 without an episode."""
+        return -1 if self.episode is None else len(self.episode.frames) - 1
 
     def program(self) -> str:
         return self._recording.program(self._setup.expression)
@@ -105,7 +73,7 @@ class EpisodesPanel(Panel):
     def _build_gui(self) -> None:
         gui = self._client.gui
         self._verdict = gui.add_html("")
-        self._player = gui.add_button_group("player", (PLAY, PAUSE, STEP, START))
+        self._build_player((PLAY, PAUSE, STEP, START), {STEP: self.step})
         self._slider = gui.add_slider("frame", 0, 1, 1, 0)
         self._now = gui.add_html("")
         self._bars = gui.add_html("")
@@ -131,7 +99,6 @@ class EpisodesPanel(Panel):
         by_user(self._environment, self._choose_environment)
         by_user(self._observation, lambda value: self._choose_environment(self._environment.value))
         by_user(self._slider, self._scrubbed)
-        self._player.on_click(lambda event: self._pressed(event.target.value))
         self._button.on_click(lambda _: self.record())
 
     def _choose_environment(self, name: str) -> None:
@@ -140,31 +107,6 @@ class EpisodesPanel(Panel):
         arm = self._setup.nominal or self._setup.arm
         self._policy.options = known.players(arm, observation=self._observation.value if observes else "")
         self._observation.disabled, self._backend.disabled = not observes, "backend" not in known.choices
-
-    def _pressed(self, what: str) -> None:
-        if what == START:
-            self._scrubbed(0)
-        else:
-            {PLAY: self.run, PAUSE: self.pause, STEP: self.step}[what]()
-
-    def _scrubbed(self, index: int) -> None:
-        self.pause()
-        self.go(index)
-
-    def _start(self, work: Callable[..., None], *arguments: Any) -> None:
-        """Work in a thread of its own and report errors in the page."""
-
-        def run() -> None:
-            try:
-                work(*arguments)
-            except Exception as error:  # an environment or a policy from outside may raise anything
-                if self._gone.is_set():
-                    return
-                with self._lock:
-                    self._button.disabled = False
-                    self._verdict.content = error_message(error)
-
-        threading.Thread(target=run, daemon=True, name=f"kinreach {work.__name__}").start()
 
     def _record(self) -> None:
         """Record and play; a renderer belongs to the thread that made it."""
@@ -203,6 +145,7 @@ class EpisodesPanel(Panel):
         if episode.frames[0].believed is not None:
             figure = Figure(ArmKinematics.of(episode.arm, base="world"), simple=True)
             self._believed = SolidArm(scene, f"{self._root}/believed", figure, colour=BLUE, opacity=0.4)
+        self.pause()
         self.episode, self.at, self._step = episode, 0, -1
         self._slider.max = max(1, len(episode.frames) - 1)
         self._verdict.content = html.message(episode.verdict, bad=not episode.trial["reached"])
@@ -210,7 +153,7 @@ class EpisodesPanel(Panel):
         self._cameras.visible = False
         self._button.disabled = False
         self._furnish()
-        self._draw(episode)
+        self._draw()
 
     def _furnish(self) -> None:
         """Show the work cell of the episode, or of the arm, from its own camera."""
@@ -250,7 +193,10 @@ class EpisodesPanel(Panel):
         rows = [np.zeros(1 + len(names)), *([s.reward, *(s.terms.get(n, 0.0) for n in names)] for s in done)]
         return (np.arange(1.0 + len(done)), *np.ascontiguousarray(np.array(rows).T))
 
-    def _draw(self, episode: Episode) -> None:
+    def _draw(self) -> None:
+        episode = self.episode
+        if episode is None:
+            return
         frame = episode.frames[self.at]
         touching = {body for contact in frame.contacts for body in contact.bodies}
         with self._client.atomic():
@@ -283,11 +229,5 @@ class EpisodesPanel(Panel):
                 ]
             self._cameras.visible = True
 
-    def _play(self, still: threading.Event, episode: Episode) -> None:
-        while not still.wait(episode.pause_after(self.at)):
-            with self._lock:
-                if still.is_set() or self.episode is not episode:
-                    return
-                self.go(self.at + 1)
-                if self.at == len(episode.frames) - 1:
-                    still.set()
+    def _pause_after(self, index: int) -> float:
+        return 0.0 if self.episode is None else self.episode.pause_after(index)

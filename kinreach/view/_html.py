@@ -55,9 +55,10 @@ def block(content: str) -> str:
     return f'<div class="kr">{content}</div>'
 
 
-def message(text: str, *, bad: bool = False) -> str:
-    """Write a sentence in a box, red or green."""
-    return block(f'<div class="kinreach-verdict{" kr-wrong" if bad else ""}">{escape(text)}</div>')
+def message(text: str, *, bad: bool = False, caution: bool = False) -> str:
+    """Write a sentence in a box, red, orange or green."""
+    colour = " kr-wrong" if bad else " kr-caution" if caution else ""
+    return block(f'<div class="kinreach-verdict{colour}">{escape(text)}</div>')
 
 
 def bar(names: Sequence[str], active: str) -> str:
@@ -219,6 +220,27 @@ def bars(terms: Mapping[str, float]) -> str:
         for (name, value), colour in zip(terms.items(), cycle(BRANCH_COLOURS), strict=False)
     )
     return block(f'<div class="kr-bars">{rows}</div>')
+
+
+def speeds(joints: Sequence[str], now: Floats, most: Floats, limits: Floats) -> str:
+    """Draw the joints' speeds by their limits as bars, with a mark at the largest of the motion [rad/s]."""
+    rows = "".join(
+        f"<span>{escape(plain(name))}</span>"
+        f'<div class="kr-track"><div style="width:{100 * share:.1f}%;background:{css(colour)}"></div>'
+        f'<b style="left:{100 * peak:.1f}%"></b></div>'
+        f'<span title="largest of the motion, of {limit:.2f} rad/s">{100 * peak:.0f} %</span>'
+        for name, share, peak, limit, colour in zip(
+            joints, now.tolist(), most.tolist(), limits.tolist(), cycle(BRANCH_COLOURS), strict=False
+        )
+    )
+    said = '<div class="kr-small">Joint speeds now; marks and numbers are the largest, as parts of the limits.</div>'
+    return block(f'<div class="kr-bars kr-speeds">{rows}</div>{said}')
+
+
+def remarks(lines: Sequence[str]) -> str:
+    """Write lines of a report."""
+    rows = "".join(f"<div>{escape(line)}</div>" for line in lines)
+    return block(f'<div class="kr-small kinreach-remarks">{rows}</div>')
 
 
 def miss(found: TipMiss, exact: IKResult) -> str:

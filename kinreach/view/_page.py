@@ -5,16 +5,17 @@ from __future__ import annotations
 import threading
 from typing import Any
 
-from kinreach.robots.inside import ur_model
+from kinreach.robots.inside import FLANGE, JOINTS, ur_model
 from kinreach.view import _html as html
 from kinreach.view._draw import FloorGrid, Surroundings, overview
 from kinreach.view._episodes_panel import EpisodesPanel
 from kinreach.view._inputs import add_unseen
 from kinreach.view._messages import error_message, watch
+from kinreach.view._move_panel import MovePanel
 from kinreach.view._panel import Panel
 from kinreach.view._real_arm_panel import RealArmPanel
 from kinreach.view._results_panel import ResultsPanel
-from kinreach.view._setup import EPISODES, REAL_ARM, RESULTS, TARGET, Setup
+from kinreach.view._setup import EPISODES, MOVE, REAL_ARM, RESULTS, TARGET, Setup
 from kinreach.view._target_panel import TargetPanel
 
 LIGHT, DARK = "light", "dark"
@@ -26,6 +27,8 @@ WIDTH, HEIGHT = 1600, 1000
 
 def panels(setup: Setup) -> dict[str, type[Panel]]:
     kinds: dict[str, type[Panel]] = {TARGET: TargetPanel}
+    if setup.arm.joints == JOINTS and FLANGE in setup.arm.tips:
+        kinds[MOVE] = MovePanel
     if ur_model((setup.nominal or setup.arm).name) is not None:
         kinds[REAL_ARM] = RealArmPanel
     kinds[EPISODES] = EpisodesPanel
@@ -100,6 +103,8 @@ class Page:
     def _new(self, name: str) -> Panel:
         arguments = self.client, self._setup, self._surroundings, self.lock
         panel = panels(self._setup)[name](*arguments, title=name)
+        if isinstance(panel, MovePanel):
+            panel.target = lambda: self.target.T
         try:
             panel.build()
         except Exception as error:

@@ -11,10 +11,11 @@ from kinreach.baselines import load_policy
 from kinreach.demo.inside import playable, playable_names
 from kinreach.robots import ArmDescription, arm_names, get_arm
 from kinreach.view._figure import Figure
+from kinreach.view._motion import ShownMotion
 from kinreach.view._target import TargetModel
 
 #: The parts of the page.
-TARGET, REAL_ARM, EPISODES, RESULTS = "Target", "Real arm", "Episodes", "Results"
+TARGET, MOVE, REAL_ARM, EPISODES, RESULTS = "Target", "Move", "Real arm", "Episodes", "Results"
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class Setup:
         nominal: The arm by its data sheet if `arm` is calibrated.
         policy: That acts in the first episode: its name or file, or `module:attribute`.
         environment: Id of the first environment, or `module:id`.
+        words: The flags of the command line that choose the arm.
+        motion: That the part "Move" begins with.
     """
 
     arm: ArmDescription
@@ -40,6 +43,8 @@ class Setup:
     policy: str | None = None
     results: str | None = None
     environment: str | None = None
+    words: tuple[str, ...] = ()
+    motion: ShownMotion | None = None
 
     @property
     def title(self) -> str:
@@ -47,6 +52,8 @@ class Setup:
 
     @property
     def first(self) -> str:
+        if self.motion is not None:
+            return MOVE
         if self.results is not None:
             return RESULTS
         return TARGET if self.policy is None and self.environment is None else EPISODES

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from kinreach._checks import Floats, as_floats
+from kinreach.deploy.inside import TriedMotion
 from kinreach.kinematics import AxisGoal, Goal, PoseGoal
 from kinreach.robots import Tool
 from kinreach.view._real_arm import RealArm
@@ -90,6 +91,29 @@ def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, sheet: str, arm
         f"result = sheet.nearest(T, {_numbers(seed)})",
         "print(result.status.value, result.reason)",
         "print(1000 * (real.fk(result.q) - sheet.fk(result.q))[:3, 3])",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def motion_program(motion: TriedMotion, *, arm: str) -> str:
+    """Write Python code that prints the program of a motion; `arm` is an expression such as `"'ur5e'"`."""
+    kinematics, program = motion.kinematics, motion.program
+    lines = [
+        "from kinreach.deploy import Move, Program",
+        "from kinreach.kinematics import ArmKinematics",
+        *robots(arm),
+        "",
+        f"kin = ArmKinematics.of({arm}, tip={kinematics.tip!r}, base='base')",
+        f"start = {list(program.start)!r}",
+        "moves = [",
+        *(
+            f"    Move({move.command!r}, {move.target!r}, {move.speed!r}, {move.acceleration!r}, {move.blend!r}),"
+            for move in program.moves
+        ),
+        "]",
+        f"program = Program.of(kin, start, moves, tolerance={program.tolerance!r})",
+        "print(program.text, end='')",
+        "# URClient(ADDRESS).run(program) moves the robot.",
     ]
     return "\n".join(lines) + "\n"
 

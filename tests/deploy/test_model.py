@@ -18,7 +18,7 @@ from kinreach.deploy._model import (
     apart,
     nearest_models,
 )
-from kinreach.deploy._move_cli import _Job
+from kinreach.deploy._move_cli import Comparison
 from kinreach.deploy._primary import figures_package, news_in
 from kinreach.errors import RobotError
 from kinreach.kinematics import ArmKinematics, pose_vector
@@ -194,10 +194,7 @@ def test_the_move_command_judges_a_model_by_the_figures_that_the_robot_says():
         URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port) as client,
     ):
         state = client.read()
-    jobs = {
-        name: _Job(bare(name), [KINEMATICS[name].fk(get_arm(name).home)], linear=False, speed=0.5, blend=0.0)
-        for name in ("ur3", "ur3e", "ur5e", "ur7e")
-    }
+    arms = {name: Comparison(bare(name)) for name in ("ur3", "ur3e", "ur5e", "ur7e")}
     while cases < 40:
         q = rng.uniform(-np.pi, np.pi, 6)
         mine, theirs = (("ur3e", "ur5e"), ("ur3", "ur3e"))[cases % 2]
@@ -206,17 +203,17 @@ def test_the_move_command_judges_a_model_by_the_figures_that_the_robot_says():
         if apart(MAX_OFF, *pose_error(KINEMATICS[mine].fk(q), T)):
             continue
         seen = type(state)(**{**vars(state), "actual_q": q, "tcp_pose": pose_vector(T), "tcp_offset": np.zeros(6)})
-        assert "its tool centre point is" in jobs[mine].same_arm(seen, None, "r")  # one posture cannot tell
+        assert "its tool centre point is" in arms[mine].same_arm(seen, None, "r")  # one posture cannot tell
         with pytest.raises(
             RobotError, match=f"is not this {mine.upper()}.*; its own figures are nearest to .*{theirs}"
         ):
-            jobs[mine].same_arm(seen, arm, "r")
-        said = jobs[theirs].same_arm(seen, arm, "r")
+            arms[mine].same_arm(seen, arm, "r")
+        said = arms[theirs].same_arm(seen, arm, "r")
         assert "mm and" in said
         assert "in other postures; with --calibration it would be less" in said
         if theirs == "ur5e":
-            assert "in other postures" in jobs["ur7e"].same_arm(seen, arm, "r")
+            assert "in other postures" in arms["ur7e"].same_arm(seen, arm, "r")
         # figures that do not give the robot's own pose are not understood, and say nothing
-        assert "in other postures" not in jobs[theirs].same_arm(seen, DhFigures.by_data_sheet("ur20"), "r")
+        assert "in other postures" not in arms[theirs].same_arm(seen, DhFigures.by_data_sheet("ur20"), "r")
         cases += 1
     assert cases == 40

@@ -17,7 +17,8 @@ import pytest
 from kinreach.cli import main
 from kinreach.deploy import Program, SimulatedUR, URClient
 from kinreach.deploy._controller import FINISHED, Controller
-from kinreach.deploy._move_cli import _Job
+from kinreach.deploy._move_cli import Comparison
+from kinreach.deploy._moving import MotionPlanner
 from kinreach.deploy._planning import plan
 from kinreach.deploy._program import motion_of
 from kinreach.errors import InputError, PathError, RobotError
@@ -101,18 +102,19 @@ def test_turns_around_a_wall_are_rounded_where_they_stay_free():
     for _ in range(3):
         start, goal = (np.add(HOME, [side, *rng.uniform(-0.1, 0.1, 5)]) for side in (-0.8, 0.8))
         stopping, blended = (
-            _Job(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=blend)._planned(start) for blend in (0.0, 0.05)
+            MotionPlanner(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=blend).tried(start)
+            for blend in (0.0, 0.05)
         )
-        assert not any(move.blend for move in stopping[1].moves)
-        radii = [move.blend for move in blended[1].moves]
+        assert not any(move.blend for move in stopping.program.moves)
+        radii = [move.blend for move in blended.program.moves]
         assert radii[-1] == 0.0
         assert max(radii) <= 0.05
-        done = blended[2]
+        done = blended.done
         assert (done.status, done.reason) == (FINISHED, "")
         assert not checker.impossible(done.commanded.q).any()
         np.testing.assert_allclose(kin.fk(done.commanded.q[-1]), kin.fk(goal), atol=1e-5)
         if any(radii):
-            assert done.commanded.duration < 0.9 * stopping[2].commanded.duration
+            assert done.commanded.duration < 0.9 * stopping.done.commanded.duration
             rounded += 1
     assert rounded >= 2
 
@@ -138,7 +140,8 @@ def test_turns_that_would_touch_are_not_rounded(monkeypatch):
 
     monkeypatch.setattr("kinreach.deploy._planning.motion_of", commanded)
     monkeypatch.setattr("kinreach.deploy._planning.joint_line", touches)
-    (leg,), program, done = _Job(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=0.05)._planned(start)
+    motion = MotionPlanner(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=0.05).tried(start)
+    (leg,), program, done = motion.legs, motion.program, motion.done
     assert len(program.moves) > 1
     assert not any(move.blend for move in program.moves)
     assert leg.moves == program.moves
@@ -168,8 +171,9 @@ def test_rounded_corners_keep_the_distance(linear, gap, capsys):
     exact, start = CollisionChecker(kin), kin.nearest(pose(CORNER[0]), arm.home).q
     given = {}
     for blend in (0.0, 0.015, 0.05):
-        job = _Job(arm, [pose(goal) for goal in CORNER[1:]], linear=linear, speed=0.25, blend=blend)
-        legs, program, done = job._planned(start)
+        job = MotionPlanner(arm, [pose(goal) for goal in CORNER[1:]], linear=linear, speed=0.25, blend=blend)
+        motion = job.tried(start)
+        legs, program, done = motion.legs, motion.program, motion.done
         assert (done.status, done.reason) == (FINISHED, "")
         assert min(exact.distance(q).distance for q in done.commanded.q[::2]) >= 0.005
         given[blend] = program.moves[len(legs[0].moves) - 1].blend
@@ -199,7 +203,7 @@ def test_whoever_the_start_check_lets_pass_keeps_the_distance():
         tip = kin.T_world_base @ kin.fk(start)
         below = Box("box", (0.1, 0.1, 0.1), (*tip[:2, 3], tip[2, 3] - 0.05 - gap))
         there = replace(arm, workcell=Workcell((below,)))
-        job = _Job(there, [pose(CORNER[2])], linear=False, speed=0.25, blend=0.0)
+        job = MotionPlanner(there, [pose(CORNER[2])], linear=False, speed=0.25, blend=0.0)
         if gap < 0.0058:
             near = (
                 r"start is not free: .* 5\.2 mm apart, the margin is 5\.25 mm"
@@ -207,9 +211,9 @@ def test_whoever_the_start_check_lets_pass_keeps_the_distance():
                 else r"start is too near: .* 5\.60 mm"
             )
             with pytest.raises(PathError, match=near):
-                job._planned(start)
+                job.tried(start)
             continue
-        program = job._planned(start)[1]
+        program = job.tried(start).program
         tolerances[gap] = program.tolerance
         exact = CollisionChecker(there)
         corners = start + 0.999 * program.tolerance * np.array(list(product((-1, 1), repeat=6)))
@@ -442,10 +446,9 @@ def test_a_robot_without_a_tcp_offset_is_compared_by_the_pose_of_its_tool():
         URClient("127.0.0.1", rtde_port=robot.rtde_port, script_port=robot.script_port) as client,
     ):
         state = replace(client.read(), tcp_offset=None)
-    settings = {"linear": False, "speed": 0.5, "blend": 0.0}
-    assert "is 0.00 mm" in _Job(ARM, [KIN.fk(HOME)], **settings).same_arm(state, None, "old")
+    assert "is 0.00 mm" in Comparison(ARM).same_arm(state, None, "old")
     with pytest.raises(RobotError, match=r"150\.00 mm and 0\.00° from"):
-        _Job(ARM.with_tool([0, 0, 0.15, 0, 0, 0]), [KIN.fk(HOME)], **settings).same_arm(state, None, "old")
+        Comparison(ARM.with_tool([0, 0, 0.15, 0, 0, 0])).same_arm(state, None, "old")
 
 
 def scripted(text):
