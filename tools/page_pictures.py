@@ -43,6 +43,8 @@ FASTER = "?fixedDpr=0.8"
 #: end frames that it stands still.
 WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 6), (0.5, 0.0, -0.24, 5), (0.94, 0.16, 0.05, 5), (0.5, 0.1, 0.0, 5)]
 STILL = 4
+#: Goal and box of the film of a motion, and its frames.
+MOTION, FRAMES = ("-0.4,0.3,0.3,3.14,0,0", "-0.2,-0.2,0.4,0.1,0.1,0.8"), 24
 #: A mouse pointer, which pictures of a tab leave out.
 POINTER = """() => {
     const arrow = '<svg width="22" height="30" viewBox="0 0 22 30"><path d="M1 1v22l5.5-5 3.5 9 4-1.6-3.6-8.7 7.6-.6z" '
@@ -129,6 +131,22 @@ def film(camera: Camera, target: TargetPanel) -> None:
     save_gif(frames, IMAGES / "view.gif")
 
 
+def motion(browser: Any, *, simple: bool) -> None:
+    """A UR5e that is asked for a pose beside a pillar: planned, and played."""
+    server = Server(setup_of("ur5e", simple=simple), port=8760)
+    camera = Camera(browser, server, FASTER)
+    panel: Any = camera.page.show("Move")
+    panel.choose(goal=MOTION[0], boxes=MOTION[1])
+    frames = [camera.take().resize(FILM, Image.Resampling.LANCZOS)]
+    panel.plan()
+    camera.wait_for(lambda: panel.shown is not None and not panel.playing)
+    for index in np.linspace(0, panel.last, FRAMES).round().astype(int).tolist():
+        panel.go(index)
+        frames.append(camera.take().resize(FILM, Image.Resampling.LANCZOS))
+    save_gif(frames + LAST * FPS * frames[-1:], IMAGES / "move_page.gif")
+    server.stop()
+
+
 def on_screen(camera: Any, point: NDArray[np.float64], width: int, height: int) -> tuple[float, float]:
     """Return where a point of the world is in a window of a size in pixels."""
     forward = camera.look_at - camera.position
@@ -156,7 +174,9 @@ def main(argv: list[str] | None = None) -> int:
     """Take the pictures and the film of the page."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", metavar="DIR", help="a comparison of the UR5")
-    parser.add_argument("--only", metavar="NAME", help="target, self-motion, real-arm, episodes, results or film")
+    parser.add_argument(
+        "--only", metavar="NAME", help="target, self-motion, real-arm, episodes, results, film or motion"
+    )
     parser.add_argument("--simple", action="store_true", help="fewer triangles and no shadows")
     arguments = parser.parse_args(argv)
     server = Server(setup_of("ur5-thesis", simple=arguments.simple, environment=MULTI), port=8720)
@@ -191,6 +211,8 @@ def main(argv: list[str] | None = None) -> int:
             film(camera, page.target)
         if wanted("self-motion"):
             self_motion(browser, simple=arguments.simple)
+        if wanted("motion"):
+            motion(browser, simple=arguments.simple)
         browser.close()
     server.stop()
     return 0

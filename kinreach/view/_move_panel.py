@@ -77,6 +77,11 @@ class MovePanel(PlayedPanel):
             super().show(visible)
             self._surroundings.visible = not visible
 
+    def choose(self, *, goal: str, boxes: str = "") -> None:
+        """Write a goal and boxes into their inputs."""
+        self._goal.value, self._boxes.value = goal, boxes
+        self._typed()
+
     def plan(self) -> None:
         """Plan the motion of the inputs in a thread of its own, then play it unless the part is hidden by then."""
         self.pause()
@@ -179,7 +184,7 @@ class MovePanel(PlayedPanel):
 
     def _show_flags(self, shown: ShownMotion) -> None:
         """Write the flags of a motion into the inputs."""
-        flags, motion = shown.flags, shown.motion
+        flags = shown.flags
         self._goal.value = f"{NEXT} ".join(flags.to)
         self._from.value = self._start_text(shown) or "home"
         branch = flags.branch
@@ -192,7 +197,6 @@ class MovePanel(PlayedPanel):
         self._most.value = 0.0 if most is None else round(float(np.degrees(most)), ANGLE_DIGITS)
         self._linear.value, self._speed.value, self._blend.value = flags.linear, 100.0 * flags.speed, 1e3 * flags.blend
         self._table.value, self._boxes.value, self._cell.value = flags.table or "", NEXT.join(flags.boxes), flags.cell
-        put(self._gizmo, motion.kinematics.T_world_base @ motion.goals[-1])
 
     def _plan(self, flags: MotionFlags) -> None:
         arm = flags.surrounded(self._setup.arm)
@@ -215,6 +219,7 @@ class MovePanel(PlayedPanel):
         self._copies.visible = True
         self._button.disabled = False
         self._surround(shown.arm)
+        put(self._gizmo, self._kinematics.T_world_base @ shown.motion.goals[-1])
         self._draw_way()
         self._draw()
 
