@@ -61,7 +61,8 @@ def nothing_is_measured(monkeypatch, tmp_path):
     for name in (
         "kinreach.compare._cli.compare", "kinreach.baselines._evaluate_cli.evaluate", "kinreach.demo._cli._run",
         "kinreach.baselines._training.train", "kinreach.deploy._moving.MotionPlanner",
-        "kinreach.deploy._move_cli.URClient", "kinreach.deploy._simulate_cli.SimulatedUR", "benchmarks.speed.cli.run_suites",
+        "kinreach.deploy._move_cli.URClient", "kinreach.deploy._simulate_cli.SimulatedUR",
+        "benchmarks.speed.cli.run_suites",
     ):  # fmt: skip
         monkeypatch.setattr(name, begin)
 
