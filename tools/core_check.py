@@ -22,7 +22,8 @@ FLAGS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g", "-O1
 #: What peers and Python do with their own memory is not ours: EAIK deletes an object by another size.
 OPTIONS = "detect_leaks=0:abort_on_error=1:new_delete_type_mismatch=0:alloc_dealloc_mismatch=0"
 TESTS = [
-    f"tests/kinematics/test_{name}.py" for name in ("core_faults", "core_elimination", "general_6r", "singular_cases")
+    f"tests/kinematics/test_{name}.py"
+    for name in ("core_faults", "core_elimination", "general_6r", "singular_cases", "five_axis")
 ]
 
 
