@@ -56,8 +56,9 @@ def test_stretched_folded_and_just_beyond():
             assert solutions.success
             assert solutions.residual[:, 0].max() < 1e-7
             if scale:
-                batch = KIN.batch((target + scale * out)[None])
-                np.testing.assert_array_equal(np.flatnonzero(batch.valid[0]), solutions.branch)
+                for count in (1, 10):  # a few go one by one
+                    batch = KIN.batch(np.tile(target + scale * out, (count, 1)))
+                    np.testing.assert_array_equal(np.flatnonzero(batch.valid[-1]), solutions.branch)
             checked += 1
         assert branch not in KIN.all_solutions(target + 1e-3 * out).branch
     assert checked == 600
@@ -72,6 +73,7 @@ def test_targets_on_the_inner_cylinder():
         assert solutions.residual[:, 0].max() < 1e-9
         inside = KIN.all_solutions(target * ((1 - 1e-9 / offset), (1 - 1e-9 / offset), 1), limits=False)
         assert inside.residual[:, 0].max() < 1e-7
+        assert (inside.singularity != 0).all()
         regular = KIN.all_solutions(target * (1.5, 1.5, 1), limits=False)
         assert not regular.singularity.any()
     assert "sideways offset" in KIN.all_solutions([0.0, 0.0, 0.9]).reason

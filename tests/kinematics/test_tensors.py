@@ -104,6 +104,21 @@ def test_all_postures_of_a_batch_are_those_of_numpy(device, limited):
     assert (single.valid.cpu().numpy() == expected.valid).mean() > 0.99
 
 
+@pytest.mark.parametrize("joint", [2, 4])
+def test_postures_next_to_a_singular_one_are_as_exact_as_those_of_numpy(joint):
+    """Where the elbow is nearly stretched, or wrist_2 nearly straight, rounding is magnified."""
+    kin, rng = URKinematics("ur5", tip="tool0"), np.random.default_rng(joint)
+    q = rng.uniform(-2.0, 2.0, (600, 6))
+    q[:, joint] = rng.choice([-1, 1], 600) * 10.0 ** rng.uniform(-8.0, -2.5, 600)
+    T = kin.fk(q)
+    found, expected = kin.batch(torch.tensor(T)), kin.batch(T)
+    np.testing.assert_array_equal(found.valid.numpy(), expected.valid)
+    goals = np.repeat(T, expected.valid.sum(axis=1), axis=0)
+    off, best = (np.abs(kin.fk(q[expected.valid]) - goals).max(axis=(1, 2)) for q in (found.q.numpy(), expected.q))
+    assert len(off) > 2000
+    assert (off < best + 1e-11).all()
+
+
 def test_arms_without_formulas_for_tensors_go_by_way_of_numpy():
     kin = Arm3Kinematics()
     p = kin.positions(np.random.default_rng(4).uniform(-2, 2, (100, 3)))
