@@ -149,7 +149,7 @@ def test_limits_are_named():
 @pytest.mark.parametrize(
     ("arguments", "available"),
     [
-        ({"arm": "ur6"}, "arm3, panda, ur10, .*ur12e, .*ur7e, ur8long"),
+        ({"arm": "ur6"}, "arm3, panda, so101, ur10, .*ur12e, .*ur7e, ur8long"),
         ({"arm": "ur5", "tip": "hand"}, "tcp, tool0"),
         ({"arm": "ur5", "base": "map"}, "world"),
     ],
