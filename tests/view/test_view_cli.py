@@ -19,7 +19,7 @@ from kinreach.view import _cli
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--arm", "ur6"], "unknown arm 'ur6'; available: arm3, panda, ur10"),
+        (["--arm", "ur6"], "unknown arm 'ur6'; available: arm3, panda, so101, ur10"),
         (["--arm", "missing.urdf"], "missing.urdf"),
         (["--port", "0"], "port must be at least 1"),
         (["--port", "70000"], "port must be at most 65535"),
