@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from dataclasses import fields, replace
 
 import numpy as np
@@ -49,6 +50,28 @@ def test_an_arm_is_named_as_a_file_or_in_a_module_too(tmp_path, monkeypatch):
     ):
         with pytest.raises(InputError, match=said):
             arm_named(name)
+
+
+@pytest.mark.parametrize(
+    ("endings", "said"),
+    [
+        (".sdf .world", "SDF"),
+        (".usd .usda .usdc .usdz", "USD, which is not read"),
+        (".stl .obj .dae .step .stp .glb .gltf .iges .STL", "a shape, and no arm"),
+        (".yaml .yml .conf", "a calibration or settings"),
+        (".srdf", "an SRDF"),
+        (".py", "a program: name the object in it"),
+        (".zip .gz .tar .tgz .7z", "an archive: unpack it"),
+        (".urp .script .urscript", "a program of a UR"),
+        (".json .csv .txt .md .png .pdf", "no description of an arm"),
+    ],
+)
+def test_other_files_that_people_have_are_called_what_they_are(endings, said):
+    for ending in endings.split():
+        with pytest.raises(
+            InputError, match=rf"'robot{re.escape(ending)}' is .*{said}.*; an arm is a URDF or MJCF file"
+        ):
+            arm_named(f"robot{ending}")
 
 
 def test_missing_descriptions_are_named(monkeypatch):
