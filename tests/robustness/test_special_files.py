@@ -144,7 +144,7 @@ def test_the_bound_is_in_the_message(tmp_path):
 OPENING = {
     "_files.py": 5, "cli.py": 1, "_provenance.py": 2, "baselines/_policy_file.py": 1, "baselines/_seeds.py": 1,
     "baselines/_policies.py": 1, "compare/_report.py": 4, "compare/_runner.py": 1,
-    "compare/_methods/resolve.py": 1, "view/_cli.py": 1, "view/_real_arm_panel.py": 3,
+    "compare/_methods/resolve.py": 1, "view/_cli.py": 2, "view/_real_arm_panel.py": 3,
     "view/_results_panel.py": 3, "view/_server.py": 1, "kinematics/_core/__init__.py": 1,
 }  # fmt: skip
 

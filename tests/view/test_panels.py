@@ -495,7 +495,7 @@ def test_programs_of_all_parts_run(serve, comparison, capsys):
         np.testing.assert_allclose(np.array(error, dtype=float), 1e3 * real.miss.vector, atol=1e-3)
     assert said["Target"].startswith("ok")
     assert said["Results"].splitlines()[1].startswith("closed-form True")
-    assert len(said) == 4
+    assert len(said) == 5
 
 
 def used(page):
@@ -517,7 +517,7 @@ def test_a_closed_tab_leaves_nothing(serve):
     ours = re.compile(r"Thread-|kinreach")
     wait_for(lambda: not any(ours.match(thread.name) for thread in set(threading.enumerate()) - before))
     wait_for(lambda: gc.collect() >= 0 and not any(thing() for thing in seen))
-    assert len(seen) == 7
+    assert len(seen) == 8
 
 
 def test_a_goal_or_a_method_that_is_clicked_shows_where_it_ended(serve, comparison):
