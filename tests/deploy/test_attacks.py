@@ -124,7 +124,7 @@ def test_programs_as_people_send_them_are_read(robot):
     """Comments, names, definitions and calls may come first; what is refused keeps its connection for the reason."""
     for first in (b"# a comment", b"  def f():", b"x = 3", b"  textmsg(1)", b"foo()", b"sec s():", b"global a = 1"):
         with connected(robot, "script") as client:
-            client.sendall(b"\n" + first + b"\n" + (b"end\n" if b"def " in first else b""))
+            client.sendall(b"\n" + first + b"\n" + (b"end\n" if first.endswith(b":") else b""))
             client.sendall(b"foo()\n")
             said = b""
             while b"'foo'" not in said:
