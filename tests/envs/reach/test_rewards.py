@@ -120,7 +120,7 @@ def test_what_is_no_verdict_is_refused(answer, said):
 
 
 def test_what_cannot_be_called_is_refused():
-    with pytest.raises(InputError, match="reward must be .*a callable"):
+    with pytest.raises(InputError, match=r"reward must be .*a callable"):
         gym.make(SINGLE, reward="much")
 
 
