@@ -351,15 +351,11 @@ def _sampled_range(kin: ArmKinematics, start: Floats, goals: Floats, bound: floa
 
 
 def _shortened(motion: MotionCheck, path: Floats, rng: np.random.Generator, step: float) -> Floats:
-    """Shorten a path: leave out waypoints, then replace random parts by straight lines."""
-    points: list[Floats] = [*path]
-    first = 0
-    while first < len(points) - 2:
-        last = len(points) - 1
-        while last > first + 1 and not motion.motion_free(points[first], points[last], step=step):
-            last -= 1
-        del points[first + 1 : last]
-        first += 1
+    """Shorten a path: leave out waypoints, replace random parts by straight lines, and leave out waypoints again.
+
+    The ends of such lines may be next to another waypoint, and a robot would stop there.
+    """
+    points = _left_out(motion, [*path], step)
     for _ in range(SHORTCUTS):
         lengths = _lengths(motion, points)
         ends = np.concatenate([[0.0], lengths.cumsum()])
@@ -371,7 +367,19 @@ def _shortened(motion: MotionCheck, path: Floats, rng: np.random.Generator, step
         b = points[j] + (other - ends[j]) / lengths[j] * (points[j + 1] - points[j])
         if motion.motion_free(a, b, step=step):
             points[i + 1 : j + 1] = [a, b]
-    return np.array(points)
+    return np.array(_left_out(motion, points, step))
+
+
+def _left_out(motion: MotionCheck, points: list[Floats], step: float) -> list[Floats]:
+    """Leave out waypoints between two that a free straight line connects."""
+    first = 0
+    while first < len(points) - 2:
+        last = len(points) - 1
+        while last > first + 1 and not motion.motion_free(points[first], points[last], step=step):
+            last -= 1
+        del points[first + 1 : last]
+        first += 1
+    return points
 
 
 def _lengths(motion: MotionCheck, points: Sequence[Floats]) -> Floats:

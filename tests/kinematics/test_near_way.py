@@ -1,5 +1,7 @@
 """The near way: no joint turns farther than it has to, over all postures of a goal and their detours."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,7 @@ def test_no_other_posture_has_a_much_shorter_way(kin, count):
         goals = kin.all_solutions(T, seed=start).q
         assert travel(path) <= 1.2 * alone(checker, start, goals)
         detours += len(path) > 2
+        assert all(np.abs(b - a).max() > 0.01 for a, b in pairwise(path)), "a robot would stop twice at one place"
         straight = [q for q in goals if checker.free(q) and _is_free(checker, start, q)]
         passed_over += len(path) > 2 and len(straight) > 0
     assert detours >= count / 8
