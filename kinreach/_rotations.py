@@ -28,6 +28,21 @@ def wrapped(q: Floats) -> Floats:
     return q - TURN * np.rint(q / TURN)
 
 
+def joints_apart(q: ArrayLike, other: ArrayLike) -> Any:
+    """Return the largest difference of a joint between postures (..., n) [rad], full turns aside, shape (...)."""
+    return np.abs(wrapped(np.subtract(q, other))).max(axis=-1)
+
+
+def small_motion(T_wanted: Floats, T: Floats) -> Floats:
+    """Return the motion from a pose to one that is near, shape (6,): translation [m], rotation vector [sines of rad].
+
+    Both in the frame of the poses, as a Jacobian has them.
+    """
+    R = T_wanted[:3, :3] @ T[:3, :3].T
+    turn = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    return np.concatenate([T_wanted[:3, 3] - T[:3, 3], turn])
+
+
 def rotation(rpy: Sequence[float]) -> Floats:
     """Return Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
     x, y, z = (turn(axis, angle) for axis, angle in zip(np.eye(3), rpy, strict=True))

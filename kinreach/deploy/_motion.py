@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach._rotations import PoseLine, turn
+from kinreach._rotations import PoseLine, small_motion, turn
 from kinreach.kinematics import ArmKinematics, pose
 from kinreach.sim.inside import TrapezoidalProfile
 
@@ -140,9 +140,7 @@ class StraightLine(Segment):
         begin = q
         for _ in range(ITERATIONS):
             now = self._kin.fk(q)
-            R = T[:3, :3] @ now[:3, :3].T
-            error = np.concatenate([T[:3, 3] - now[:3, 3], 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0],
-                                                                          R[1, 0] - R[0, 1]])])  # fmt: skip
+            error = small_motion(T, now)
             if np.abs(error).max() < RESIDUAL:
                 return q
             try:

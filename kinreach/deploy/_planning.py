@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach._rotations import wrapped
+from kinreach._rotations import joints_apart
 from kinreach.deploy._commanded import Commanded
 from kinreach.deploy._program import AT_START, MAX_TOOL_SPEED, MIN_AT_START, Move, Program, motion_of
 from kinreach.deploy._remarks import why_none
@@ -215,7 +215,7 @@ def plan(
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
         q = path[-1]
-        off = np.abs(wrapped(solutions.q - q)).max(axis=1)  # a full turn is no difference
+        off = joints_apart(solutions.q, q)  # a full turn is no difference
         ends = int(solutions.branch[off.argmin()]) if off.min() < 1e-4 else -1
         free = sum(not checker.in_collision(posture) for posture in solutions.q)
         legs.append(Leg(moves, q, ends, before, travels(path), free, len(solutions)))
@@ -239,7 +239,7 @@ def _check_line(
     """Refuse a straight line of the tool, which has no choice, that ends in another branch or turns a joint too far."""
     if branch is not None:
         allowed = postures_of(kinematics, solutions, branch, path[0])
-        if np.abs(wrapped(allowed - path[-1])).max(axis=1).min() > 1e-4:
+        if joints_apart(allowed, path[-1]).min() > 1e-4:
             raise PathError(f"the straight line of the tool ends in another branch than {branch}", q=path[-1])
     if most is not None and (turned := travel(path)) > most:
         raise PathError(f"a joint would turn by {turned:.3g} rad along the straight line of the tool, above {most:g}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kinreach._checks import Floats, check_count
-from kinreach._rotations import wrapped
+from kinreach._rotations import joints_apart
 from kinreach.errors import InputError, UnknownNameError, raise_unknown
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._closed_form import ClosedFormKinematics
@@ -55,7 +55,7 @@ def branch_of(kinematics: ClosedFormKinematics, q: Floats) -> int:
     if not kinematics.has_named_branches:
         raise InputError(f"the branches of {kinematics.arm.title} only count the postures of a pose; give their number")
     solutions = kinematics.all_solutions(kinematics.fk(q), seed=q, limits=False)
-    off = np.abs(wrapped(solutions.q - q)).max(axis=1)
+    off = joints_apart(solutions.q, q)
     if not len(off) or off.min() > OWN:
         raise InputError("the start is in no branch: it is singular")
     return int(solutions.branch[off.argmin()])

@@ -155,11 +155,7 @@ class ClosedFormKinematics(SolvesGoals, ArmKinematics):
         start, tol = self._as_seeds(seeds, count), check_tolerance(tol)
         if T.ndim > 1 and 0 < count <= FEW_POSES:
             with suppress(InputError):
-                pairs = zip(T, start, strict=True)
-                found = [self.all_solutions(pose, seed=seed, tol=tol) for pose, seed in pairs]
-                q = np.array([each.q[0] if each else [np.nan] * self.n for each in found])
-                branch = np.array([each.branch[0] if each else -1 for each in found])
-                return IKBatchNearest(q, branch, branch >= 0)
+                return self._few_nearest(T, start, tol)
         q, valid = self._batch(T, start, tol, limits=True)
         chosen, branch = np.empty((count, self.n)), np.empty(count, dtype=np.int64)
         for rows in blocks(count):
@@ -182,6 +178,13 @@ class ClosedFormKinematics(SolvesGoals, ArmKinematics):
         slots = np.repeat(np.arange(len(T)), [len(each) for each in found]), rows[:, BRANCH].astype(np.int64)
         q[slots], valid[slots] = rows[:, ANGLES], True
         return IKBatch(q, valid)
+
+    def _few_nearest(self, T: Floats, seeds: Floats, tol: float) -> IKBatchNearest:
+        """`nearest_batch`, one pose after the other."""
+        found = [self.all_solutions(pose, seed=seed, tol=tol) for pose, seed in zip(T, seeds, strict=True)]
+        q = np.array([each.q[0] if each else [np.nan] * self.n for each in found]).reshape(-1, self.n)
+        branch = np.array([each.branch[0] if each else -1 for each in found], dtype=np.int64)
+        return IKBatchNearest(q, branch, branch >= 0)
 
     def _batch_within(self, T: Any, q: Any, valid: Any, tol: float, *, limits: bool) -> IKBatch:
         """Wind the postures of `_batch` into the limits."""
@@ -242,12 +245,13 @@ class ClosedFormKinematics(SolvesGoals, ArmKinematics):
         """
         return check_goal(goal).solved_by(self, seed, accept)
 
-    @abstractmethod
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         """Postures (n, branches, count), NaN where not valid, and validity (branches, count), before limits.
 
-        With `limits`, what the goal leaves free is chosen so that the posture is within them.
+        With `limits`, what the goal leaves free is chosen so that the posture is within them. Classes with a `batch`
+        and a `nearest_batch` of their own need none.
         """
+        raise NotImplementedError
 
     def _solutions(
         self,

@@ -18,7 +18,7 @@ from kinreach._checks import MAX_THREADS, Floats, as_floats, as_pose, check_coun
 from kinreach.errors import InputError
 from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics
 from kinreach.kinematics._core import NULL, ROW, Struct, doubles, ffi, flags, lib, longs, new_rows
-from kinreach.kinematics._goals import rigid_poses
+from kinreach.kinematics._goals import rigid_pose, rigid_poses
 from kinreach.kinematics._solutions import Accept, IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
 
 
@@ -47,7 +47,7 @@ class CompiledKinematics(ClosedFormKinematics):
         )
         if count > 0:
             return IKSolutions((rows, count), Status.OK, "", (self._errors, (0, T)))
-        exact, status, reason = np.ascontiguousarray(rigid_poses(as_pose("T", T)[None])[0]), Status.OK, ""
+        exact, status, reason = np.ascontiguousarray(rigid_pose(T)), Status.OK, ""
         if count < 0:
             count = lib.kr_solutions(*self._arguments, doubles(exact), near, limits, tol, rows)
         if not count and not rows[0]:
@@ -123,9 +123,6 @@ class CompiledKinematics(ClosedFormKinematics):
 
         _over(solve, threads, T, start, q, branch)
         return IKBatchNearest(q, branch, branch >= 0)
-
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
-        raise NotImplementedError  # batches go to the core
 
 
 def _over(solve: Callable[..., int], threads: int, T: Floats, *arrays: NDArray[Any]) -> None:

@@ -241,9 +241,6 @@ class FiveAxisKinematics(ClosedFormKinematics):
                 q[row], branch[row] = found.q[0], found.branch[0]
         return IKBatchNearest(q, branch, branch >= 0)
 
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
-        raise NotImplementedError  # `batch` goes pose by pose
-
     def _poses_of(self, T: ArrayLike, start: Floats) -> Floats:
         """Poses, of positions with the orientation of start postures (n,) or (count, n)."""
         given = as_floats("T", T)

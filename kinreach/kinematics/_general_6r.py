@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach._rotations import turns_about_z, wrapped
+from kinreach._rotations import joints_apart, turns_about_z, wrapped
 from kinreach.kinematics._core import Struct, doubles, ffi, ints, lib, longs
 
 #: A posture is a solution if its error is less [m, rad].
@@ -244,7 +244,7 @@ class General6R:
         same = np.abs(wrapped(angles[:, None] - angles)) < DISTINCT_ANGLE
         recurring = np.array([len(np.unique(pose[diverged[row]])) for row in same]) > SPURIOUS_SHARE * len(q)
         spurious = angles[recurring][first_of_each(angles[recurring, None], DISTINCT_ANGLE)]
-        back = (off < EXACT) & (np.abs(wrapped(found - q[pose])).max(axis=1) < SAME)
+        back = (off < EXACT) & (joints_apart(found, q[pose]) < SAME)
         share = len(np.unique(pose[back])) / len(q)
         arm = self.arm.pointer
         arm.spurious_count, arm.singular = len(spurious), share < 1.0
@@ -294,5 +294,5 @@ def first_of_each(q: Floats, distance: float) -> NDArray[np.bool_]:
     near = np.abs(sums[:, None] - sums) <= distance * weights.sum() + 1e-12
     later, earlier = np.nonzero(near & np.tri(len(q), k=-1, dtype=np.bool_))
     first = np.ones(len(q), dtype=np.bool_)
-    first[later[np.abs(wrapped(q[later] - q[earlier])).max(axis=1, initial=0.0) < distance]] = False
+    first[later[joints_apart(q[later], q[earlier]) < distance]] = False
     return first

@@ -326,6 +326,15 @@ def skewed(entries: Any) -> Any:
     return ~(near & (off < ROUNDING))
 
 
+def rigid_pose(T: ArrayLike) -> Floats:
+    """Return a pose (4, 4) with a rotation that is exact to rounding.
+
+    Raises:
+        InputError: It is not a finite rigid motion.
+    """
+    return np.asarray(rigid_poses(as_pose("T", T)[None])[0])
+
+
 def rigid_poses(T: Floats) -> Floats:
     """Return poses (count, 4, 4) with rotations that are exact to rounding."""
     if T.ndim != 3 or T.shape[1:] != (4, 4):

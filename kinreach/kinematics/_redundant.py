@@ -9,11 +9,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, as_floats, as_pose
+from kinreach._checks import Floats
+from kinreach._rotations import small_motion
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
-from kinreach.kinematics._goals import PoseGoal, rigid_poses
+from kinreach.kinematics._goals import PoseGoal, rigid_pose
 from kinreach.kinematics._solutions import Accept, IKResult, Status, Tolerance, check_accept
 from kinreach.kinematics._solvers.levenberg_marquardt import LevenbergMarquardtSolver
 
@@ -71,7 +72,7 @@ class RedundantKinematics(ArmKinematics):
             InputError: `T` is not a finite rigid motion, or the seed is malformed.
         """
         check_accept(accept)
-        start, pose = self.as_posture("seed", seed), _pose(T)
+        start, pose = self.as_posture("seed", seed), rigid_pose(T)
 
         def nearer(q: Floats) -> float:
             return -float(np.sum((self._scale * (q - start)) ** 2))
@@ -86,7 +87,7 @@ class RedundantKinematics(ArmKinematics):
         Raises:
             InputError: As `nearest`, or a checker of another arm or without pairs of shapes.
         """
-        best = self._best(_pose(T), lambda q: checker.distance(q).distance)
+        best = self._best(rigid_pose(T), lambda q: checker.distance(q).distance)
         if best.success and not checker.free(best.q):
             return replace(best, status=Status.REJECTED, reason="the posture found collides")
         return best
@@ -102,7 +103,7 @@ class RedundantKinematics(ArmKinematics):
             J = self.jacobian(q)
             return float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
 
-        return self._best(_pose(T), measure)
+        return self._best(rigid_pose(T), measure)
 
     def _best(self, T: Floats, measure: Measure) -> IKResult:
         home = np.array(self.arm.home, dtype=np.float64)
@@ -179,12 +180,6 @@ class RedundantKinematics(ArmKinematics):
             position, orientation = goal.error(here := self.fk(q))
             if max(position, orientation) < 0.1 * EXACT.position:
                 return q if self.within_limits(q) else None
-            R = T[:3, :3] @ here[:3, :3].T
-            turn = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
             J = np.where(free, self.jacobian(q) / self._scale, 0.0)
-            q = q + np.linalg.lstsq(J, np.concatenate([T[:3, 3] - here[:3, 3], turn]), rcond=1e-6)[0] / self._scale
+            q = q + np.linalg.lstsq(J, small_motion(T, here), rcond=1e-6)[0] / self._scale
         return None
-
-
-def _pose(T: ArrayLike) -> Floats:
-    return np.asarray(rigid_poses(as_pose("T", as_floats("T", T))[None])[0])

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from kinreach._checks import Floats, as_floats, as_pose, check_tolerance, is_tensor
-from kinreach._rotations import rotation_angle, wrapped
+from kinreach._checks import Floats, as_floats, check_tolerance, is_tensor
+from kinreach._rotations import rotation_angle, small_motion, turns_about_z, wrapped
 from kinreach.errors import InputError
 from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics
-from kinreach.kinematics._goals import rigid_poses
+from kinreach.kinematics._goals import rigid_pose, rigid_poses
 from kinreach.kinematics._solutions import (
     ANGLES,
     IKBatch,
@@ -135,7 +135,7 @@ class SlidingKinematics(ClosedFormKinematics):
             InputError: `T` is not a finite rigid motion, or the seed is malformed.
         """
         start, tol = self._posture_or_none(seed), check_tolerance(tol)
-        (pose,) = rigid_poses(as_pose("T", as_floats("T", T))[None])
+        pose = rigid_pose(T)
         near = np.zeros(self.n) if start is None else start
         found = self._find(pose, near)
         places = self._polished(np.reshape(found.q, (-1, self.n)), pose)
@@ -169,18 +169,12 @@ class SlidingKinematics(ClosedFormKinematics):
         """Compute the posture nearest to its seed for many poses; as `ClosedFormKinematics.nearest_batch`."""
         T = as_floats("T", T)
         start = self._as_seeds(seeds, len(np.atleast_1d(T)))
-        found = [self.all_solutions(pose, seed=seed, tol=tol) for pose, seed in zip(T, start, strict=True)]
-        q = np.array([each.q[0] if each else [np.nan] * self.n for each in found]).reshape(-1, self.n)
-        branch = np.array([each.branch[0] if each else -1 for each in found], dtype=np.int64)
-        return IKBatchNearest(q, branch, branch >= 0)
-
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
-        raise NotImplementedError  # batches are solved one by one
+        return self._few_nearest(T, start, tol)
 
     def _polished(self, q: Floats, T: Floats) -> Floats:
         """Postures (k, n) after steps of Newton's method: next to a singular one an arc cosine has half its digits."""
         for _ in range(STEPS if len(q) else 0):
-            errors = [np.concatenate([T[:3, 3] - pose[:3, 3], _turn_between(pose, T)]) for pose in self.chain.fk(q)]
+            errors = [small_motion(T, pose) for pose in self.chain.fk(q)]
             off = np.abs(errors).max(axis=1)
             for row in np.flatnonzero((off > EXACT) & (off < NEAR)):
                 q[row] += np.linalg.lstsq(self.chain.jacobian(q[row : row + 1])[0], errors[row], rcond=FREE)[0]
@@ -204,7 +198,7 @@ class SlidingKinematics(ClosedFormKinematics):
     def _scara_postures(self, T: Floats, near: Floats) -> Found:
         R = T[:3, :3] @ self._still[:3, :3].T
         # the turn about the axis that is nearest to R: the others do not matter where it is one
-        turn = 2.0 * self._axis @ _turn_between(self._still, T)
+        turn = 2.0 * self._axis @ small_motion(T, self._still)[3:]
         heading = float(np.arctan2(turn, np.trace(R) - self._axis @ R @ self._axis))
         target = complex(self._plane @ T[:3, 3])
         upper, fore, hand = self._links
@@ -282,15 +276,8 @@ def _wrist_angles(G: Floats, B: Floats, near: Floats) -> list[tuple[Floats, bool
     return found
 
 
-def _turn_between(pose: Floats, T: Floats) -> Floats:
-    """The rotation vector [rad] from one pose to another that is almost turned alike."""
-    R = T[:3, :3] @ pose[:3, :3].T
-    return 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-
-
 def _rz(angle: float) -> Floats:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return turns_about_z(np.array([angle]))[0, :3, :3]
 
 
 def _about_z(R: Floats) -> float:

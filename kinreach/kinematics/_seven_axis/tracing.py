@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach._rotations import wrapped
+from kinreach._rotations import joints_apart, wrapped
 from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._core import doubles, flags, ints, lib
 from kinreach.kinematics._general_6r import Chain, first_of_each
@@ -250,7 +250,7 @@ def _apart(points: Floats, curves: list[Curve]) -> Floats:
     """Those of postures (m, 7) that are not near an earlier one, nor near a curve's sample."""
     points = points[first_of_each(points, BESIDE)]
     samples = np.vstack([points[:0], *(curve.q for curve in curves)])
-    near = [np.abs(wrapped(point - samples)).max(axis=1).min(initial=np.inf) < BESIDE for point in points]
+    near = [joints_apart(point, samples).min(initial=np.inf) < BESIDE for point in points]
     return points[~np.array(near, dtype=np.bool_)]
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, as_floats, as_pose, check_tolerance
-from kinreach._rotations import wrapped
+from kinreach._checks import Floats, as_floats, check_tolerance
+from kinreach._rotations import joints_apart
 from kinreach.errors import InputError
 from kinreach.kinematics._chain import poses_about
 from kinreach.kinematics._closed_form import TURNS_ABOUT, core_goal
@@ -19,6 +18,7 @@ from kinreach.kinematics._core import NULL, as_rows, doubles, lib, new_rows
 from kinreach.kinematics._goals import (
     AxisGoal,
     Goal,
+    rigid_pose,
     rigid_poses,
 )
 from kinreach.kinematics._six_axis.methods import EXACTLY, FAR, MIN_SHARE, MISSED, NEARLY, SINGULAR, WAYS, method_of
@@ -143,7 +143,7 @@ class SixAxisKinematics(CompiledKinematics):
             return self._every(T, seed, limits=limits, tol=tol)
         start = self._posture_or_none(seed)
         T = as_floats("T", T).copy()
-        (rigid,) = rigid_poses(as_pose("T", T)[None])
+        rigid = rigid_pose(T)
         tol = check_tolerance(tol)
         rows = self._rows(rigid, start, limits=limits, tol=tol)
         return self._solutions(rows, "" if len(rows) else self._miss_text(rigid, 0), T, start, limits, tol)
@@ -195,7 +195,9 @@ class SixAxisKinematics(CompiledKinematics):
                 if turned is None:
                     turn = math.copysign(last - row[-1], (last - row[-1]) * self._placements[-1][2, 2])
                     near = rows_at(np.array([turn]), limits=False)
-                    turned = min(near, key=lambda other: _apart(other[ANGLES][:-1], row[ANGLES][:-1]), default=row)
+                    turned = min(
+                        near, key=lambda other: joints_apart(other[ANGLES][:-1], row[ANGLES][:-1]), default=row
+                    )
                 found.append((row[BRANCH], *turned[FLAGS:]))
         if not found and not self._last_turns_tip(ON_AXIS_EXACTLY):
             found = [(index, *row[1:]) for index, row in enumerate(rows_at(TURNS_ABOUT, limits=limits))]
@@ -250,7 +252,3 @@ class SixAxisKinematics(CompiledKinematics):
     def _missed_by(self, row: Row, goal: Goal) -> float:
         """The larger of position [m] and orientation [rad] error."""
         return float(self._errors(core_goal(goal), np.array([row])).max())
-
-
-def _apart(q: Sequence[float], other: Sequence[float]) -> float:
-    return float(np.abs(wrapped(np.subtract(q, other))).max())

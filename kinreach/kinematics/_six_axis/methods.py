@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach._rotations import wrapped
+from kinreach._rotations import joints_apart, wrapped
 from kinreach.kinematics._core import Struct, doubles, flags, ints, lib, longs
 from kinreach.kinematics._general_6r import (
     EXACT,
@@ -192,7 +192,7 @@ class NearlyDecoupled:
             every = every[_families(self.chain, every, T)][:MAX_POSTURES]
         exact, _ = self._arm.rows(T, EXACT, seed)
         near_by = sorted(
-            (wider, float(np.abs(wrapped(one - row[ANGLES])).max()), index, int(row[BRANCH]))
+            (wider, float(joints_apart(one, row[ANGLES])), index, int(row[BRANCH]))
             for wider, rows in enumerate((exact, near))  # a wide tolerance may count other branches
             for row in rows
             for index, one in enumerate(every)
@@ -314,7 +314,7 @@ def _finds_again(method: IKMethod, placements: Floats) -> bool:
     postures = found[:, branch, pose].T
     if missed_by(miss(chain.fk(postures), T[pose])).max(initial=0.0) > MISSED:
         return False
-    again = np.abs(wrapped(postures - q[pose])).max(axis=1) < AGAIN
+    again = joints_apart(postures, q[pose]) < AGAIN
     return len(np.unique(pose[again])) == len(q)
 
 

@@ -14,7 +14,7 @@ from kinreach._checks import (
     check_tolerance,
 )
 from kinreach._engines import load
-from kinreach._rotations import wrapped
+from kinreach._rotations import joints_apart
 from kinreach._tensors import like, on_host
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import link_frame
@@ -25,6 +25,7 @@ from kinreach.kinematics._core import NULL, ROW, doubles, ffi, lib
 from kinreach.kinematics._general_6r import MAX_POSTURES
 from kinreach.kinematics._goals import (
     AxisGoal,
+    rigid_pose,
     rigid_poses,
 )
 from kinreach.kinematics._solutions import (
@@ -351,7 +352,7 @@ class URKinematics(CompiledKinematics):
 
     def _flange_rows(self, T: ArrayLike) -> Rows:
         """Pose of the flange in the DH base frame, from a checked pose of the tip in the base frame."""
-        (rigid,) = rigid_poses(as_pose("T", T)[None])
+        rigid = rigid_pose(T)
         rows: Rows = (self._T_dh_base @ rigid @ self._T_tip_flange)[:3].tolist()
         return rows
 
@@ -366,7 +367,7 @@ class URKinematics(CompiledKinematics):
             self._way = lib.KR_UR
             self._prepared = core_arm(self.geometry, base=self._T_dh_base, flange=self._T_tip_flange)
             found = self.batch(T, limits=False, tol=FIT_TOLERANCE)
-            if (np.abs(wrapped(found.q - q[:, None])).max(axis=2) < AGAIN).any(axis=1).all():
+            if (joints_apart(found.q, q[:, None]) < AGAIN).any(axis=1).all():
                 return
         raise NotOfThisKind(
             f"arm {self.arm.name!r} does not have the geometry of a UR-type arm: its poses are up to {off:.1e} m or "
