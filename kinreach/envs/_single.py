@@ -161,11 +161,17 @@ class SingleEnv(WithModel, gym.Env[Any, Any]):
             raise InputError(f"state must be what save_state returned, got {shown(state)}")
         if not self._started:
             self.reset(seed=0)  # what is made by the first reset is filled in
-        with suppress(NoDynamicsError):
-            _ = self.model  # and so is a simulation that is made by the first step
+        try:
+            self._put_back(state)
+        except InputError:
+            with suppress(NoDynamicsError):
+                _ = self.model  # a simulation that is made by the first step
+            self._put_back(state)
+        self._follow()
+
+    def _put_back(self, state: EnvState) -> None:
         for name, then in state.values.items():
             setattr(self, name, put_back(vars(self).get(name), then))
-        self._follow()
 
     def _follow(self) -> None:
         """Update the drawn scene after a reset; of an `ArmEnv` after a step, too."""
