@@ -11,6 +11,7 @@ import time
 import pytest
 
 from kinreach import cli
+from tests.compare.failing_methods import FAILING
 from tests.policy_files import copy_policy
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
@@ -111,29 +112,6 @@ def test_another_file_of_the_same_name_is_another_method(tmp_path, monkeypatch, 
     assert call("--goals", "1", "--methods", "ranked-single/p.safetensors", "--out", "here") == 0
     assert call("--goals", "1", "--methods", "ppo-single/p.safetensors", "--out", "here") == cli.EXIT_ERROR
     assert "another comparison" in capsys.readouterr().err
-
-
-FAILING = """
-import numpy as np
-from kinreach.kinematics import IKResult
-
-class Fails:
-    def __init__(self, kinematics):
-        self.kinematics, self.calls = kinematics, 0
-
-    def solve(self, goal, seed, *, accept=None):
-        self.calls += 1
-        if self.calls > {calls}:
-            return 1 / 0
-        return IKResult.of(self.kinematics, goal, np.array(seed), iterations=1)
-
-class Unmade(Fails):
-    def __init__(self, kinematics):
-        raise KeyError("no such thing")
-
-def wrong(observation):
-    return np.zeros(2)
-"""
 
 
 @pytest.mark.parametrize(("method", "said"), [

@@ -15,6 +15,7 @@ from kinreach.compare import _runner as runner
 from kinreach.compare import _task as registry
 from kinreach.compare._runner import RECORDS
 from kinreach.compare.inside import OptionFlags
+from tests.compare.failing_methods import FAILING
 from tests.policy_files import copy_policy
 
 
@@ -77,29 +78,6 @@ def test_no_default_folder_is_that_of_other_settings(tmp_path, monkeypatch, caps
     assert call("--methods", "lm") == 0  # the same again is measured again, in its own folder
     assert {path.name for path in results.iterdir()} == names
     capsys.readouterr()
-
-
-FAILING = """
-import numpy as np
-from kinreach.kinematics import IKResult
-
-class Fails:
-    def __init__(self, kinematics):
-        self.kinematics, self.calls = kinematics, 0
-
-    def solve(self, goal, seed, *, accept=None):
-        self.calls += 1
-        if self.calls > {calls}:
-            return 1 / 0
-        return IKResult.of(self.kinematics, goal, np.array(seed), iterations=1)
-
-class Unmade(Fails):
-    def __init__(self, kinematics):
-        raise KeyError("no such thing")
-
-def wrong(observation):
-    return np.zeros(2)
-"""
 
 
 def test_trials_that_were_finished_before_a_method_raised_are_kept(tmp_path, monkeypatch, capsys):

@@ -3,11 +3,7 @@
 import re
 import shutil
 import subprocess
-import threading
-import time
-from contextlib import nullcontext
 
-import mujoco
 import pytest
 
 from tests.cases import slow
@@ -121,21 +117,3 @@ def test_without_a_screen_the_error_says_what_to_do(run_python, needs_gl):
     assert "cannot open a window" in done.stdout
     assert "rgb_array" in done.stdout
     assert "xvfb" in done.stdout
-
-
-class Window:
-    """What MuJoCo's viewer hands out; its thread draws for a moment after it was closed."""
-
-    def __init__(self, model, data, **bars):
-        self.cam, self.bars, self.syncs, self._closed = mujoco.MjvCamera(), bars, 0, threading.Event()
-        self.thread = threading.Thread(target=lambda: self._closed.wait() and time.sleep(0.1))
-        self.thread.start()
-
-    def lock(self):
-        return nullcontext()
-
-    def sync(self):
-        self.syncs += 1
-
-    def close(self):
-        self._closed.set()
