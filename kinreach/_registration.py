@@ -30,7 +30,7 @@ ENVIRONMENTS = {
     SINGLE: _SINGLE,
     MULTI: _MULTI,
     SPACE: (f"{_REACH}.env:SpaceReachEnv", f"{_REACH}.vector_env:SpaceReachVectorEnv"),
-    BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
+    BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.env:ButtonPressVectorEnv"),
     MOVING: ("kinreach.envs.moving:MovingBallEnv", "kinreach.envs.moving:MovingVectorEnv"),
     LIFT: ("kinreach.envs._lift.env:LiftEnv", "kinreach.envs._lift.env:LiftVectorEnv"),
     REAL_ARM: ("kinreach.envs.real_arm:RealArmEnv", "kinreach.envs.real_arm:RealArmVectorEnv"),

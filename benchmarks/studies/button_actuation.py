@@ -22,8 +22,7 @@ from kinreach._registration import BUTTON
 from kinreach.baselines._batch import last_step
 from kinreach.baselines._button_controller import ButtonController
 from kinreach.cli import Parser, finish
-from kinreach.envs._button import ACTUATIONS, Actuation
-from kinreach.envs._button.button_task import PRESS_RADIUS
+from kinreach.envs._button.button_task import ACTUATIONS, PRESS_RADIUS, Actuation
 
 PROG = "python -m benchmarks.studies.button_actuation"
 

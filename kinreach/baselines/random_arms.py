@@ -22,7 +22,6 @@ from kinreach._registration import MAX_EPISODE_STEPS, RANDOM_ARM
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.envs.inside import (
     EnvOptions,
-    Episodes,
     Flags,
     Ids,
     NativeVectorEnv,
@@ -107,7 +106,7 @@ class RandomArmStart(NamedTuple):
 ALL_DRAWN = RandomArmStart()
 
 
-class RandomArmEpisodes(Episodes):
+class RandomArmEpisodes(real_arm.MovedEpisodes):
     """The episodes of a number of environments.
 
     Attributes:
@@ -186,14 +185,6 @@ class RandomArmEpisodes(Episodes):
         over = acting & (self._observed[:, DONE] >= self._moves)
         reward = -np.where(acting, self._distances, 0.0)
         return Outcome(reward, over, np.zeros_like(over), self._info(slice(None), reward))
-
-    def observe(self) -> Floats:
-        """Return what all worlds observe, shape (n, SIZE)."""
-        return self._observed.copy()
-
-    def start_info(self, ids: Ids) -> dict[str, Any]:
-        """Return the `info` of a reset; distances are infinite before the first move."""
-        return self._info(ids, np.zeros(len(ids)))
 
     def _info(self, rows: Any, reward: Floats) -> dict[str, Any]:
         distance = np.array(self._distances[rows])

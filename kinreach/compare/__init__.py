@@ -12,7 +12,7 @@ loop is `kinreach.baselines.rollout`.
 """
 
 from kinreach._statistics import Column, wilson_interval
-from kinreach.compare._methods import solver_method
+from kinreach.compare._methods.resolve import solver_method
 from kinreach.compare._runner import compare
 from kinreach.compare._task import (
     Method,

@@ -16,7 +16,7 @@ from kinreach._rotations import turn
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, thousandfold
 from kinreach.compare._button import decision_ms
 from kinreach.compare._figures import origin
-from kinreach.compare._methods import policy_method
+from kinreach.compare._methods.resolve import policy_method
 from kinreach.compare._task import SOLVER, Method, Task, episode_seed, of_reached
 from kinreach.envs.inside import lift_task
 from kinreach.kinematics import PoseGoal, Solver

@@ -14,8 +14,8 @@ from kinreach._statistics import QUANTILES, RATE, Column, Trial, number, thousan
 from kinreach.compare._button import decision_ms
 from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import origin
-from kinreach.compare._methods import policy_method
 from kinreach.compare._methods.interception import FirstSight, Interception, LastSight
+from kinreach.compare._methods.resolve import policy_method
 from kinreach.compare._task import CONTROLLER, Method, Replay, Task, of_reached, resets_in_turn
 from kinreach.envs.inside import moving as ball
 from kinreach.kinematics import ArmKinematics

@@ -25,7 +25,7 @@ from kinreach.compare._error_budget import (
     ik_error_mm,
     seen_error_mm,
 )
-from kinreach.compare._methods import policy_method, solver_method
+from kinreach.compare._methods.resolve import policy_method, solver_method
 from kinreach.compare._task import SEEDED, Draw, Method, Task, common_columns, resets_to
 from kinreach.envs.inside import button_task
 from kinreach.errors import InputError

@@ -32,7 +32,7 @@ from kinreach.baselines import rollout
 from kinreach.baselines.inside import Policy, as_policy
 from kinreach.compare import _figures as figures
 from kinreach.compare import _report as report
-from kinreach.compare._methods import colours, resolve_methods
+from kinreach.compare._methods.resolve import colours, resolve_methods
 from kinreach.compare._motion import MotionRecorder, check_motion, with_motion
 from kinreach.compare._task import GIVEN, SOLVER, Draw, Method, Task, arm_in, arm_version, get_task
 from kinreach.envs.inside import reach_task, with_goals
@@ -116,7 +116,7 @@ def compare(
     Args:
         task: Name of a registered task, or a task.
         methods: Names of the task's methods, files of policies, solvers, policies, classes or functions, see
-            `kinreach.compare._methods.resolve_methods`; all of the task's own if empty.
+            `kinreach.compare._methods.resolve.resolve_methods`; all of the task's own if empty.
         goals: Number of goals.
         seed: Of the goals.
         arm: Name of a registered arm, or a description, for tasks with other arms. If its work cell has no goals,

@@ -19,6 +19,7 @@ from kinreach.deploy._script_functions import (
     numbers,
     pose_of,
     text_of,
+    three,
     whole,
 )
 from kinreach.deploy._script_tree import Place, ScriptError, is_number
@@ -228,7 +229,7 @@ class Commands:
     def _set_payload(self, values: Mapping[str, Any]) -> None:
         self._ur.payload = number(values["m"])
         centre = values["cog"]
-        self._ur.centre_of_mass = tuple(self._ur.tcp[:3, 3].tolist()) if centre is None else _three(centre)
+        self._ur.centre_of_mass = tuple(self._ur.tcp[:3, 3].tolist()) if centre is None else three(centre)
 
     def _set_target_payload(self, values: Mapping[str, Any]) -> None:
         self._set_payload({"m": values["m"], "cog": (0.0, 0.0, 0.0) if values["cog"] is None else values["cog"]})
@@ -237,10 +238,10 @@ class Commands:
         self._ur.payload = number(values["m"])
 
     def _set_payload_cog(self, values: Mapping[str, Any]) -> None:
-        self._ur.centre_of_mass = _three(values["CoG"])
+        self._ur.centre_of_mass = three(values["CoG"])
 
     def _set_gravity(self, values: Mapping[str, Any]) -> None:
-        self._ur.gravity = _three(values["d"])
+        self._ur.gravity = three(values["d"])
 
     def _set_tool_voltage(self, values: Mapping[str, Any]) -> None:
         if whole(values["voltage"]) not in (0, 12, 24):
@@ -416,14 +417,6 @@ def _place(value: object, count: int, name: str = "its number") -> int:
     if not is_number(value) or not float(value).is_integer() or not 0 <= value < count:  # type: ignore[arg-type,operator]
         raise ValueProblem(f"{name} must be from 0 to {count - 1}, got {shown(value)}")
     return int(value)  # type: ignore[call-overload]
-
-
-def _three(value: object) -> tuple[float, float, float]:
-    """Return three numbers; a client that writes (x,y,z) sends them as a list."""
-    found = numbers(value)
-    if len(found) != 3:
-        raise ValueProblem(f"a list of three numbers is needed, got {shown(_listed(value))}")
-    return found
 
 
 def _listed(value: object) -> object:

@@ -13,7 +13,6 @@ from kinreach.deploy._commands import Commands
 from kinreach.deploy._interpreter import Machine
 from kinreach.deploy._motion import BlendedMotion, JointSpeed, LineError, Servo, ToolSpeed
 from kinreach.deploy._rtde import RobotMode, RuntimeState, SafetyMode
-from kinreach.deploy._script_io import InputsOutputs
 from kinreach.deploy._script_tree import ScriptError
 from kinreach.deploy._urscript import grammar, parsing
 from kinreach.errors import InputError
@@ -82,6 +81,29 @@ class Recording:
     status: int
     reason: str
     missing: int = 0
+
+
+class InputsOutputs:
+    """In- and outputs of a controller, and its registers; inputs that nobody writes are off, or 0.
+
+    Attributes:
+        digital: Bits of the outputs: 0 to 7 standard, 8 to 15 configurable, 16 and 17 of the tool.
+        analog: Both outputs, from 0 to 1.
+        tool_voltage: 0, 12 or 24 [V].
+        flags: That programs keep for others.
+        floats, booleans: Output registers.
+        given_integers, given_floats, given_booleans: Input registers, which clients write.
+    """
+
+    def __init__(self) -> None:
+        self.digital = self.tool_voltage = 0
+        self.analog, self.flags = [0.0, 0.0], [False] * 33
+        self.floats, self.given_floats = dict[int, float](), dict[int, float]()
+        self.booleans, self.given_booleans = dict[int, bool](), dict[int, bool]()
+        self.given_integers = dict[int, int]()
+
+    def set_digital(self, bit: int, *, is_on: bool) -> None:
+        self.digital = self.digital | 1 << bit if is_on else self.digital & ~(1 << bit)
 
 
 class Controller:

@@ -64,7 +64,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
             pages.callback(subcommand("view").open_motion(*shown, sends=arguments.robot is not None).stop)
 
         if arguments.robot is None:
-            motion = planner.tried(flags.posture(arm))
+            motion = planner.tried(flags.posture(planner.kinematics))
             _report(motion, script, picture)
             if arguments.show:
                 show(flags, motion)

@@ -159,17 +159,15 @@ class MotionFlags:
             max_travel=self.most_turn,
         )  # fmt: skip
 
-    def posture(self, arm: ArmDescription) -> Floats:
-        """Return the start posture of an arm [rad], shape (6,)."""
+    def posture(self, kin: ClosedFormKinematics) -> Floats:
+        """Return the start posture [rad], shape (6,), of a planner's kinematics."""
+        home = np.array(kin.arm.home)
         if self.start is None or self.start == HOME:
-            return np.array(arm.home)
-        kin = ArmKinematics.of(arm, base="base")
+            return home
         words, row, numbers = self.start.rpartition("@")
         if not row:
             return posture_of("--from", numbers, 6, degrees=self.degrees, limits=(kin.lower, kin.upper))
-        T, home = pose(pose_numbers_of("--from", numbers, strict=True)), np.array(arm.home)
-        if not isinstance(kin, ClosedFormKinematics):
-            raise InputError(f"{arm.title} has not the geometry of a UR")
+        T = pose(pose_numbers_of("--from", numbers, strict=True))
         solutions = kin.all_solutions(T, seed=home)
         if not len(solutions):
             raise InputError(f"--from: the pose has no posture: {why_none(kin, T, solutions.reason)}")

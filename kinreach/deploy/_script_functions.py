@@ -279,6 +279,13 @@ def numbers(value: object) -> tuple[float, ...]:
     return tuple(number(entry) for entry in value)
 
 
+def three(value: object) -> tuple[float, float, float]:
+    found = numbers(value)
+    if len(found) != 3:
+        raise ValueProblem(f"a list of three numbers is needed, got {shown(list(found))}")
+    return found
+
+
 def a_pose(value: object) -> Pose:
     if not isinstance(value, Pose):
         raise ValueProblem(f"a pose p[...] is needed, got {shown(value)}")
@@ -358,19 +365,13 @@ def _to_num(text: object) -> float:
 def _roll_pitch_yaw(vector: object) -> tuple[float, ...]:
     from scipy.spatial.transform import Rotation
 
-    return tuple(Rotation.from_rotvec(_three(vector)).as_euler("xyz").tolist())
+    return tuple(Rotation.from_rotvec(three(vector)).as_euler("xyz").tolist())
 
 
 def _rotation_vector(angles: object) -> tuple[float, ...]:
     from scipy.spatial.transform import Rotation
 
-    return tuple(Rotation.from_euler("xyz", _three(angles)).as_rotvec().tolist())
-
-
-def _three(value: object) -> tuple[float, ...]:
-    if len(numbers(value)) != 3:
-        raise ValueProblem(f"a list of three numbers is needed, got {shown(value)}")
-    return numbers(value)
+    return tuple(Rotation.from_euler("xyz", three(angles)).as_rotvec().tolist())
 
 
 def _length(value: object) -> float:

@@ -6,8 +6,8 @@ from ._batch import Ids as Ids
 from ._batch import NativeVectorEnv as NativeVectorEnv
 from ._batch import Outcome as Outcome
 from ._batch import RowStreams as RowStreams
-from ._button import ACTUATIONS as ACTUATIONS
 from ._button import button_task as button_task
+from ._button.button_task import ACTUATIONS as ACTUATIONS
 from ._button.episodes import ButtonOptions as ButtonOptions
 from ._button.world import ButtonDrawing as ButtonDrawing
 from ._button.world import ButtonState as ButtonState

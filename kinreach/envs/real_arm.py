@@ -16,6 +16,7 @@ their axes, and a stand that bends.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, field
@@ -253,7 +254,25 @@ class RealArmStart(NamedTuple):
     calibrations: NDArray[np.str_] | None = None
 
 
-class RealArmEpisodes(Episodes):
+class MovedEpisodes(Episodes):
+    """Episodes that change in moves only: what was observed last is kept, and the distance of the tip."""
+
+    _observed: Floats
+
+    def observe(self) -> Floats:
+        """Return the observations of all environments, a row for each."""
+        return self._observed.copy()
+
+    def start_info(self, ids: Ids) -> dict[str, Any]:
+        """Return the `info` of a reset; distances are infinite before the first move."""
+        return self._info(ids, np.zeros(len(ids)))
+
+    @abstractmethod
+    def _info(self, rows: Any, reward: Floats) -> dict[str, Any]:
+        """Return the `info` of some environments; `reward` has as many rows."""
+
+
+class RealArmEpisodes(MovedEpisodes):
     """The episodes of a number of workplaces.
 
     Attributes:
@@ -383,16 +402,7 @@ class RealArmEpisodes(Episodes):
             observed[:, MOVES], observed[:, BUDGET] = self._moves[index], self.options.budgets[self._level[index]]
         return Outcome(reward, over, np.zeros_like(over), self._info(slice(None), reward))
 
-    def observe(self) -> Floats:
-        """Return the observations of all workplaces, shape (count, balls, 14)."""
-        return self._observed.copy()
-
-    def start_info(self, ids: Ids) -> dict[str, Any]:
-        """Return the `info` of a reset; distances are infinite before the first move."""
-        return self._info(ids, np.zeros(len(ids)))
-
     def _info(self, rows: Any, reward: Floats) -> dict[str, Any]:
-        """Return the `info` of some environments; `reward` has as many rows."""
         distance = np.array(self._distance[rows])
         near = distance < REACHED_WITHIN
         return {

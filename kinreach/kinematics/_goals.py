@@ -95,7 +95,28 @@ class Goal(ABC):
 
 
 @dataclass(frozen=True)
-class PoseGoal(Goal):
+class _OfPose(Goal):
+    """A goal that a pose is, of shape (4, 4)."""
+
+    T: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T", as_pose("T", self.T).copy())
+
+    @property
+    def position(self) -> Floats:
+        """Position of the tip [m], shape (3,)."""
+        return self.T[:3, 3]
+
+    def error(self, T: Floats) -> tuple[float, float]:
+        return pose_error(self.T, T)
+
+    def frame(self) -> Floats:
+        return self.T
+
+
+@dataclass(frozen=True)
+class PoseGoal(_OfPose):
     r"""A full pose of the tip: position [m] and orientation. `T` has shape (4, 4).
 
     With the tip at (R, p) and the goal at (R*, p*) the numeric solvers bring to zero, in the tip's axes (Siciliano et
@@ -113,19 +134,6 @@ class PoseGoal(Goal):
         True
     """
 
-    T: Floats
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "T", as_pose("T", self.T).copy())
-
-    @property
-    def position(self) -> Floats:
-        """Position of the tip [m], shape (3,)."""
-        return self.T[:3, 3]
-
-    def error(self, T: Floats) -> tuple[float, float]:
-        return pose_error(self.T, T)
-
     @cached_property
     def _placement(self) -> Any:
         return pin.SE3(self.T)
@@ -136,9 +144,6 @@ class PoseGoal(Goal):
         e[:3] = ahead.translation
         e[3:] = pin.log3(ahead.rotation)
         return e, None
-
-    def frame(self) -> Floats:
-        return self.T
 
     def solved_by(self, kinematics: SolvesGoals, seed: ArrayLike, accept: Accept | None) -> IKResult:
         return kinematics._solve_pose(self, seed, accept)
@@ -252,7 +257,7 @@ ONLY_FOUR_OR_FIVE = (
 
 
 @dataclass(frozen=True)
-class NearestOrientationGoal(Goal):
+class NearestOrientationGoal(_OfPose):
     """The tip's origin is at a pose's position [m], exactly, and its orientation as near to the pose's as it goes.
 
     The goal of arms with four or five joints, which `FiveAxisKinematics` solves; `orientation_error` of the result says
@@ -266,25 +271,10 @@ class NearestOrientationGoal(Goal):
         (True, True, 0.26)
     """
 
-    T: Floats
     orientation_yields = True
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "T", as_pose("T", self.T).copy())
-
-    @property
-    def position(self) -> Floats:
-        """Position of the tip [m], shape (3,)."""
-        return self.T[:3, 3]
-
-    def error(self, T: Floats) -> tuple[float, float]:
-        return pose_error(self.T, T)
 
     def way(self, tip: Any) -> tuple[Floats, Floats | None]:
         raise InputError(ONLY_FOUR_OR_FIVE)
-
-    def frame(self) -> Floats:
-        return self.T
 
     def solved_by(self, kinematics: SolvesGoals, seed: ArrayLike, accept: Accept | None) -> IKResult:
         return kinematics._solve_nearest_orientation(self, seed, accept)

@@ -200,7 +200,8 @@ class MovePanel(PlayedPanel):
 
     def _plan(self, flags: MotionFlags) -> None:
         arm = flags.surrounded(self._setup.arm)
-        motion = flags.planner(arm).tried(flags.posture(arm))
+        planner = flags.planner(arm)
+        motion = planner.tried(flags.posture(planner.kinematics))
         motion.check_finished()
         with self._lock:
             if self._gone.is_set():

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from kinreach.compare import get_task
-from kinreach.compare._methods import colours as task_colours
+from kinreach.compare._methods.resolve import colours as task_colours
 from kinreach.compare._task import task_names
 from kinreach.plots import FAINT, INK, PALETTE, colours_of, draw_error_maps, label_ends, new_figure
 from kinreach.plots._colours import OTHERS, RULES, own_colour

@@ -260,7 +260,7 @@ def test_a_robot_is_asked_about_after_its_motion_is_shown(answer, no_browser, mo
     assert questions == [["Setup", "str"]]
     shown = SEEN[0].motion
     assert shown.sends
-    np.testing.assert_array_equal(shown.flags.posture(get_arm("ur5e")), shown.motion.start)
+    np.testing.assert_array_equal(shown.flags.posture(ArmKinematics.of("ur5e", base="base")), shown.motion.start)
     out = capsys.readouterr().out
     assert ("nothing was sent" in out, "moved    " in out) == (answer == "n", answer == "y")
     assert bool(log) == (answer == "y")
@@ -274,7 +274,8 @@ def test_a_page_that_is_opened_with_a_motion_shows_it(capsys):
     flags = MotionFlags((NEAR,), branch="right", max_travel="3.1", speed=0.4)
     setup = setup_of("ur5e", simple=True)
     arm = flags.surrounded(setup.arm)
-    motion = flags.planner(arm).tried(flags.posture(arm))
+    planner = flags.planner(arm)
+    motion = planner.tried(flags.posture(planner.kinematics))
     serving = Server(replace(setup, motion=ShownMotion(flags, motion, sends=True)), port=8570)
     try:
         with Tab(serving) as tab:

@@ -1,13 +1,16 @@
-"""`kinreach/ButtonPress-v0`: an arm under torque presses a button, as in the course report."""
+"""`kinreach/ButtonPress-v0`: an arm under torque presses a button, as in the course report; one, or a native batch."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from kinreach._checks import Floats
-from kinreach.envs._batch import Outcome
+from kinreach._registration import BUTTON, MAX_EPISODE_STEPS
+from kinreach.envs._batch import BatchPicture, NativeVectorEnv, Outcome
 from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
-from kinreach.envs._button.world import ButtonState, SingleTorqueWorld
+from kinreach.envs._button.world import BatchTorqueWorld, ButtonState, SingleTorqueWorld
 from kinreach.envs._options import with_options
 from kinreach.envs._single import DrawnEnv
 from kinreach.robots import ArmDescription
@@ -183,3 +186,26 @@ class ButtonPressEnv(DrawnEnv):
         if self.render_mode == "human" and outcome.terminated[0]:
             self.render()
         return answer
+
+
+class ButtonPressVectorEnv(NativeVectorEnv):
+    """A batch of `kinreach/ButtonPress-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
+
+    Arguments, and how episodes start anew, are as of `NativeVectorEnv`.
+    """
+
+    registered_limit = MAX_EPISODE_STEPS[BUTTON]
+    Options = ButtonOptions
+    drawn = True
+
+    def _new_episodes(self, options: ButtonOptions, threads: int, device: str | None) -> ButtonEpisodes:
+        return ButtonEpisodes(options, BatchTorqueWorld(options.arm, options.motors, self.num_envs, threads=threads))
+
+    def _new_picture(self) -> BatchPicture:
+        episodes, scene = self.episodes, SingleTorqueWorld(self.options.arm, self.options.motors, visual=True)
+
+        def show(index: int) -> None:
+            q = episodes.world.q[[index]]
+            scene.reset(np.zeros(1, dtype=np.intp), episodes.goals[[index]], q, np.zeros_like(q))
+
+        return BatchPicture(scene, show)

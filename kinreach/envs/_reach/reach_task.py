@@ -27,10 +27,9 @@ from kinreach._checks import (
 )
 from kinreach._rotations import wrapped
 from kinreach._tensors import namespace
-from kinreach.envs._batch import RowStreams
+from kinreach.envs._batch import RowStreams, goal_streams
 from kinreach.envs._goals import REWARD_NAMES, GoalOptions, goal_dict
 from kinreach.envs._options import ARM_BACKENDS, about, check_box_actions, option_rows
-from kinreach.envs._reach.goals import goal_streams
 from kinreach.envs._reach.rewards import (
     RewardFunction,
     Score,

@@ -6,8 +6,8 @@ import inspect
 import numpy as np
 import pytest
 
-from kinreach.envs._button import ButtonPressEnv
 from kinreach.envs._button.button_task import ACTIONS, INCREMENTS, PRESS_RADIUS, ButtonReward
+from kinreach.envs._button.env import ButtonPressEnv
 from kinreach.envs._button.episodes import ButtonStarts
 from kinreach.envs.inside import ACTUATIONS
 from kinreach.robots import get_arm

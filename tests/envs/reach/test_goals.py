@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinreach.envs._reach.goals import GoalStreams, goal_streams
+from kinreach.envs._batch import GoalStreams, goal_streams
 from kinreach.envs.inside import with_goals
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, QPSolver
