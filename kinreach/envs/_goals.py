@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
-from kinreach._checks import Floats, as_floats, check_flag, shown
+from kinreach._checks import as_floats, check_flag, shown
 from kinreach._tensors import on_device, on_host
-from kinreach.envs._batch import Outcome
 from kinreach.envs._options import CameraOptions, about
 from kinreach.errors import InputError
 
@@ -95,18 +94,12 @@ class Told:
         return values
 
 
-class GoalEpisodes(Protocol):
-    """Episodes of a task whose rewards can be computed for other goals."""
-
-    observation_space: Any
-
-    def judge(self, achieved: Floats, desired: Floats, told: Told) -> Outcome:
-        """Return what transitions with these goals, shape (k, size), lead to; its `info` is empty."""
-        ...
-
-
 class GoalMethods:
-    """The methods of a goal environment; without `goal_env=True` there are none, as other people's code asks."""
+    """The methods of a goal environment; without `goal_env=True` there are none, as other people's code asks.
+
+    `episodes.judge(achieved, desired, told)` returns the `Outcome` of transitions with these goals, shape (k, size),
+    by what is `Told` of them; its `info` is not read.
+    """
 
     options: Any
     episodes: Any

@@ -1,6 +1,5 @@
 from . import moving as moving
 from . import real_arm as real_arm
-from ._batch import Episodes as Episodes
 from ._batch import Flags as Flags
 from ._batch import Ids as Ids
 from ._batch import NativeVectorEnv as NativeVectorEnv

@@ -153,8 +153,6 @@ NEAR_LIMIT = 1e-3
 #: such rows, an array or a list of tuples.
 Row = tuple[Any, ...]
 BRANCH, FLAGS, ANGLES = 0, 1, slice(2, None)
-#: Errors [m, rad] of rows, shape (k, 2), for a goal.
-ErrorsOf = Callable[[Any, Floats], Floats]
 
 
 class IKSolutions:
