@@ -12,7 +12,6 @@ from kinreach._checks import Floats
 from kinreach.deploy._motion import BlendedMotion, LineError, Segment, segment_to
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, Trajectory
-from kinreach.kinematics.inside import SLACK
 from kinreach.robots.inside import JOINTS
 
 if TYPE_CHECKING:
@@ -129,9 +128,9 @@ def _refuse_fast(kinematics: ArmKinematics, fastest: Floats, what: str) -> None:
 
 
 def _refuse_outside(kinematics: ArmKinematics, q: Floats, what: str) -> None:
-    for joint, values, low, high in zip(JOINTS, q.T, kinematics.lower, kinematics.upper, strict=True):
-        farthest = values[np.abs(values - (low + high) / 2.0).argmax()] if np.isfinite(low + high) else values[0]
-        if not low - SLACK <= farthest <= high + SLACK:
-            raise InputError(
-                f"{what} turns {joint} to {farthest:.3f} rad, outside its limits of {low:.3f} to {high:.3f} rad"
-            )
+    for joint in np.flatnonzero(kinematics.past_limits(q).any(axis=0)):
+        low, high = kinematics.lower[joint], kinematics.upper[joint]
+        farthest = q[np.maximum(low - q[:, joint], q[:, joint] - high).argmax(), joint]
+        raise InputError(
+            f"{what} turns {JOINTS[joint]} to {farthest:.3f} rad, outside its limits of {low:.3f} to {high:.3f} rad"
+        )

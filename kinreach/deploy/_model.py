@@ -18,7 +18,7 @@ from kinreach._checks import Floats
 from kinreach._rotations import pose_error
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
 from kinreach.robots import ArmDescription
-from kinreach.robots.inside import FLANGE, UR_LENGTHS
+from kinreach.robots.inside import FLANGE, UR_LENGTHS, nominal_dh
 
 #: Postures in which the flange is compared [rad]. Chosen among random ones: the two most similar models, ur3 and ur3e,
 #: are 28.9 mm apart in one of them, all others 64 mm or more, and the five determine every figure of a calibration.
@@ -85,12 +85,7 @@ class DhFigures(NamedTuple):
     @classmethod
     def by_data_sheet(cls, model: str) -> DhFigures:
         """Return the figures of a model, a key of `UR_LENGTHS`."""
-        d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
-        right = np.pi / 2
-        return cls(
-            np.zeros(6), np.array([0.0, a2, a3, 0.0, 0.0, 0.0]), np.array([d1, 0.0, 0.0, d4, d5, d6]),
-            np.array([right, 0.0, 0.0, right, -right, 0.0]),
-        )  # fmt: skip
+        return cls(*nominal_dh(model))
 
     @classmethod
     def of(cls, kinematics: ArmKinematics) -> DhFigures | None:

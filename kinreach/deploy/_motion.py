@@ -135,7 +135,10 @@ class StraightLine(Segment):
         return q
 
     def _solved(self, share: float, q: Floats) -> Floats:
-        """Compute the posture at a share of the line near another one, by Newton's method."""
+        """Compute the posture at a share of the line near another one.
+
+        Newton's method has no damping and no second start: a line that needs either is refused.
+        """
         T = self._line.at(share) @ self._from_tcp
         begin = q
         for _ in range(ITERATIONS):

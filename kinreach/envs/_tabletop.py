@@ -17,7 +17,7 @@ from kinreach._objects import load_object
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, RowStreams, told_terms
 from kinreach.envs._lift.lift_task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
 from kinreach.envs._options import DrawnOptions, check_box_actions, option_rows
-from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, joint_limits, seen_joints, within_joint_limits
+from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, held_in_limits, joint_limits, seen_joints
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
@@ -272,7 +272,7 @@ class TabletopEpisodes(Episodes):
         lost = np.zeros(self.count, dtype=np.bool_)
         if len(ids):
             before = world.states(ids)
-            q = within_joint_limits(self.setup.arm, self._state.q[ids] + STEP_ANGLE * actions[ids, :joints])
+            q = held_in_limits(self.setup.arm, self._state.q[ids] + STEP_ANGLE * actions[ids, :joints])
             opening = np.full(len(ids), self.setup.opening)
             if self.setup.task.fingers:
                 opening = self._state.opening[ids] + STEP_OPENING * actions[ids, -1]

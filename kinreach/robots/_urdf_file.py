@@ -172,14 +172,14 @@ def read_arm(
     tips = UrdfArm(name, robot, tip=arm.tip, joints=arm.joints, held=gripper).tips
     home = None
     if read.home:
-        home, moved = _within_limits(read.home, arm)
+        home, moved = _moved_into_limits(read.home, arm)
         notes += moved
     return ArmSource(
         name, robot, root, arm.joints, base, arm.tip, tips, home, read.may_touch, read.meshes, missing, tuple(notes)
     )
 
 
-def _within_limits(home: Mapping[str, float], arm: UrdfArm) -> tuple[dict[str, float], list[str]]:
+def _moved_into_limits(home: Mapping[str, float], arm: UrdfArm) -> tuple[dict[str, float], list[str]]:
     """Move a file's start posture into the limits; returns it, and a note on what is moved."""
     ends = dict(zip(arm.joints, arm.limits, strict=True))
     within = {joint: min(max(home[joint], lower), upper) for joint, (lower, upper) in ends.items()}

@@ -1,3 +1,4 @@
+from ._calibration import nominal_dh as nominal_dh
 from ._description import between_phases as between_phases
 from ._flags import ArmFlags as ArmFlags
 from ._identification import IdentifiedArm as IdentifiedArm

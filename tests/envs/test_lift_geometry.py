@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kinreach._rotations import turn
-from kinreach.envs._lift.geometry import closes
+from kinreach.envs._lift.episodes import closes
 from kinreach.sim.inside import Objects
 
 #: What is turned or moved, the shape, and by how much it may be: of fingers 22 mm wide that come open by 10 cm.

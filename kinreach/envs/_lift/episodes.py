@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats
 from kinreach.envs._batch import Episodes, Flags, Ids, Outcome, RowStreams, texts, told_terms
 from kinreach.envs._goals import SPARSE, Told
-from kinreach.envs._lift.geometry import closes
 from kinreach.envs._lift.lift_task import (
     CLOSING,
     HEIGHT,
@@ -29,7 +28,7 @@ from kinreach.envs._lift.lift_task import (
 )
 from kinreach.envs._options import check_box_actions
 from kinreach.envs._reach.observers import CameraObserver, PixelObserver
-from kinreach.envs._reach.reach_task import CAMERA, GOAL_RANGE, within_joint_limits
+from kinreach.envs._reach.reach_task import CAMERA, GOAL_RANGE, held_in_limits
 from kinreach.sim.inside import CUBE, SHAPES, Grasping, MoveStatus, Objects
 from kinreach.vision.inside import GoalMeasurement
 
@@ -38,6 +37,13 @@ STARTED, REACHED, CLOSED, RAISED, LIFTED = range(5)
 CAUSES = np.array(["reached", "closed", "slipped", "dropped", ""], dtype=object)
 #: Terms of the reward.
 TERMS = ("distance", "closed", "height", "lifted", "impossible")
+#: Along the width of a finger the object's middle may be so far from the tip, and along the tool so far behind it or
+#: ahead of it [m]: the pads are 22 mm wide and end 10 mm beyond the tip.
+ACROSS, BEHIND, AHEAD = 0.008, 0.030, 0.006
+#: Largest tilt of the tool, and largest angle between the fingers and the faces of a cube [rad].
+TILT, TURN = 0.3, 0.3
+#: How much narrower than the object the fingers want to be [m], and how much room they have beside it.
+SQUEEZE, ROOM = 0.002, 0.003
 #: Of success; more than holding the object all the time could bring.
 LIFTED_REWARD = 20.0
 #: Interval between two checks of a grasp while the object is to be held [s].
@@ -323,7 +329,7 @@ class LiftEpisodes(Episodes):
         task = self.task
         world: Any = self.world
         before = world.states(ids)
-        q = within_joint_limits(task.arm, self.q[ids] + STEP_ANGLE * actions[ids, :-1])
+        q = held_in_limits(task.arm, self.q[ids] + STEP_ANGLE * actions[ids, :-1])
         opening = np.clip(self._opening[ids] + STEP_OPENING * actions[ids, -1], 0.0, task.gripper.stroke)
         world.steer(ids, q, opening, STEP_S)
         lost = self._put_back(world, ids, before)
@@ -449,3 +455,26 @@ class LiftEpisodes(Episodes):
         for observer in (self._camera, self._pixels):
             if observer is not None:
                 observer.close()
+
+
+def closes(
+    T: Floats, openings: Floats, places: Floats, yaws: Floats, kinds: Objects, *, come_open: float
+) -> NDArray[np.bool_]:
+    """Return which of k grasps hold what they are to hold, by geometry: no contact forces, nothing moves.
+
+    Args:
+        T: Tips in the world, shape (k, 4, 4); z points ahead, the fingers move along y.
+        openings: To which they close [m], shape (k,).
+        places: Middles of the objects in the world [m], shape (k, 3).
+        yaws: Their turns about the vertical [rad], shape (k,).
+        kinds: What they are.
+        come_open: How wide the fingers are open before [m].
+    """
+    x, y, z = np.einsum("kji,kj->ik", T[:, :3, :3], places - T[:, :3, 3])
+    turned = face_angle(np.arctan2(T[:, 1, 1], T[:, 0, 1]) - yaws)
+    cube = kinds.shape == SHAPES.index(CUBE)
+    half = kinds.size * np.where(cube, np.abs(np.cos(turned)) + np.abs(np.sin(turned)), 1.0)
+    around = np.abs(y) + half <= come_open / 2 - ROOM
+    straight = (T[:, 2, 2] <= -np.cos(TILT)) & (~cube | (np.abs(turned) <= TURN))
+    between = (np.abs(x) <= ACROSS) & (z >= -np.minimum(BEHIND, kinds.size)) & (z <= AHEAD)
+    return np.asarray(around & straight & between & (openings <= 2 * kinds.size - SQUEEZE))

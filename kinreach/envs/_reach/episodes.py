@@ -23,8 +23,8 @@ from kinreach.envs._reach.reach_task import (
     action_space,
     check_actions,
     distance_between,
+    held_in_limits,
     seen_joints,
-    within_joint_limits,
 )
 from kinreach.envs._reach.rewards import Score, term_names
 from kinreach.envs._reach.worlds import STATUSES, Executed, Ids, ReachWorld, TargetStatus
@@ -208,8 +208,8 @@ class ReachEpisodes(Episodes):
         errors = np.zeros_like(targets)
         for row in range(self.world.count) if acting is None else np.flatnonzero(acting):
             errors[row] = self._sensors[row].uniform(-tolerance, tolerance, len(arm.joints))
-        inside = targets == within_joint_limits(arm, targets)
-        return np.where(inside, within_joint_limits(arm, targets + errors), targets)
+        inside = targets == held_in_limits(arm, targets)
+        return np.where(inside, held_in_limits(arm, targets + errors), targets)
 
     def forfeit(self, reason: str) -> Outcome:
         """Return the verdict on agents that find no action: impossible, the arms stay, the episodes end."""

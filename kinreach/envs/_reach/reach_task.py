@@ -259,7 +259,7 @@ def _endless(arm: ArmDescription) -> NDArray[np.bool_]:
     return np.isinf(ArmKinematics(arm).upper)
 
 
-def within_joint_limits(arm: ArmDescription, q: Floats) -> Floats:
+def held_in_limits(arm: ArmDescription, q: Floats) -> Floats:
     """Return postures (k, n) [rad] held within `joint_limits`; joints that turn without end keep their turns."""
     held = np.clip(q, *joint_limits(arm))
     return np.where(_endless(arm), q, held) if _endless(arm).any() else held
