@@ -16,8 +16,7 @@ from kinreach.cli import main
 from kinreach.compare import _curves as curves
 from kinreach.compare import _figures as figures
 from kinreach.compare import compare, get_task, resets_to
-from kinreach.compare._error_budget import Budget, budget
-from kinreach.compare._reach import goals_of
+from kinreach.compare._reach import Budget, budget, goals_of
 from kinreach.compare._runner import WARM_UP_GOALS
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
