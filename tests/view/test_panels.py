@@ -157,7 +157,7 @@ def test_a_pose_whose_postures_are_a_surface_has_no_curves_to_choose_from(serve)
             wait_for(lambda: "are a surface, not curves" in tab.text)  # the page would draw its own curves again
 
 
-def test_the_self_motion_of_a_seven_axis_arm(serve):
+def test_the_self_motion_of_a_seven_axis_arm(serve, monkeypatch):
     """Lines of the elbow, and a slider that moves the arm on a curve while the tool stands still."""
     with Tab(serve("panda")) as tab:
         panel, states = tab.page.target, []
@@ -192,6 +192,10 @@ def test_the_self_motion_of_a_seven_axis_arm(serve):
         wait_for(lambda: "that of a position and orientation" in tab.text and not tab.shows(label))
         tab.set("asks for", "position and orientation")
         wait_for(lambda: tab.shows(label))
+        with monkeypatch.context() as moving:
+            moving.setattr(panel, "_trace", lambda: None)  # the target does not come to rest
+            tab.drag("/target/goal", panel.T[:3, 3] + 0.01)
+            wait_for(lambda: "when the target stands still" in tab.text and not tab.shows(label))
         tab.drag("/target/goal", (2.5, 0.0, 0.0))
         wait_for(lambda: "There is no self-motion: no posture reaches the goal." in tab.text and not tab.shows(label))
         assert not tab.nodes["/target/self_motion"]["visible"]
