@@ -448,6 +448,14 @@ def test_clients_that_vanish_or_do_not_read_are_dropped(robot):
     assert alive(robot)
 
 
+def test_small_packages_are_sent_at_once(robot):
+    """Nagle's algorithm would hold a state back until the last one is acknowledged, some 40 ms on a quiet client."""
+    with Client(robot) as client:
+        assert client.ask(Kind.PROTOCOL_VERSION, b"\0\2") == b"\1"
+        (served,) = robot._clients
+        assert served.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
 def test_too_many_clients_are_turned_away(robot):
     clients = [Client(robot) for _ in range(40)]
     try:
