@@ -43,8 +43,10 @@ FASTER = "?fixedDpr=0.8"
 #: end frames that it stands still.
 WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 6), (0.5, 0.0, -0.24, 5), (0.94, 0.16, 0.05, 5), (0.5, 0.1, 0.0, 5)]
 STILL = 4
-#: Goal and box of the film of a motion, and its frames.
-MOTION, FRAMES = ("-0.4,0.3,0.3,3.14,0,0", "-0.2,-0.2,0.4,0.1,0.1,0.8"), 24
+#: Goal and box of the film of a motion, and its frames per second.
+MOTION, MOTION_FPS = ("-0.4, 0.3, 0.3, 3.14, 0, 0", "-0.2,-0.2,0.4,0.1,0.1,0.8"), 12.5
+#: Where it is scrubbed to on the chart, as parts of the time, each in so many frames.
+SCRUBBED = [(1.0, 1), (0.35, 12), (0.65, 8)]
 #: A mouse pointer, which pictures of a tab leave out.
 POINTER = """() => {
     const arrow = '<svg width="22" height="30" viewBox="0 0 22 30"><path d="M1 1v22l5.5-5 3.5 9 4-1.6-3.6-8.7 7.6-.6z" '
@@ -132,18 +134,42 @@ def film(camera: Camera, target: TargetPanel) -> None:
 
 
 def motion(browser: Any, *, simple: bool) -> None:
-    """A UR5e that is asked for a pose beside a pillar: planned, and played."""
+    """A UR5e that is asked for a pose behind a pillar: planned, played, and scrubbed along the chart."""
     server = Server(setup_of("ur5e", simple=simple), port=8760)
     camera = Camera(browser, server, FASTER)
     panel: Any = camera.page.show("Move")
+    tab, frames = camera.tab, []
+    tab.evaluate(POINTER)
+
+    def take(seconds: float = 1 / MOTION_FPS) -> None:
+        frame = camera.take().resize(FILM, Image.Resampling.LANCZOS)
+        frames.extend([frame] * round(MOTION_FPS * seconds))
+
+    def point(x: float, y: float) -> None:
+        tab.evaluate(PLACE, [x, y])
+
+    plan = tab.get_by_role("button", name="Plan").bounding_box()
+    point(plan["x"] + plan["width"] / 2, plan["y"] - 20)
+    take(0.6)
+    panel.choose(goal=MOTION[0])
+    take(0.8)
     panel.choose(goal=MOTION[0], boxes=MOTION[1])
-    frames = [camera.take().resize(FILM, Image.Resampling.LANCZOS)]
+    take(0.8)
+    point(plan["x"] + plan["width"] / 2, plan["y"] + plan["height"] / 2)
+    take(0.4)
     panel.plan()
-    camera.wait_for(lambda: panel.shown is not None and not panel.playing)
-    for index in np.linspace(0, panel.last, FRAMES).round().astype(int).tolist():
-        panel.go(index)
-        frames.append(camera.take().resize(FILM, Image.Resampling.LANCZOS))
-    save_gif(frames + LAST * FPS * frames[-1:], IMAGES / "move_page.gif")
+    camera.wait_for(lambda: panel.shown is not None and panel.at == panel.last and not panel.playing)
+    for time in np.arange(0.0, panel.shown.times[-1] + 1 / MOTION_FPS, 1 / MOTION_FPS):
+        panel.go(round(time * panel.last / panel.shown.times[-1]))
+        take()
+    chart = tab.locator("[data-scrub]").bounding_box()
+    for (start, _), (end, count) in pairwise(SCRUBBED):
+        for share in np.linspace(start, end, count + 1)[1:]:
+            panel.go(round(share * panel.last))
+            point(chart["x"] + share * chart["width"], chart["y"] + chart["height"] / 2)
+            take()
+    take(LAST)
+    save_gif(frames, IMAGES / "move_page.gif", fps=MOTION_FPS)
     server.stop()
 
 
@@ -158,7 +184,7 @@ def on_screen(camera: Any, point: NDArray[np.float64], width: int, height: int) 
     return float(width / 2 + focal * x / z), float(height / 2 + focal * y / z)
 
 
-def save_gif(frames: list[Image.Image], path: Path) -> None:
+def save_gif(frames: list[Image.Image], path: Path, *, fps: float = FPS) -> None:
     """Write frames with the same colours in all, so that a frame has only what changes."""
     width, height = frames[0].size
     some = frames[:: max(1, len(frames) // 12)]
@@ -167,7 +193,7 @@ def save_gif(frames: list[Image.Image], path: Path) -> None:
         sheet.paste(frame, (0, index * height))
     palette = sheet.quantize(COLOURS, Image.Quantize.FASTOCTREE)
     first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
-    first.save(path, save_all=True, append_images=rest, duration=round(1000 / FPS), loop=0, optimize=False)
+    first.save(path, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0, optimize=False)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -179,13 +205,20 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("--simple", action="store_true", help="fewer triangles and no shadows")
     arguments = parser.parse_args(argv)
-    server = Server(setup_of("ur5-thesis", simple=arguments.simple, environment=MULTI), port=8720)
 
     def wanted(name: str) -> bool:
         return arguments.only in (None, name)
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=ARGUMENTS)
+        if wanted("motion"):
+            motion(browser, simple=arguments.simple)
+        if wanted("self-motion"):
+            self_motion(browser, simple=arguments.simple)
+        if arguments.only in ("motion", "self-motion"):
+            browser.close()
+            return 0
+        server = Server(setup_of("ur5-thesis", simple=arguments.simple, environment=MULTI), port=8720)
         camera = Camera(browser, server, FASTER if arguments.only == "film" else "")
         page = camera.page
         page.show("Target")
@@ -209,10 +242,6 @@ def main(argv: list[str] | None = None) -> int:
         if wanted("film"):
             page.show("Target")
             film(camera, page.target)
-        if wanted("self-motion"):
-            self_motion(browser, simple=arguments.simple)
-        if wanted("motion"):
-            motion(browser, simple=arguments.simple)
         browser.close()
     server.stop()
     return 0

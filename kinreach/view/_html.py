@@ -27,11 +27,16 @@ _CROSS = '<span class="kr-bad">✗</span>'
 #: Groups of buttons that texts press. Of `POINT_AT` the first is for nothing, of `POSTURE` and `POINT_AT` there are
 #: `MAX_POSTURES` others: a calibrated UR has up to sixteen postures.
 SHOW, DO, COLOURS, POSTURE, POINT_AT, METHOD = "show", "do", "colours", "posture", "point at", "method"
+#: The group that a press on a chart presses, of `MOMENTS` + 1 buttons.
+MOMENT, MOMENTS = "moment", 100
 MAX_POSTURES = 16
 #: Hides the groups of buttons that follow it in a folder.
 UNSEEN = '<i class="kr-unseen"></i>'
 #: `slowest_motion` of a gauge that is full, and below which it is orange and red [m/rad].
 FULL, LOW, VERY_LOW = 0.12, 0.04, 0.015
+
+#: Upper ends of a chart's scale, and the largest bend of a straight line in it.
+TOPS, STRAIGHT = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0), 1e-9
 
 #: Actions on any part of the page -> their icons.
 SCREENSHOT, PYTHON = "Screenshot: save the scene as a PNG", "Copy as Python: the program for what is on the screen"
@@ -222,10 +227,42 @@ def bars(terms: Mapping[str, float]) -> str:
     return block(f'<div class="kr-bars">{rows}</div>')
 
 
-def speeds(joints: Sequence[str], now: Floats, most: Floats, limits: Floats) -> str:
-    """Draw the joints' speeds by their limits as bars, with a mark at the largest of the motion [rad/s]."""
+def chart(times: Floats, shares: Floats) -> str:
+    """Draw speeds by their limits, 0 to 1, shape (k, joints), over times [s], shape (k,), in the colours of `speeds`.
+
+    A line stands at the moment that `speeds` is called with.
+    """
+    most = float(shares.max(initial=0.0))
+    top = next((top for top in TOPS if most <= top), float(np.ceil(10 * most) / 10))
+    lines = "".join(
+        f'<polyline points="{_points(times, share, top)}" style="stroke:{css(colour)}"/>'
+        for share, colour in zip(shares.T, cycle(BRANCH_COLOURS), strict=False)
+    )
+    limit = f'<line class="kr-limit" x1="0" x2="1000" y1="{100 / top:.1f}" y2="{100 / top:.1f}"/>' if top >= 1 else ""
+    levels = "".join(f'<line class="kr-level" x1="0" x2="1000" y1="{y}" y2="{y}"/>' for y in (0, 50, 100))
+    percents = "".join(f"<span>{100 * share:g} %</span>" for share in (top, top / 2, 0.0))
+    return block(
+        f'<div class="kr-chart"><div>{percents}</div><div data-scrub="{MOMENT}">'
+        f'<svg viewBox="0 0 1000 100" preserveAspectRatio="none"><g transform="matrix(1 0 0 -1 0 100)">{levels}{limit}'
+        f"{lines}</g></svg><b></b></div><div></div><div><span>0 s</span><span>{times[-1]:.2f} s</span></div></div>"
+    )
+
+
+def _points(times: Floats, shares: Floats, top: float) -> str:
+    """Corners of a line in a chart 1000 wide and 100 high."""
+    corners = np.ones(len(times), dtype=bool)
+    corners[1:-1] = np.abs(np.diff(shares, 2)) > STRAIGHT
+    x, y = 1000 * times[corners] / times[-1], 100 * shares[corners] / top
+    return " ".join(f"{a:.1f},{b:.2f}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
+
+
+def speeds(joints: Sequence[str], now: Floats, most: Floats, limits: Floats, *, moment: float) -> str:
+    """Draw the joints' speeds by their limits as bars, with a mark at the largest of the motion [rad/s].
+
+    `moment` is that of the line in `chart`: 0 at the start of the motion, 1 at its end.
+    """
     rows = "".join(
-        f"<span>{escape(plain(name))}</span>"
+        f"<span>{_dot(css(colour))} {escape(plain(name))}</span>"
         f'<div class="kr-track"><div style="width:{100 * share:.1f}%;background:{css(colour)}"></div>'
         f'<b style="left:{100 * peak:.1f}%"></b></div>'
         f'<span title="largest of the motion, of {limit:.2f} rad/s">{100 * peak:.0f} %</span>'
@@ -233,8 +270,9 @@ def speeds(joints: Sequence[str], now: Floats, most: Floats, limits: Floats) -> 
             joints, now.tolist(), most.tolist(), limits.tolist(), cycle(BRANCH_COLOURS), strict=False
         )
     )
-    said = '<div class="kr-small">Joint speeds now; marks and numbers are the largest, as parts of the limits.</div>'
-    return block(f'<div class="kr-bars kr-speeds">{rows}</div>{said}')
+    said = '<div class="kr-small">Joint speeds by their limits, over the time and now; numbers are the largest.</div>'
+    now_at = f"<style>:root {{ --kr-moment: {moment:.4f} }}</style>"
+    return block(f'{now_at}<div class="kr-bars kr-speeds">{rows}</div>{said}')
 
 
 def remarks(lines: Sequence[str]) -> str:

@@ -13,6 +13,7 @@ from kinreach._checks import Floats
 from kinreach._engines import load
 from kinreach.cli import quoted
 from kinreach.deploy.inside import MotionFlags, TriedMotion
+from kinreach.kinematics.inside import described
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import JOINTS
 
@@ -20,6 +21,8 @@ pin: Any = load("pinocchio")
 
 #: Frames per second.
 FPS = 25
+#: Samples of the speeds that are drawn over the time.
+DRAWN = 241
 #: Number of a UR's joint at its elbow, of the model's.
 ELBOW = 1 + JOINTS.index("elbow_joint")
 
@@ -57,6 +60,12 @@ class ShownMotion:
         """Speeds of the frames by the joints' limits, 0 to 1, shape (k, 6)."""
         return np.abs(self.motion.done.commanded.at(self.times)[1]) / self.motion.kinematics.velocity_limit
 
+    @cached_property
+    def speeds(self) -> tuple[Floats, Floats]:
+        """Times [s], shape (k,), at which the joints' speeds by their limits, shape (k, 6), are drawn."""
+        times = np.linspace(0.0, self.motion.done.commanded.duration, DRAWN)
+        return times, np.abs(self.motion.done.commanded.at(times)[1]) / self.motion.kinematics.velocity_limit
+
     def along(self, count: int) -> Floats:
         """Postures at even distances along the way, without its ends [rad], shape (count, 6)."""
         ways = np.append(0.0, np.linalg.norm(np.diff(self.q, axis=0), axis=1).cumsum())
@@ -75,11 +84,13 @@ class ShownMotion:
 
     @property
     def verdict(self) -> str:
-        """The cautions in a sentence; else how far the joints turn."""
-        if self.motion.cautions:
-            return f"Caution: {'; '.join(self.motion.cautions)}."
-        turns = np.degrees(max(leg.travels.max() for leg in self.motion.legs))
-        return f"No joint turns by more than {turns:.0f}°, and the arm stays in its branch."
+        """The cautions in a sentence; else how far the joints turn, and the branch."""
+        motion = self.motion
+        if motion.cautions:
+            return f"Caution: {'; '.join(motion.cautions)}."
+        turns, branch = np.degrees(max(leg.travels.max() for leg in motion.legs)), motion.legs[-1].branch
+        named = f": {described(motion.kinematics, branch)}" if branch >= 0 else ""
+        return f"No joint turns by more than {turns:.0f}°, and the arm stays in its branch{named}."
 
     @property
     def remarks(self) -> list[str]:

@@ -15,20 +15,20 @@ from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, pose, pose_
 from kinreach.kinematics.inside import SAME, described
 from kinreach.view import _html as html
 from kinreach.view._draw import BLUE, VIOLET, Colour, Ghost, Ghosts, SolidArm, Surroundings
-from kinreach.view._inputs import by_user, frame_of, put
+from kinreach.view._inputs import add_unseen, by_user, frame_of, put
 from kinreach.view._motion import FPS, ShownMotion
-from kinreach.view._names import plain
 from kinreach.view._playing import PAUSE, PLAY, START, PlayedPanel
 from kinreach.view._snippet import motion_program
 
 NEAREST = "whichever is nearest along the way"
 COMMAND, PYTHON, URSCRIPT = "command", "Python", "URScript"
 #: Arms along the way, and their opacity.
-SHADES, OPACITY = 12, 0.13
+SHADES, OPACITY = 12, 0.08
 #: Decimals of a dragged pose [m, rad], and of a start posture [degrees].
 POSE_DIGITS, ANGLE_DIGITS = 4, 2
 #: Between goals in their field, and between boxes.
 NEXT = ";"
+CHANGED = "What is around the arm has changed since this motion was planned: plan again."
 FIRST = "Type a pose as the pendant shows it in base, or drag the target. Then plan."
 
 
@@ -81,6 +81,7 @@ class MovePanel(PlayedPanel):
         """Write a goal and boxes into their inputs."""
         self._goal.value, self._boxes.value = goal, boxes
         self._typed()
+        self._surroundings_typed()
 
     def plan(self) -> None:
         """Plan the motion of the inputs in a thread of its own, then play it unless the part is hidden by then."""
@@ -114,6 +115,7 @@ class MovePanel(PlayedPanel):
         self._button = gui.add_button("Plan", icon="player-play")
         self._build_player((PLAY, PAUSE, START), {})
         self._slider = gui.add_slider("time [s]", 0.0, 1.0, 1.0 / FPS, 0.0)
+        self._chart = gui.add_html("")
         self._bars = gui.add_html("")
         self._remarks = gui.add_html("")
         self._copies = gui.add_button_group("copy as", (COMMAND, PYTHON, URSCRIPT), visible=False)
@@ -127,9 +129,9 @@ class MovePanel(PlayedPanel):
         with gui.add_folder("Start and goal", expand_by_default=False):
             self._from = gui.add_text("start", "home", hint="Six joint angles [°]; or 6@POSE, a branch at a pose; home")
             here = gui.add_button("Start from the posture shown")
-            there = gui.add_button("Go to the part Target's target")
+            there = gui.add_button("Take the goal from Target")
         with gui.add_folder("Around the arm", expand_by_default=False):
-            self._cell = gui.add_checkbox("kinreach's table and floor", True)
+            self._cell = gui.add_checkbox("table and floor", True, hint="kinreach's, as by default")
             self._table = gui.add_text("table [m]", "", hint="Height of a table's top above the arm's base: 0 or less")
             self._boxes = gui.add_text("boxes", "", hint="X,Y,Z,SX,SY,SZ in base [m]; further boxes after ;")
         self._button.on_click(lambda _: self.plan())
@@ -139,6 +141,10 @@ class MovePanel(PlayedPanel):
         by_user(self._goal, lambda text: self._typed())
         by_user(self._shaded, lambda on: self._draw_way())
         self._copies.on_click(lambda event: self._copy(event.target.value))
+        for entry in (self._cell, self._table, self._boxes):
+            by_user(entry, lambda value: self._surroundings_typed())
+        moments = tuple(map(str, range(html.MOMENTS + 1)))
+        add_unseen(gui, html.MOMENT, moments, lambda at: self._scrubbed(round(self.last * int(at) / html.MOMENTS)))
 
     def _branches(self) -> tuple[str, ...]:
         kinematics = self._kinematics
@@ -214,15 +220,20 @@ class MovePanel(PlayedPanel):
         self.pause()
         self.shown, self.at = shown, 0
         self._slider.max = float(np.ceil(shown.times[-1] * FPS) / FPS)
-        self._verdict.content = html.message(shown.verdict, caution=bool(shown.motion.cautions))
+        self._say_verdict(shown)
         sends = ["The terminal asks before it sends this motion; nothing is sent from here."] if shown.sends else []
         self._remarks.content = html.remarks([*shown.remarks, *sends])
+        self._chart.content = html.chart(*shown.speeds)
         self._copies.visible = True
         self._button.disabled = False
         self._surround(shown.arm)
         put(self._gizmo, self._kinematics.T_world_base @ shown.motion.goals[-1])
         self._draw_way()
         self._draw()
+
+    def _say_verdict(self, shown: ShownMotion, *, changed: bool = False) -> None:
+        text, caution = (CHANGED, True) if changed else (shown.verdict, bool(shown.motion.cautions))
+        self._verdict.content = html.message(text, caution=caution)
 
     def _surround(self, arm: Any) -> None:
         if self._world is not None:
@@ -255,9 +266,8 @@ class MovePanel(PlayedPanel):
             self._arm.take(self.q)
         self._slider.value = float(shown.times[self.at])
         limits = motion.kinematics.velocity_limit
-        self._bars.content = html.speeds(
-            [plain(name) for name in shown.arm.joints], shown.shares[self.at], motion.shares, limits
-        )
+        moment = float(shown.times[self.at] / shown.times[-1])
+        self._bars.content = html.speeds(shown.arm.joints, shown.shares[self.at], motion.shares, limits, moment=moment)
 
     def _pause_after(self, index: int) -> float:
         return 1.0 / FPS
@@ -269,7 +279,7 @@ class MovePanel(PlayedPanel):
     def _put_goal(self, T: Floats, *, drag: bool = False) -> None:
         """Write a frame in the world (4, 4) as the goal."""
         six = pose_vector(np.linalg.inv(self._kinematics.T_world_base) @ T).round(POSE_DIGITS) + 0.0
-        self._goal.value = _listed(six.tolist())
+        self._goal.value = ", ".join(f"{value:g}" for value in six.tolist())
         if not drag:
             put(self._gizmo, T)
 
@@ -281,6 +291,18 @@ class MovePanel(PlayedPanel):
             return
         with self._lock:
             put(self._gizmo, self._kinematics.T_world_base @ T)
+
+    def _surroundings_typed(self) -> None:
+        """Draw what is around the arm as it is typed, once it can be read."""
+        table, boxes = self._table.value.strip() or None, _parts(self._boxes.value)
+        try:
+            arm = MotionFlags((), table=table, boxes=boxes, cell=self._cell.value).surrounded(self._setup.arm)
+        except KinreachError:
+            return
+        with self._lock:
+            self._surround(arm)
+            if self.shown is not None:
+                self._say_verdict(self.shown, changed=arm.workcell != self.shown.arm.workcell)
 
     def _start_here(self) -> None:
         self._from.value = _degrees(self.q)

@@ -1,5 +1,6 @@
 """The part "Move": what is planned on the page is what `kinreach move` plans, and what is copied gives exactly that."""
 
+import re
 import shlex
 from types import SimpleNamespace
 
@@ -72,7 +73,7 @@ INPUTS = [
     {"goal": f"p[{GOAL}]", "boxes": BOX},
     {"goal": f"{GOAL}; {NEAR}", "blend [mm]": 20.0, "speed [%]": 40.0},
     {"goal": NEAR, "tool on straight lines": True, "table [m]": "-0.1", "start": "-80, -90, 90, -90, -90, 10"},
-    {"goal": GOAL, "branch": "same", "turn at most [°]": 90.0, "kinreach's table and floor": False},
+    {"goal": GOAL, "branch": "same", "turn at most [°]": 90.0, "table and floor": False},
 ]
 
 
@@ -119,6 +120,43 @@ def test_a_motion_is_played_and_scrubbed_along_its_time(tab):
     np.testing.assert_allclose(panel.q, get_arm("ur5e").home, atol=1e-9)
 
 
+def test_the_chart_has_the_speeds_over_the_time_and_a_press_on_it_goes_there(tab):
+    tab.set("goal", f"{GOAL}; {NEAR}")
+    shown, panel = planned(tab), tab.page.shown
+    commanded = shown.motion.done.commanded
+    (chart,) = (text for text in [panel._chart.content] if text in tab.text)
+    top = float(re.search(r"<span>([\d.]+) %", chart)[1]) / 100
+    lines = re.findall('<polyline points="([^"]*)"', chart)
+    assert len(lines) == 6
+    corners = [np.array([pair.split(",") for pair in line.split()], dtype=float) for line in lines]
+    assert min(map(len, corners)) < 40  # straight parts have no corners
+    shares = np.abs(commanded.qd) / shown.motion.kinematics.velocity_limit
+    assert shares.max() <= top <= 2 * shares.max()
+    for joint, line in enumerate(corners):
+        drawn = np.interp(1000 * commanded.t / commanded.duration, *line.T) / 100 * top
+        np.testing.assert_allclose(drawn, shares[:, joint], atol=0.02 * top)
+    for at in (0, 37, 100):
+        tab.set("moment", str(at))
+        wait_for(lambda at=at: panel.at == round(panel.last * at / 100) and not panel.playing)
+        wait_for(lambda: f"--kr-moment: {shown.times[panel.at] / shown.times[-1]:.4f}" in tab.text)
+
+
+def test_what_is_typed_around_the_arm_is_drawn_and_asks_for_a_new_plan(tab):
+    tab.set("goal", NEAR)
+    shown, panel = planned(tab), tab.page.shown
+    assert "/move/world/box 1" not in tab.nodes
+    tab.set("boxes", ASIDE[:9])  # not yet a box
+    tab.set("boxes", ASIDE)
+    wait_for(lambda: "/move/world/box 1" in tab.nodes and "plan again" in tab.text)
+    tab.set("boxes", "")
+    wait_for(lambda: "/move/world/box 1" not in tab.nodes and "plan again" not in tab.text)
+    tab.set("table and floor", False)
+    wait_for(lambda: "/move/world/table" not in tab.nodes and "plan again" in tab.text)
+    assert planned(tab) is not shown
+    wait_for(lambda: "plan again" not in tab.text)
+    assert panel.shown.arm.workcell.obstacles == ()
+
+
 def test_the_shade_is_the_arm_along_its_way(tab):
     """Between start and goal, at even distances; the lines end at the tool in the start posture and at the goal."""
     tab.set("goal", GOAL)
@@ -141,7 +179,9 @@ def test_the_shade_is_the_arm_along_its_way(tab):
 def test_a_caution_is_in_the_first_line(tab):
     tab.set("goal", GOAL)
     planned(tab)
-    wait_for(lambda: "No joint turns by more than 38°, and the arm stays in its branch." in tab.text)
+    wait_for(
+        lambda: "No joint turns by more than 38°, and the arm stays in its branch: 6 (right, up, straight)." in tab.text
+    )
     tab.set("boxes", BOX)
     shown = planned(tab)
     assert shown.motion.cautions
@@ -184,7 +224,7 @@ def test_goal_and_start_are_taken_from_what_is_shown(tab):
     before = tab.page.target.T.copy()
     before[:3, 3] += (0.0, 0.05, -0.1)
     tab.page.target.move(before)
-    tab.set("Go to the part Target's target", True)
+    tab.set("Take the goal from Target", True)
     wait_for(lambda: np.abs(MotionFlags((panel._goal.value,)).goals[0] - T @ before).max() < 2e-4)
     tab.set("goal", GOAL)
     shown = planned(tab)
