@@ -64,29 +64,6 @@ class _Joints(NamedTuple):
     j4: Floats
 
 
-def natural_arm_error(q: ArrayLike) -> Floats:
-    r"""Compute how far wrist_2 is from where the gripper points down in a natural posture (section 3.4.4).
-
-    .. math::
-
-        \begin{cases}
-        |j_4 + \pi/2| & j_0 \le 0 \text{ and } j_2 \ge 0 \text{ (branch A)} \\
-        |j_4 - \pi/2| & j_0 \ge 0 \text{ and } j_2 \le 0 \text{ (branch B)} \\
-        25 & \text{otherwise}
-        \end{cases}
-
-    Args:
-        q: Postures [rad], shape (..., 6).
-
-    Returns:
-        Error [rad], shape (...).
-
-    Raises:
-        InputError: Wrong shape, or an angle that is not finite.
-    """
-    return posture_errors(q)[0]
-
-
 def pentagon_angles(q: ArrayLike) -> PentagonAngles:
     r"""Compute the angles of the pentagon that the arm makes with the ground (section 3.4.4, figures 3.4-3.7).
 
@@ -118,32 +95,8 @@ def pentagon_angles(q: ArrayLike) -> PentagonAngles:
     return PentagonAngles(alpha, beta, gamma, 2.0 * math.pi - gamma - (math.pi - beta) - alpha)
 
 
-def gripper_angle_error(q: ArrayLike) -> Floats:
-    r"""Compute how far the gripper is from perpendicular to the ground (section 3.4.4).
-
-    .. math::
-
-        |\pi/2 - \delta| = \begin{cases}
-        |j_1 + j_2 + j_3 + \pi/2| & \text{branch A} \\
-        |j_1 + j_2 + j_3 + 3\pi/2| & \text{branch B}
-        \end{cases}
-
-    With wrist_2 at the branch's ∓pi/2 it is the tilt of the tool axis from straight down, plus whole turns.
-
-    Args:
-        q: Postures [rad], shape (..., 6).
-
-    Returns:
-        Error [rad], shape (...).
-
-    Raises:
-        InputError: Wrong shape, or an angle that is not finite.
-    """
-    return posture_errors(q)[1]
-
-
 def posture_errors(q: ArrayLike) -> tuple[Floats, Floats]:
-    """Compute `natural_arm_error` and `gripper_angle_error` in one pass."""
+    """Compute the two parts of `posture_error` [rad], n and |pi/2 - delta|, each of shape (...)."""
     j0, _, j2, _, _ = joints = _joints(q)
     xp = namespace(j0)
     wrist, angle = _errors_on(_on_branch_b(joints, xp), joints, xp)
@@ -161,6 +114,10 @@ def posture_error(q: ArrayLike) -> Floats:
         |j_4 - \pi/2| & j_0 \ge 0 \text{ and } j_2 \le 0 \text{ (branch B)} \\
         25 & \text{otherwise}
         \end{cases}
+
+    The first part is how far wrist_2 is from where the gripper points down in a natural posture. The second is
+    |j1 + j2 + j3 + pi/2| on branch A and |j1 + j2 + j3 + 3 pi/2| on B: with wrist_2 at the branch's ∓pi/2, the tilt of
+    the tool axis from straight down, plus whole turns.
 
     Args:
         q: Postures [rad], shape (..., 6).

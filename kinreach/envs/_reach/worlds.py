@@ -103,17 +103,15 @@ class ReachWorld(Protocol):
         ...
 
     def snapshot(self, ids: Ids | None = None) -> tuple[Any, Any]:
-        """Copy `q` and `tip` of all arms or of some, as tensors if the world has a device."""
+        """Copy postures [rad], shape (k, n), and positions of the tips in the world [m], shape (k, 3), of all or some.
+
+        They are tensors if the world has a device.
+        """
         ...
 
     @property
     def q(self) -> Floats:
         """Postures of all arms [rad], shape (count, n); read-only, valid until the next move or reset."""
-        ...
-
-    @property
-    def tip(self) -> Floats:
-        """Positions of the tips in the world [m], shape (count, 3); as `q`."""
         ...
 
 
@@ -162,16 +160,12 @@ class KinematicWorld:
 
     def snapshot(self, ids: Ids | None = None) -> tuple[Floats, Floats]:
         if ids is None or len(ids) == self.count:
-            return self.q.copy(order="K"), self.tip.copy(order="K")
+            return self.q.copy(order="K"), self._tip.T.copy(order="K")
         return self._q[:, ids].T, self._tip[:, ids].T
 
     @property
     def q(self) -> Floats:
         return self._q.T
-
-    @property
-    def tip(self) -> Floats:
-        return self._tip.T
 
 
 def _executed(moves: Sequence[MoveResult]) -> Executed:
@@ -199,15 +193,11 @@ class SingleDynamicWorld:
         return _executed([self.simulation.move(targets[0], two_phase=two_phase)])
 
     def snapshot(self, ids: Ids | None = None) -> tuple[Floats, Floats]:
-        return self.q, self.tip
+        return self.q, self.simulation.tip_position[None]
 
     @property
     def q(self) -> Floats:
         return self.simulation.q[None]
-
-    @property
-    def tip(self) -> Floats:
-        return self.simulation.tip_position[None]
 
 
 class BatchDynamicWorld:
@@ -258,7 +248,3 @@ class BatchDynamicWorld:
     @property
     def q(self) -> Floats:
         return self._batch.q
-
-    @property
-    def tip(self) -> Floats:
-        return self._batch.tip_positions
