@@ -252,9 +252,9 @@ def add_joint(robot, name, parent, child, *, xyz=(0, 0, 0), rpy):
     return joint
 
 
-def drivers_urdf(name):
+def drivers_urdf(lengths):
     """A UR with the frames of the ROS driver's description: every joint turns about its own z, as in DH."""
-    d1, a2, a3, d4, d5, d6 = UR_LENGTHS[name]
+    d1, a2, a3, d4, d5, d6 = lengths
     right, robot = np.pi / 2, ET.Element("robot", name="mine")
     steps = (
         ((0, 0, d1), (0, 0, 0)),
@@ -282,7 +282,7 @@ def drivers_urdf(name):
 @pytest.mark.parametrize("name", ["ur3e", "ur5", "ur20"])
 def test_the_closed_form_of_a_ur_whatever_its_frames_are(name, tmp_path):
     file = tmp_path / "mine.urdf"
-    file.write_text(drivers_urdf(name))
+    file.write_text(drivers_urdf(UR_LENGTHS[name]))
     kin, nominal = ArmKinematics.from_urdf(file), URKinematics(name)
     assert type(kin) is URKinematics
     assert kin.geometry == nominal.geometry
@@ -293,6 +293,21 @@ def test_the_closed_form_of_a_ur_whatever_its_frames_are(name, tmp_path):
         solutions = kin.all_solutions(pose)
         np.testing.assert_allclose(solutions.q, nominal.all_solutions(pose).q, atol=1e-8)
         assert np.abs(solutions.q - posture).max(axis=1).min() < 1e-8
+
+
+def test_an_arm_with_the_axes_of_a_ur_and_no_offset_is_not_taken_for_one(tmp_path):
+    """With d4 = 0 the wrist may stand on the axis of the base, where the closed form divides by its distance."""
+    d1, a2, a3, _, d5, d6 = UR_LENGTHS["ur5"]
+    file = tmp_path / "mine.urdf"
+    file.write_text(drivers_urdf((d1, a2, a3, 0.0, d5, d6)))
+    with pytest.raises(InputError, match="not the lengths of a UR-type arm"):
+        URKinematics(ArmDescription.from_urdf(file))
+    kin, rng, found = ArmKinematics.from_urdf(file), np.random.default_rng(7), 0
+    assert not isinstance(kin, URKinematics)
+    for q in rng.uniform(-3.0, 3.0, (100, 6)):
+        solutions = kin.all_solutions(kin.fk(q))
+        found += np.abs(solutions.q - q).max(axis=1).min() < 1e-7
+    assert found == 100
 
 
 def out_of_reach(kinematics, count, rng):
