@@ -44,7 +44,7 @@ from benchmarks.learners.thesis_world import (
     thesis_ppo_single_tolerance,
 )
 from benchmarks.learners.variants import (
-    gradient_moving_clear,
+    gradient_moving_down,
     pixels_light,
     ppo_lift_multi_careful,
     ppo_lift_multi_unguided,
@@ -72,7 +72,7 @@ __all__ = [
     "button_report_press",
     "ddpg_multi",
     "ddpg_single",
-    "gradient_moving_clear",
+    "gradient_moving_down",
     "ik_net",
     "pixels_light",
     "ppo_lift_multi_careful",

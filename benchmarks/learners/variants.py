@@ -59,10 +59,10 @@ ppo_moving_delay_08 = _moving_in_world(
 ppo_moving_noise_10 = _moving_in_world(
     "ppo-moving-noise-10", "balls at 0.4 m/s alone that are seen with 10 mm of noise", speeds=(0.4,), noise=0.01
 )
-gradient_moving_clear = register_recipe(
+gradient_moving_down = register_recipe(
     replace(
         get_recipe("gradient-moving"),
-        name="gradient-moving-clear",
+        name="gradient-moving-down",
         summary="As gradient-moving, with the gripper's corners kept above the table and the tool down.",
         settings={**get_recipe("gradient-moving").settings, "feelers": GRIPPER.tolist(), "down": 0.1},
     )

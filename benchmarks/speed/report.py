@@ -98,9 +98,10 @@ def _parts(results: Results, data: str, pictures: Mapping[str, str]) -> Iterator
     yield f"<!-- written by `{results['command']}`; do not edit -->"
     yield (
         "Contenders take turns in every round. A ratio is taken within a round, pair by pair, and its median over the "
-        "rounds is shown. It holds on a busy machine, the times themselves do not. p95 is the time that 95 % of single "
-        "calls stay below. Where whole rounds were timed, the worst of them is shown. A package that did not take part "
-        "is named. Everything runs in one process and on one thread unless a row says otherwise."
+        "rounds is shown. A ratio is steadier than the times on a busy machine, but moves too (2.3 became 3.6). p95 is "
+        "the time that 95 % of single calls stay below. Where whole rounds were timed, the worst of them is shown. A "
+        "package that did not take part is named. Everything runs in one process and on one thread unless a row says "
+        "otherwise."
     )
     if options["quick"]:
         yield "**Measured with `--quick`: small sizes and few rounds. These numbers show that it works, no more.**"

@@ -20,20 +20,29 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from kinreach._checks import STEP_LIMIT, check_known, shown
-from kinreach._registration import LIFT, SPACE
+from kinreach._registration import LIFT, MOVING, SPACE
 from kinreach.baselines._adaptive_ppo import AdaptivePPO, LateCollisionsPPO
 from kinreach.baselines._batch import first_observations
 from kinreach.baselines._descent import AnalyticGradient, MovingGradient, RandomArmGradient
+from kinreach.baselines._episode_gradient import EpisodeGradient
 from kinreach.baselines._looks import Looks, LooksVecEnv
-from kinreach.baselines._networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy
+from kinreach.baselines._networks import (
+    ACTIVATIONS,
+    LookFeatures,
+    ObservationFeatures,
+    PosturePolicy,
+    SteeringFeatures,
+    SteeringPolicy,
+)
 from kinreach.baselines._policy_file import Network
 from kinreach.baselines._ppo2 import PPO2
 from kinreach.baselines._ranked_ppo import AdaptiveRate, Exploration, RankedPPO, TriesVecEnv
 from kinreach.baselines._recipes import Recipe
 from kinreach.baselines._rewards import TrainingReward
-from kinreach.baselines._sb3_export import actor_network
+from kinreach.baselines._sb3_export import actor_network, averaged_actor
+from kinreach.baselines._steering import PLACES as MIN_SIGHTS
 from kinreach.baselines._vec_envs import SB3VecEnv
-from kinreach.envs.inside import ButtonOptions, SpaceTask, button_task, lift_task, reach_task
+from kinreach.envs.inside import ButtonOptions, SpaceTask, button_task, lift_task, moving, reach_task
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 
@@ -129,6 +138,17 @@ def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
 
 def simulator_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     return actor_arguments(recipe, env, planned) | _simulation(env)
+
+
+def episode_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of an actor that steers; `low` and `high` are bounds of its targets [rad]."""
+    if recipe.environment != MOVING or recipe.options.get("sights", 1) < MIN_SIGHTS:
+        raise InputError(f"gradients of whole episodes are for {MOVING} with {MIN_SIGHTS} sights or more")
+    arguments = simulator_arguments(recipe, env, planned)
+    seen = {name: arguments.pop(name) for name in ("low", "high")}
+    seen |= {"sights": recipe.options["sights"], "delay": recipe.options.get("delay", moving.DELAY)}
+    arguments["policy_kwargs"] |= {"features_extractor_class": SteeringFeatures, "features_extractor_kwargs": seen}
+    return {**arguments, "policy": SteeringPolicy}
 
 
 def late_collisions_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
@@ -280,4 +300,5 @@ register_algorithm(Algorithm("LateCollisionsPPO", LateCollisionsPPO, arguments=l
 register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("AnalyticGradient", AnalyticGradient, arguments=analytic_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("MovingGradient", MovingGradient, arguments=simulator_arguments))
+register_algorithm(Algorithm("EpisodeGradient", EpisodeGradient, exporter=averaged_actor, arguments=episode_arguments))
 register_algorithm(Algorithm("RandomArmGradient", RandomArmGradient, arguments=simulator_arguments))

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from kinreach.baselines._eyes import MIDDLE, Eye
 from kinreach.baselines._looks import Looks
+from kinreach.baselines._steering import FEATURES, Steering, sight_fits
 
 #: Activations of hidden layers by the name that recipes and policy files use.
 ACTIVATIONS: Mapping[str, type[nn.Module]] = {
@@ -23,6 +24,10 @@ ACTIVATIONS: Mapping[str, type[nn.Module]] = {
     "elu": nn.ELU,
     "leaky_relu": nn.LeakyReLU,
 }
+
+
+#: Gain of the last layer of a policy that steers, before the training.
+FIRST_GAIN = 0.3
 
 
 class ObservationFeatures(BaseFeaturesExtractor):
@@ -130,3 +135,48 @@ class PosturePolicy(ActorCriticPolicy):
         self.action_net = PostureHead(self.mlp_extractor.latent_dim_pi, **self._head)
         new_optimizer: Any = self.optimizer_class
         self.optimizer = new_optimizer(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
+
+
+class SteeringFeatures(BaseFeaturesExtractor):
+    """Features of a policy that steers an arm to a rolling ball."""
+
+    def __init__(
+        self, space: spaces.Box, *, sights: int, delay: float, low: Sequence[float], high: Sequence[float]
+    ) -> None:
+        super().__init__(space, FEATURES)
+        self.fits: Tensor
+        self.register_buffer("fits", torch.as_tensor(sight_fits(sights, delay), dtype=torch.float32))
+        self._bounds = np.array(low), np.array(high)
+
+    @property
+    def steering(self) -> Steering:
+        return Steering(self.fits, *self._bounds)
+
+    def forward(self, observations: Tensor) -> Tensor:
+        features: Tensor = self.steering.features(observations)
+        return features
+
+    def exported(self) -> Steering:
+        return Steering(self.fits.numpy().astype(np.float64), *self._bounds)
+
+
+class SteeringPolicy(ActorCriticPolicy):
+    """stable-baselines3's policy whose outputs are shares of the motion that joints can make in a frame."""
+
+    features_extractor: SteeringFeatures
+
+    def _build(self, lr_schedule: Any) -> None:
+        super()._build(lr_schedule)
+        last: Any = self.action_net
+        nn.init.orthogonal_(last.weight, FIRST_GAIN)
+
+    def forward(self, obs: Any, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
+        distribution: Any = self.get_distribution(obs)
+        actions = distribution.get_actions(deterministic=deterministic)
+        return actions, self.predict_values(obs), distribution.log_prob(actions)
+
+    def get_distribution(self, obs: Any) -> Any:
+        given = obs.float()
+        hidden = self.mlp_extractor.forward_actor(self.features_extractor(given))
+        mean = self.features_extractor.steering.actions(given, torch.tanh(self.action_net(hidden)))
+        return self.action_dist.proba_distribution(mean, self.log_std)

@@ -21,7 +21,10 @@ from kinreach._engines import load_extra
 from kinreach._files import replacing
 from kinreach.baselines._eyes import MIDDLE, Eye
 from kinreach.baselines._policies import SLACK, LearnedPolicy
-from kinreach.envs.inside import reach_task
+from kinreach.baselines._policy_file import Network
+from kinreach.baselines._steering import AHEAD, FIRST_FRAMES, FORECASTING, PLACES, TINY, WINDOWS, Steering, table_middle
+from kinreach.baselines.random_arms import ur5
+from kinreach.envs.inside import moving, reach_task
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, get_arm
 
@@ -145,6 +148,13 @@ def _from_minus_one_to_one(graph: _Graph, pictures: str, axis: int) -> str:
 
 def _network(graph: _Graph, policy: LearnedPolicy, observation: str) -> str:
     network = policy.network
+    steering = network.steering
+    if steering is None:
+        return _outputs(graph, network, observation)
+    return _steered(graph, steering, observation, _outputs(graph, network, _steering(graph, steering, observation)))
+
+
+def _outputs(graph: _Graph, network: Network, observation: str) -> str:
     first = graph("Slice", observation, [0], [len(network.mean)], [1])
     h = graph("Div", graph("Sub", first, network.mean), network.scale)
     if len(network.waves):
@@ -156,6 +166,86 @@ def _network(graph: _Graph, policy: LearnedPolicy, observation: str) -> str:
         h = graph("Add", graph("MatMul", h, weight.T), bias)
         h = _activated(graph, h, network.activation if index < len(network.layers) - 1 else network.output)
     return graph("Add", graph("Mul", h, network.gain), network.shift)
+
+
+def _columns(graph: _Graph, x: str, first: int, end: int, axis: int = 1) -> str:
+    return graph("Slice", x, [first], [end], [axis])
+
+
+def _steering(graph: _Graph, steering: Steering, x: str) -> str:
+    """Add `Steering.features`."""
+    double, count = graph.onnx.TensorProto.DOUBLE, len(WINDOWS)
+    earlier = graph("Reshape", _columns(graph, x, moving.RATES.stop, steering.inputs), [0, len(steering.fits) - 1, 3])
+    earlier = _columns(graph, earlier, 0, 2, 2)
+    first = _columns(graph, earlier, len(steering.fits) - 2, len(steering.fits) - 1)
+
+    def differing(places: str, others: str | ArrayLike) -> str:
+        each = graph("Cast", graph("Not", graph("Equal", places, others)), to=double)
+        return graph("ReduceSum", graph("ReduceMax", each, [2], keepdims=0), [1], keepdims=0)
+
+    frames = graph("Add", differing(earlier, first), differing(first, 0.0))
+    fits = graph("Gather", steering.fits, graph("Cast", frames, to=graph.onnx.TensorProto.INT64), axis=0)
+    fitted = graph("MatMul", fits, earlier)
+    speed = graph("Squeeze", _columns(graph, fitted, FORECASTING, FORECASTING + 1), [1])
+    clocks = graph("Div", graph("Unsqueeze", frames, [1]), [FIRST_FRAMES, len(steering.fits) - 1.0])
+    q, T = _columns(graph, x, moving.ANGLES.start, moving.ANGLES.stop), _pose(graph, x)
+    tip = graph("Squeeze", _columns(graph, _columns(graph, T, 0, 3), 3, 4, 2), [2])
+    axis = graph("Squeeze", _columns(graph, _columns(graph, T, 0, 3), 2, 3, 2), [2])
+    seen = _columns(graph, x, 0, 2)
+    away = graph("Sub", seen, _columns(graph, tip, 0, 2))
+    squares = graph("ReduceSum", graph("Mul", speed, speed), [1], keepdims=1)
+    groups = (
+        graph("Mul", graph("Flatten", _columns(graph, fitted, 0, count)), 2.0),
+        graph(
+            "Mul", graph("Tanh", graph("Div", graph("Flatten", _columns(graph, fitted, count, 2 * count)), 10.0)), 2.0
+        ),
+        graph("Tanh", graph("Mul", graph("Flatten", _columns(graph, earlier, 0, PLACES - 1)), 10.0)),
+        graph("Mul", graph("Sub", seen, table_middle()), 5.0),
+        graph("Min", clocks, 1.0),
+        graph("Sub", q, ur5().arm.home),
+        graph("Mul", _columns(graph, x, moving.RATES.start, moving.RATES.stop), 0.5),
+        graph("Mul", tip, 3.0),
+        axis,
+        *(graph("Mul", graph("Add", away, graph("Mul", speed, time)), 5.0) for time in AHEAD),
+        graph("Mul", graph("Sqrt", graph("Add", squares, TINY)), 2.0),
+    )
+    return graph("Concat", *groups, axis=1)
+
+
+def _pose(graph: _Graph, x: str) -> str:
+    """Add the pose of the thesis's arm's tip in the world, (batch, 4, 4)."""
+    still, turning, turned = np.diag([0.0, 0.0, 1.0, 1.0]), np.diag([1.0, 1.0, 0.0, 0.0]), np.zeros((4, 4))
+    turned[1, 0], turned[0, 1] = 1.0, -1.0
+    first, *others = ur5().chain.placements
+    T: str | ArrayLike = first
+    for joint, placement in enumerate(others):
+        angle = graph(
+            "Unsqueeze", _columns(graph, x, moving.ANGLES.start + joint, moving.ANGLES.start + joint + 1), [2]
+        )
+        cosine, sine = graph("Sin", graph("Add", angle, np.pi / 2.0)), graph("Sin", angle)
+        turn = graph("Add", graph("Add", graph("Mul", cosine, turning), graph("Mul", sine, turned)), still)
+        T = graph("MatMul", graph("MatMul", T, turn), placement)
+    return str(T)
+
+
+def _steered(graph: _Graph, steering: Steering, x: str, share: str) -> str:
+    """Add `Steering.actions`."""
+    arm: Any = ur5().arm
+    speed, acceleration, frame = arm.speed_limit, arm.acceleration_limit, 1.0 / moving.FRAMES
+    q = _columns(graph, x, moving.ANGLES.start, moving.ANGLES.stop)
+    v = _columns(graph, x, moving.RATES.start, moving.RATES.stop)
+    ends = []
+    for side in (-1.0, 1.0):
+        end = graph("Min", graph("Max", graph("Add", v, side * acceleration * frame), -speed), speed)
+        ramp = graph("Div", graph("Abs", graph("Sub", end, v)), acceleration)
+        during = graph("Mul", graph("Div", graph("Add", v, end), 2.0), ramp)
+        after = graph("Mul", end, graph("Sub", frame, ramp))
+        braked = graph("Mul", end, graph("Add", graph("Abs", end), acceleration * frame / moving.PARTS))
+        beyond = graph("Add", graph("Mul", braked, moving.BEYOND_STOP / (2.0 * acceleration)), moving.LEAST_WAY * side)
+        ends.append(graph("Add", graph("Add", q, graph("Add", during, after)), beyond))
+    part = graph("Div", graph("Add", share, 1.0), 2.0)
+    target = graph("Add", ends[0], graph("Mul", graph("Sub", ends[1], ends[0]), part))
+    return graph("Div", graph("Min", graph("Max", target, steering.low), steering.high), np.pi)
 
 
 def _activated(graph: _Graph, x: str, activation: str) -> str:

@@ -153,7 +153,7 @@ class LearnedPolicy:
     @property
     def inputs(self) -> int:
         """Least number of entries of an observation."""
-        return max(len(self.network.mean), len(self.network.gain) + 1 if self.stepwise else 0)
+        return max(self.network.inputs, len(self.network.gain) + 1 if self.stepwise else 0)
 
     def accepts(self, count: int) -> bool:
         """Return whether an observation may have `count` numbers."""

@@ -3,7 +3,8 @@
 A policy file is a safetensors file without code. Its header's `kinreach` entry is a JSON object with the fields
 of `PolicyCard`; its tensors are `mean`, `scale`, `waves`, `gain`, `shift`, then `layer0.weight`, `layer0.bias`,
 `layer1.weight` ..., `low` and `high` if actions are not in [-1, 1], and for each camera of a policy that sees
-`eye0.layer0.weight`, `eye0.layer0.bias` ..., `eye0.strides` and `eye0.sharpness`.
+`eye0.layer0.weight`, `eye0.layer0.bias` ..., `eye0.strides` and `eye0.sharpness`. One that steers to a rolling ball
+has `steering.fits`, `steering.low` and `steering.high`.
 """
 
 from __future__ import annotations
@@ -22,12 +23,16 @@ from safetensors.numpy import save as to_bytes
 from kinreach._checks import STEP_LIMIT, check_path
 from kinreach._files import open_input, replacing
 from kinreach.baselines._eyes import Eye, picture_names
+from kinreach.baselines._steering import FEATURES, PLACES, WINDOWS, Steering
+from kinreach.envs.inside import moving
 from kinreach.errors import InputError
 
 Array = NDArray[Any]
 
 #: The policy in the folder of a run.
 POLICY_FILE = "policy.safetensors"
+#: Tensors of a policy that steers.
+STEERING = ("fits", "low", "high")
 #: Names that options of environments had in the cards of version 0.3.
 RENAMED: Mapping[str, str] = {"max_steps": STEP_LIMIT}
 
@@ -54,7 +59,7 @@ class Network:
 
     With eyes, x has their outputs for the cameras' pictures, one after the other. With z = (x - mean) / scale
     over the first observations, the features are z, then sin(w z) and cos(w z), in both the waves of one observation
-    side by side.
+    side by side. With a steering, x has its features of an observation, and y its actions from these outputs.
 
     Attributes:
         mean, scale: Constants of the normalisation, shape (n,); only the first n observations are used.
@@ -65,6 +70,7 @@ class Network:
         gain, shift: Shape (m,).
         low, high: Bounds of an action, shape (m,); None for -1 and 1.
         eyes: One for each camera, by name; none where observations are vectors.
+        steering: Of a policy for a rolling ball whose outputs are shares of the possible motion; else None.
     """
 
     mean: Array
@@ -78,11 +84,24 @@ class Network:
     low: Array | None = None
     high: Array | None = None
     eyes: Sequence[Eye] = ()
+    steering: Steering | None = None
+
+    @property
+    def inputs(self) -> int:
+        """Numbers of an observation, or of what the eyes see."""
+        return len(self.mean) if self.steering is None else self.steering.inputs
 
     def __call__(self, x: Any) -> Array:
         """Return outputs, shape (..., m), for observations, shape (..., n or more), or dictionaries with pictures."""
         if self.eyes:
             x = np.concatenate([eye(x[key]) for eye, key in zip(self.eyes, picture_names(x), strict=True)], axis=-1)
+        if self.steering is None:
+            return self._outputs(x)
+        rows = x.reshape(-1, x.shape[-1])
+        actions = self.steering.actions(rows, self._outputs(self.steering.features(rows)))
+        return np.asarray(actions.reshape(*x.shape[:-1], -1))
+
+    def _outputs(self, x: Array) -> Array:
         h = (x[..., : len(self.mean)] - self.mean) / self.scale
         if len(self.waves):
             angles = (h[..., :, None] * self.waves).reshape(*h.shape[:-1], -1)
@@ -147,6 +166,8 @@ def save_policy(path: str | Path, card: PolicyCard, network: Network) -> None:
         tensors |= {f"eye{number}.strides": np.array(eye.strides, float), f"eye{number}.sharpness": eye.sharpness}
         for index, (weight, bias) in enumerate(eye.layers):
             tensors |= {f"eye{number}.layer{index}.weight": weight, f"eye{number}.layer{index}.bias": bias}
+    if network.steering is not None:
+        tensors |= {f"steering.{name}": getattr(network.steering, name) for name in STEERING}
     tensors = {name: np.ascontiguousarray(value) for name, value in tensors.items()}
     header = {"kinreach": json.dumps({"format": FORMAT, **asdict(card)}, allow_nan=False, sort_keys=True)}
     data = to_bytes(tensors, metadata=header)
@@ -210,7 +231,8 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
         if value.dtype not in (np.float32, np.float64) or not np.isfinite(value).all():
             raise InputError(f"{name} must be finite floating-point numbers")
     eyes = [_eye(tensors, f"eye{number}.") for number in range(sum(name.endswith(".strides") for name in tensors))]
-    tensors = {name: value for name, value in tensors.items() if not name.startswith("eye")}
+    steering = _steering({name: value for name, value in tensors.items() if name.startswith("steering.")})
+    tensors = {name: value for name, value in tensors.items() if not name.startswith(("eye", "steering."))}
     count = sum(name.endswith(".weight") for name in tensors)
     names = {f"layer{i}.{part}" for i in range(count) for part in ("weight", "bias")}
     expected = {"mean", "scale", "waves", "gain", "shift"} | names | ({"low", "high"} & set(tensors))
@@ -219,8 +241,11 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
     doubles = {name: value.astype(np.float64) for name, value in tensors.items()}
     layers = [(doubles[f"layer{i}.weight"], doubles[f"layer{i}.bias"]) for i in range(count)]
     mean, scale, waves, gain, shift = (doubles[name] for name in ("mean", "scale", "waves", "gain", "shift"))
+    low, high = doubles.get("low"), doubles.get("high")
     if eyes and mean.size != sum(eye.places for eye in eyes):
         raise InputError(f"mean must have a number for each output of the eyes, got {mean.size}")
+    if steering is not None and (mean.size, gain.size, low is None) != (FEATURES, moving.JOINTS, True):
+        raise InputError(f"a steering has {FEATURES} features and {moving.JOINTS} outputs, and bounds of its own")
     width = mean.size * (1 + 2 * waves.size)
     for index, (weight, bias) in enumerate(layers):
         if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
@@ -230,12 +255,25 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
         raise InputError("mean, scale, waves, gain and shift must have one dimension, mean and scale the same length")
     if gain.shape != (width,) or shift.shape != (width,) or not (scale > 0).all():
         raise InputError(f"gain and shift must have {width} numbers, scale must be positive")
-    low, high = doubles.get("low"), doubles.get("high")
     if (low is None) != (high is None):
         raise InputError("low and high must both be there, or neither")
     if low is not None and high is not None and not (low.shape == high.shape == (width,) and (low < high).all()):
         raise InputError(f"low and high must have {width} numbers, low below high")
-    return Network(mean, scale, waves, layers, card.activation, card.output, gain, shift, low, high, eyes)
+    return Network(mean, scale, waves, layers, card.activation, card.output, gain, shift, low, high, eyes, steering)
+
+
+def _steering(tensors: Mapping[str, np.ndarray[Any, Any]]) -> Steering | None:
+    if not tensors:
+        return None
+    if set(tensors) != {f"steering.{name}" for name in STEERING}:
+        raise InputError(f"the tensors of steering.* must be {', '.join(STEERING)}, got {sorted(tensors)}")
+    fits, low, high = (tensors[f"steering.{name}"].astype(np.float64) for name in STEERING)
+    sights = len(fits) if fits.ndim else 0
+    if fits.shape != (sights, 2 * len(WINDOWS), sights - 1) or sights < PLACES:
+        raise InputError(f"steering.fits must be of {PLACES} sights or more, got shape {fits.shape}")
+    if not low.shape == high.shape == (moving.JOINTS,) or not (low < high).all():
+        raise InputError(f"steering.low and steering.high must have {moving.JOINTS} numbers, low below high")
+    return Steering(fits, low, high)
 
 
 def _eye(tensors: Mapping[str, np.ndarray[Any, Any]], prefix: str) -> Eye:

@@ -20,7 +20,7 @@ from stable_baselines3.common.torch_layers import FlattenExtractor
 
 from kinreach._checks import check_path, shown
 from kinreach._files import make_writable
-from kinreach.baselines._networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PostureHead
+from kinreach.baselines._networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PostureHead, SteeringFeatures
 from kinreach.baselines._policies import LearnedPolicy
 from kinreach.baselines._policy_file import Network, PolicyCard, save_policy
 from kinreach.errors import InputError
@@ -88,9 +88,14 @@ def export_policy(
     return LearnedPolicy(card, network)
 
 
-def actor_network(model: BaseAlgorithm) -> Network:
+def averaged_actor(model: BaseAlgorithm) -> Network:
+    """Return the actor with the weights that an algorithm has averaged over its updates."""
+    return actor_network(model, model.average)  # type: ignore[attr-defined]
+
+
+def actor_network(model: BaseAlgorithm, policy: Any = None) -> Network:
     """Return the deterministic actor of a stable-baselines3 model with `MlpPolicy`, of DQN its Q-network."""
-    policy: Any = model.policy
+    policy = model.policy if policy is None else policy
     names = {kind: name for name, kind in ACTIVATIONS.items()}
     if getattr(policy, "activation_fn", None) not in names:
         known = ", ".join(kind.__name__ for kind in names)
@@ -111,6 +116,8 @@ def actor_network(model: BaseAlgorithm) -> Network:
         network = replace(network, **constants)
     elif isinstance(features, LookFeatures):
         network = replace(network, eyes=[eye.exported() for eye in features.eyes])
+    elif isinstance(features, SteeringFeatures):
+        network = replace(network, output="tanh", steering=features.exported())
     elif type(features) is not FlattenExtractor:
         raise InputError(f"the features extractor {type(features).__name__} cannot be exported")
     if isinstance(owner, PostureHead):

@@ -16,6 +16,7 @@ from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import origin
 from kinreach.compare._methods.interception import FirstSight, Interception, LastSight
 from kinreach.compare._methods.resolve import policy_method
+from kinreach.compare._methods.scenarios import Scenarios
 from kinreach.compare._task import CONTROLLER, Method, Replay, Task, of_reached, resets_in_turn
 from kinreach.envs.inside import moving as ball
 from kinreach.kinematics import ArmKinematics
@@ -25,8 +26,8 @@ from kinreach.robots import THESIS_ARM
 
 #: Title of the second table.
 TIME_TABLE = "Distances and times"
-#: Sights that are observed: as many as the policies were trained with.
-SIGHTS = 6
+#: Sights that are observed: as many as any policy was trained with.
+SIGHTS = 20
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
@@ -127,6 +128,7 @@ MOVING_TASK = Task(
         "first-sight": Method(FirstSight, CONTROLLER),
         "last-sight": Method(LastSight, CONTROLLER),
         "interception": Method(Interception, CONTROLLER),
+        "scenarios": Method(Scenarios, CONTROLLER),
         "gradient-moving": policy_method("gradient-moving", MOVING),
         "ppo": policy_method("ppo-moving", MOVING),
         "ppo-moving-clear": policy_method("ppo-moving-clear", MOVING),

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_DISTANCE, Floats, check_count, check_flag, check_known, check_number
 from kinreach._registration import MAX_EPISODE_STEPS, MOVING
+from kinreach._tensors import namespace
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome
 from kinreach.envs._options import EnvOptions, about, check_box_actions, option_values, with_options
 from kinreach.envs._single import SingleEnv
@@ -43,6 +44,9 @@ BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
 JOINTS = 6
 #: Terms of the reward.
 TERMS = ("distance", "touch", "collision")
+#: Targets of the greatest motion in a frame are a little beyond where a joint stops after it, so that it does not brake
+#: before: by this factor of the way, and this angle [rad].
+BEYOND_STOP, LEAST_WAY = 1.02, 1e-4
 #: The first joint turns a tip at the far end of the table no faster [m/s].
 MAX_SPEED = 2.0
 
@@ -189,6 +193,9 @@ class MovingEpisodes(Episodes):
         checker: The verdict on collisions, with the option `margin`.
         frames: Frames so far, shape (count,).
         q, v: Joint angles [rad] and speeds [rad/s], shape (count, 6).
+        area: Least and greatest place of a ball on the table [m], each shape (2,).
+        taken: Part of a frame in which the sight of each frame was taken, shape (FRAMES * SECONDS + 1,).
+        noise: Standard deviation of a coordinate of a sight [m].
         rolls: Where the balls are at each part of a frame [m], shape (count, PARTS * FRAMES * SECONDS + 1, 3).
     """
 
@@ -206,12 +213,12 @@ class MovingEpisodes(Episodes):
             arm.acceleration_limit,
         )
         region: Any = arm.workcell.goals
-        self._low, self._high = np.array([region.x, region.y]).T
+        self.area: tuple[Floats, Floats] = tuple(np.array([region.x, region.y]).T)
         self.height = region.z[0]
         self.noise = options.noise / MEDIAN_LENGTH
         frames = round(SECONDS * FRAMES)
         self._times = np.arange(frames * PARTS + 1) / (FRAMES * PARTS)
-        self._taken = np.maximum(np.arange(frames + 1) * PARTS - round(options.delay * FRAMES * PARTS), 0)
+        self.taken = np.maximum(np.arange(frames + 1) * PARTS - round(options.delay * FRAMES * PARTS), 0)
         self._rngs = [np.random.default_rng() for _ in range(count)]
         self.rolls = np.empty((count, len(self._times), 3))
         self._sights = np.empty((count, frames + 1, 3))
@@ -239,12 +246,12 @@ class MovingEpisodes(Episodes):
             speed, path = rng.choice(self.options.speeds), str(rng.choice(list(self.options.paths)))
             speed = float(speed if start.speeds is None else start.speeds[row])
             path = path if start.paths is None else str(start.paths[row])
-            places = PATHS[path](rng, speed, self._times, self._low + INSIDE, self._high - INSIDE)
-            away = np.flatnonzero(((places < self._low) | (places > self._high)).any(axis=1))
+            places = PATHS[path](rng, speed, self._times, self.area[0] + INSIDE, self.area[1] - INSIDE)
+            away = np.flatnonzero(((places < self.area[0]) | (places > self.area[1])).any(axis=1))
             end = int(away[0]) if len(away) else len(places) - 1
             self.rolls[index, :, :2], self.rolls[index, :, 2] = places, self.height
             noise = rng.normal(0.0, self.noise, self._sights.shape[1:])
-            self._sights[index] = self.rolls[index, np.minimum(self._taken, end)] + noise
+            self._sights[index] = self.rolls[index, np.minimum(self.taken, end)] + noise
             self._ends[index], self._speeds[index], self._paths[index] = end, speed, path
         self.frames[ids], self.q[ids], self.v[ids], self._nearest[ids] = 0, self.home, 0.0, np.inf
         self._reasons[ids] = ""
@@ -300,7 +307,7 @@ class MovingEpisodes(Episodes):
         """Return the observations of all environments."""
         everyone, frames = np.arange(len(self.frames)), self.frames
         seen = self._sights[everyone, frames]
-        age = (frames * PARTS - self._taken[frames]) / (FRAMES * PARTS)
+        age = (frames * PARTS - self.taken[frames]) / (FRAMES * PARTS)
         before = np.maximum(frames[:, None] - np.arange(1, self.options.sights), 0)
         moved_by = self._sights[everyone[:, None], before] - seen[:, None]
         return np.concatenate([seen, age[:, None], self.q, self.v, moved_by.reshape(len(seen), -1)], axis=1)
@@ -420,10 +427,10 @@ class MovingVectorEnv(NativeVectorEnv):
     episodes_class = MovingEpisodes
 
 
-def moved(
-    q: Floats, v: Floats, target: Floats, dt: float, *, speed: float | Floats, acceleration: float | Floats
-) -> tuple[Floats, Floats]:
+def moved(q: Any, v: Any, target: Any, dt: float, *, speed: Any, acceleration: Any) -> tuple[Any, Any]:
     """Return angles and speeds after a short time on the way to a target, at which each joint can still stop.
+
+    Arrays, or tensors of torch, through which gradients go.
 
     Args:
         q: Angles now [rad].
@@ -433,13 +440,36 @@ def moved(
         speed: Limit [rad/s], or one for each angle.
         acceleration: Limit [rad/s^2], or one for each angle.
     """
-    way = target - q
+    xp, way = namespace(q), target - q
     # the largest speed from which it stops at the target, braking from the next moment on
     brake = acceleration * dt
-    wanted = np.sign(way) * np.minimum(speed, np.sqrt(brake**2 / 4 + 2.0 * acceleration * np.abs(way)) - brake / 2)
-    wanted = np.where(np.abs(way) < 0.5 * brake * dt, way / dt, wanted)
-    v = v + np.clip(wanted - v, -brake, brake)
+    fastest = xp.clip(xp.sqrt(brake**2 / 4 + 2.0 * acceleration * xp.abs(way)) - brake / 2, None, speed)
+    wanted = xp.where(xp.abs(way) < 0.5 * brake * dt, way / dt, xp.sign(way) * fastest)
+    v = v + xp.clip(wanted - v, -brake, brake)
     return q + dt * v, v
+
+
+def steered(q: Any, v: Any, share: Any, *, speed: float, acceleration: float) -> Any:
+    """Return the targets at which joints move by a share of what they can in the next frame.
+
+    With -1 a joint accelerates downwards all the frame, with 1 upwards; in between the target is. Arrays or tensors.
+
+    Args:
+        q: Angles now [rad], shape (..., n).
+        v: Speeds now [rad/s], likewise.
+        share: From -1 to 1, likewise.
+        speed: Limit [rad/s].
+        acceleration: Limit [rad/s^2].
+    """
+    frame, brake = 1.0 / FRAMES, acceleration / (FRAMES * PARTS)
+    xp, ends = namespace(v), []
+    for side in (-1.0, 1.0):
+        end = xp.clip(v + side * acceleration * frame, -speed, speed)
+        ramp = xp.abs(end - v) / acceleration
+        there = q + (v + end) / 2.0 * ramp + end * (frame - ramp)
+        stop = end * (xp.abs(end) + brake) / (2.0 * acceleration)
+        ends.append(there + BEYOND_STOP * stop + LEAST_WAY * side)
+    return ends[0] + (ends[1] - ends[0]) * (share + 1.0) / 2.0
 
 
 def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> Floats:

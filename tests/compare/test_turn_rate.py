@@ -95,7 +95,7 @@ def test_a_ball_rolls_straight_on_unless_its_sights_are_of_a_turn(rate, straight
                 0.4 * t * np.array([np.sinc(heading / math.pi), math.sin(heading / 2) * np.sinc(heading / math.tau)])
             )
             fit.see(float(t), place + rng.normal(0.0, 2e-3, 2))
-        found.append(fit._fit()[2])
+        found.append(fit.local()[2])
     assert abs(sum(one == 0.0 for one in found) - straight) <= 3
     np.testing.assert_allclose(np.median(found), rate, atol=0.3)
 

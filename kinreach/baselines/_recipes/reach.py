@@ -168,6 +168,33 @@ _MOVING_GRADIENT = Recipe(
     window=40_960,
 )
 
+_MOVING_CLEAR = Recipe(
+    name="gradient-moving-clear",
+    summary="A rolling ball: analytic gradient of whole episodes, without collisions; a share of the possible motion.",
+    environment=MOVING,
+    options={"sights": 20},
+    algorithm="EpisodeGradient",
+    # each update plays 256 episodes of its own; the actions are those of the learning curve
+    steps=64_000,
+    num_envs=16,
+    networks=Networks(hidden=(128, 128), activation="silu"),
+    settings={
+        "balls": 256,
+        "n_steps": 1,
+        "batch_size": 16,
+        "gamma": 0.0,
+        "max_grad_norm": 1.0,
+        "exploration": _DESCENT["exploration"],
+        "adaptive": {"first": 2e-3, "target_kl": 1.0, "decay": 1.0},
+        "adam": {"betas": (0.9, 0.98)},
+        # the elbow and both wrists stay away from where links meet
+        "low": [-math.pi, -math.pi, -2.9, -2.95, -0.5 * math.pi - 1.0, -math.pi],
+        "high": [math.pi, math.pi, 2.9, 0.0, -0.5 * math.pi + 1.0, math.pi],
+    },
+    segments=40,
+    window=6400,
+)
+
 _PPO_MOVING = replace(
     _MOVING_GRADIENT,
     name="ppo-moving",
@@ -180,6 +207,7 @@ _PPO_MOVING = replace(
 
 REACH_RECIPES = (
     _MOVING_GRADIENT,
+    _MOVING_CLEAR,
     _PPO_MOVING,
     replace(
         _PPO_MOVING,

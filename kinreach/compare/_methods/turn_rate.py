@@ -90,15 +90,41 @@ class TurnRateFit:
 
     def forecast(self, ahead: Floats) -> Floats:
         """Return where the ball will be [m], shape (n, 2), at times after the last sight [s], shape (n,)."""
-        p0, v0, rate = self._fit()
+        p0, v0, rate, _ = self.local()
         z = p0 + v0 * _arc(rate, ahead)
         return np.column_stack([z.real, z.imag])
 
-    def _fit(self) -> tuple[complex, complex, float]:
-        """Return place and velocity at the last sight, as complex numbers, and the turn rate."""
+    @property
+    def seen(self) -> int:
+        """Number of sights."""
+        return len(self._places)
+
+    @property
+    def last_time(self) -> float:
+        """When the last sight was taken, after the first [s]."""
+        times = self._times()
+        return float(times[-1] - times[0])
+
+    def of_all(self, rates: Floats) -> tuple[Any, Any, Floats]:
+        """Return place and velocity at the last sight, as complex numbers, if all sights are of one turn.
+
+        And the squared misses in units of the noise; for turn rates [rad/s], each shape (n,).
+        """
+        times, last = self._times(), self._places[-1]
+        p0, v0, misses, _ = self._solve(rates, times[::-1] - times[-1], np.array(self._places[::-1]) - last)
+        return last + p0[:, -1], v0[:, -1], misses[:, -1]
+
+    def acceleration_error(self, window: int) -> float:
+        """Return the standard deviation of an acceleration that is fitted to so many last sights [m/s^2]."""
+        t = self._times()[-max(window, 3) :] - self._times()[-1]
+        A = np.column_stack([np.ones_like(t), t, t**2 / 2.0])
+        return self._noise * math.sqrt(np.linalg.pinv(A.T @ A)[2, 2])
+
+    def local(self) -> tuple[complex, complex, float, int]:
+        """Return place and velocity at the last sight, as complex numbers, the turn rate, and the sights it is of."""
         last = self._places[-1]
         if not self.moving:
-            return last, 0j, 0.0
+            return last, 0j, 0.0, len(self._places)
         times = self._times()
         t, z = times[::-1] - times[-1], np.array(self._places[::-1]) - last
         *_, misses, costs = self._solve(RATES, t, z)
@@ -107,14 +133,14 @@ class TurnRateFit:
             before, self._noise = self._noise, max(MIN_NOISE, math.sqrt(np.median(self._squares) / MEDIAN_SQUARE))
             costs += misses * ((before / self._noise) ** 2 - 1.0)
         _, speeds, straight, _ = self._solve(np.zeros(1), t, z)
-        best, least = (last, 0j, 0.0), int((t > -1e-3).sum()) + 1
+        best, least = (last, 0j, 0.0, 0), int((t > -1e-3).sum()) + 1
         for count in sorted({min(max(window, least), len(t)) for window in (least, *WINDOWS, len(t))}):
             rate = self._rate(costs[:, count - 1], straight[0, count - 1], abs(speeds[0, count - 1]))
             p0, v0, misses, _ = (values[0, -1] for values in self._solve(np.array([rate]), t[:count], z[:count]))
             freedom = max(2 * count - 5, 1)
             if best[1] and misses > freedom + 4.0 * math.sqrt(2.0 * freedom):
                 break
-            best = (last + p0, v0, float(rate))
+            best = (last + p0, v0, float(rate), count)
         return best
 
     @staticmethod

@@ -1,0 +1,138 @@
+"""When must an arm learn to reach? Balls touched against how late the arm knows where the ball goes.
+
+    python -m benchmarks.studies.commitment                                # models and PPO
+    python -m benchmarks.studies.commitment --trainings results/train/gradient-moving-clear    # and a learner
+
+A world has a delay of the sights, a speed of the ball and a strength of the arm. Its place on the axis is the time that
+the arm needs to make up for what the ball rolls unseen, over the time that the ball is above the table: at 0 the arm
+may wait until it knows, at 1 it must move before. Balls come from one seed, a third of each kind of path, the same for
+all methods. Finished cells are kept in `--out`: an interrupted study goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.studies.moving_ball import RULES, make_world
+from benchmarks.studies.parts import kept
+from benchmarks.studies.tables import head, line
+from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
+from kinreach._checks import check_count
+from kinreach._files import make_writable, replacing
+from kinreach.baselines import load_policy
+from kinreach.baselines._loop import as_policy, rollout
+from kinreach.cli import Parser, finish
+from kinreach.compare._methods.scenarios import ActFirst
+from kinreach.compare._task import get_task
+from kinreach.envs.moving import travel_times
+from kinreach.plots._style import new_figure
+from kinreach.robots import THESIS_ARM, get_arm
+
+PROG = "python -m benchmarks.studies.commitment"
+#: Delays [s], speeds [m/s] and strengths of the arm.
+DELAYS, SPEEDS, STRENGTHS = (0.05, 0.1, 0.2), (0.4, 0.8, 1.2), (1.0, 0.7)
+#: Methods of the task, and with trainings the network alone and before the planner.
+METHODS, NETWORK, FIRST = ("interception", "scenarios", "ppo"), "network", "network, then interception"
+#: Seed of the balls, which nothing was chosen with.
+SEED = 5252
+
+
+def lateness(delay: float, speed: float, strength: float = 1.0) -> float:
+    """Return the place of a world on the axis.
+
+    The arm turns its first joint, from rest to rest, by what a ball in the middle of the area rolls in the delay [s] at
+    a speed [m/s]; the ball rolls over the shorter side of the area.
+    """
+    arm = get_arm(THESIS_ARM)
+    area: Any = arm.workcell.goals
+    angle = delay * speed / (sum(area.x) / 2.0)
+    limits = {"speed": strength * arm.speed_limit, "acceleration": strength * arm.acceleration_limit}
+    needed = travel_times(np.zeros((1, 1)), np.zeros((1, 1)), np.full((1, 1), angle), **limits)
+    return float(needed[0, 0]) * speed / (area.x[1] - area.x[0])
+
+
+def touched(method: str, file: str, world: Mapping[str, Any], *, balls: int, seed: int, out: Path) -> list[bool]:
+    """Return which balls a method touches, or a policy's file alone or before the planner."""
+
+    def played() -> list[bool]:
+        task, env = get_task("moving"), make_world(world)
+        policy: Any
+        if method == FIRST:
+            policy = ActFirst(env, load_policy(file))
+        else:
+            policy = load_policy(file) if method == NETWORK else task.methods[method].make(env)
+        return [bool(trial["reached"]) for trial in rollout(env, as_policy(policy), task.resets(balls, seed, env))]
+
+    return kept(out, {"method": method, "file": file, **world, "balls": balls, "seed": seed}, played)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print a Markdown table."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe for rolling balls")
+    parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: three)")
+    parser.add_argument("--delays", type=float, nargs="+", default=DELAYS, help="[s] (default: three)")
+    parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS, help="[m/s] (default: three)")
+    parser.add_argument("--strengths", type=float, nargs="+", default=STRENGTHS, help="of the arm (default: two)")
+    parser.add_argument("--rule", choices=RULES, default="ignored", help="on collisions (default: %(default)s)")
+    parser.add_argument("--balls", type=int, default=96, help="in each cell (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=SEED, help="of the balls (default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("results/commitment"), help="where finished cells are kept")
+    parser.add_argument("--figure", type=Path, help="where the shares are drawn against the axis")
+    arguments = parser.parse_args(argv)
+    balls = check_count("--balls", arguments.balls)
+    seed = check_count("--seed", arguments.seed, least=0)
+    make_writable(arguments.out)
+    files = {name: [""] for name in arguments.methods or METHODS}
+    if arguments.trainings:
+        found = [str(file) for file in sorted(arguments.trainings.glob(f"seed-*/{POLICY}"))]
+        files |= {name: found for name in (NETWORK, FIRST) if found}
+    worlds = sorted(
+        (lateness(delay, speed, strength), delay, speed, strength)
+        for delay in arguments.delays
+        for speed in arguments.speeds
+        for strength in arguments.strengths
+    )
+    print(head("axis", "delay, ms", "speed, m/s", "strength", *(f"`{name}`" for name in files)))
+    cells: dict[str, list[np.ndarray]] = {name: [] for name in files}
+    for axis, delay, speed, strength in worlds:
+        world = {"delay": delay, "speeds": (speed,), "strength": strength, **RULES[arguments.rule]}
+        for name, own in files.items():
+            rows = [touched(name, file, world, balls=balls, seed=seed, out=arguments.out) for file in own]
+            cells[name].append(np.array(rows))
+        shares = (with_interval(cells[name][-1], unit=100, decimals=1) for name in files)
+        print(line(f"{axis:.2f}", f"{1e3 * delay:g}", f"{speed:g}", f"{strength:g}", *shares), flush=True)
+    if arguments.figure is not None:
+        draw(cells, [world[0] for world in worlds], arguments.figure)
+    return 0
+
+
+def draw(cells: Mapping[str, list[np.ndarray]], places: list[float], file: Path) -> None:
+    """Draw the share of touched balls against the axis, with intervals over trainings and balls."""
+    first = next(iter(cells.values()))[0]
+    figure, (axes,) = new_figure(
+        "Balls touched, by how late the arm knows", size=(7.0, 4.2),
+        note=f"{first.shape[1]} balls a world · bars: 95 % intervals over trainings and balls",
+    )  # fmt: skip
+    for index, (name, worlds) in enumerate(cells.items()):
+        shares = np.array([100.0 * world.mean() for world in worlds])
+        bounds = 100.0 * np.array([trainings_interval(world) for world in worlds]).T
+        shift = 0.004 * max(places) * (index - len(cells) / 2.0)
+        errors = np.maximum(np.abs(bounds - shares), 0.0)
+        axes.errorbar(np.array(places) + shift, shares, yerr=errors, fmt="o-", ms=4, lw=1.2, label=name)
+    axes.set_ylim(0.0, 102.0)
+    axes.set_xlim(0.0, 1.05 * max(places))
+    axes.set_xlabel("time to make up for what is unseen / time of the ball above the table")
+    axes.set_ylabel("balls touched [%]")
+    axes.legend(frameon=False)
+    with replacing(file) as temporary:
+        figure.savefig(temporary, format="png")
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))

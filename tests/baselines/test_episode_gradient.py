@@ -1,0 +1,135 @@
+"""The gradient of whole episodes: they are those of the environment, and what is made small becomes smaller."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+import torch
+
+from kinreach.baselines import get_recipe, train
+from kinreach.baselines._episode_gradient import Balls, drawn_balls
+from kinreach.baselines._models import build
+from kinreach.baselines._sb3_export import averaged_actor
+from kinreach.envs import moving
+from kinreach.errors import InputError
+
+RECIPE = get_recipe("gradient-moving-clear")
+SMALL = replace(RECIPE, num_envs=4, window=40, segments=2, settings={**RECIPE.settings, "balls": 12, "batch_size": 4})
+
+
+@pytest.fixture(scope="module")
+def trainee():
+    built = build(SMALL, 0, steps=400)
+    yield built
+    built.env.close()
+
+
+def test_balls_are_those_of_the_environment(trainee):
+    """Of every kind, over the table from the beginning, each with its mirror image, gone when they leave the table."""
+    world, rng = trainee.model.world, np.random.default_rng(3)
+    balls = drawn_balls(world, rng, 60, 30)
+    low, high = world.area
+    assert balls.rolls.shape == (60, 30 * moving.PARTS + 1, 2)
+    np.testing.assert_allclose(balls.rolls[30:, :, 0], balls.rolls[:30, :, 0])
+    np.testing.assert_allclose(balls.rolls[30:, :, 1], -balls.rolls[:30, :, 1])
+    left = 0
+    for roll, end in zip(balls.rolls, balls.ends, strict=True):
+        inside = ((roll >= low) & (roll <= high)).all(axis=1)
+        assert inside[:end].all()
+        left += int(end < len(roll) - 1)
+        assert end == len(roll) - 1 or not inside[end]
+    assert 10 < left < 60
+
+
+def test_an_episode_is_that_of_the_environment(trainee, monkeypatch):
+    """By the exported actor in `kinreach/Moving-v0` with the same balls and sights: the tip goes the same way."""
+    model, rng, count = trainee.model, np.random.default_rng(0), 12
+    balls = drawn_balls(model.world, rng, count, 30)
+    played = {}
+    monkeypatch.setattr(model, "_loss", lambda tips, *others: played.setdefault("tips", tips).sum())
+    model.episodes(balls, np.random.default_rng(5))
+    options = replace(model.world.options, collisions=False)
+    world, actor = moving.MovingEpisodes(options, count), averaged_actor(model)
+    world.begin(np.arange(count))
+    world.rolls[:, : balls.rolls.shape[1], :2] = balls.rolls
+    taken = np.minimum(world.taken[:31], balls.ends[:, None])
+    sights = np.concatenate([balls.rolls[np.arange(count)[:, None], taken], np.full((count, 31, 1), world.height)], 2)
+    world._sights[:, :31] = sights + np.random.default_rng(5).normal(0.0, world.noise, sights.shape)
+    for frame in range(30):
+        world.step(np.clip(actor(world.observe()), -1.0, 1.0))
+        tip = world.chain.positions(world.q)
+        found = played["tips"][:, (frame + 1) * moving.PARTS - 1].detach().numpy()
+        np.testing.assert_allclose(found, tip, atol=1e-3)
+    assert np.abs(world.q - world.home).max() > 0.05
+
+
+def test_touching_and_staying_clear_cost_less(trainee):
+    """Nearer tips, gripper points above the table and joints within their bounds have the smaller loss."""
+    model, parts = trainee.model, 30 * moving.PARTS
+    balls = Balls(np.tile([0.5, 0.1], (2, parts + 1, 1)), np.array([parts, parts]))
+    clear, free = torch.zeros(2, 30, 2), torch.zeros(2, 30)
+
+    def loss(away, depths=clear, folds=free):
+        tips = torch.tensor([0.5 + away, 0.1, model.world.height]).expand(2, parts, 3)
+        return float(model._loss(tips, depths, folds, balls))
+
+    losses = [loss(away) for away in (0.001, 0.004, 0.009, 0.02, 0.1, 0.4)]
+    assert losses == sorted(losses)
+    assert loss(0.02, depths=clear + 0.002) > loss(0.02) + 0.01
+    assert loss(0.02, folds=free + 0.1) > loss(0.02) + 0.01
+
+
+def test_a_graze_is_worse_than_a_meeting(trainee):
+    """A tip that goes on nearer after the first touch costs less than one that turns away there."""
+    model, parts = trainee.model, 30 * moving.PARTS
+    balls = Balls(np.tile([0.5, 0.1], (1, parts + 1, 1)), np.array([parts]))
+    away = torch.full((2, parts), 0.02)
+    away[:, 100] = 0.0099
+    away[1, 101:108] = 0.002
+    tips = torch.stack([0.5 + away, torch.full_like(away, 0.1), torch.full_like(away, model.world.height)], 2)
+    grazing, meeting = (float(model._loss(one[None], torch.zeros(1, 30, 2), torch.zeros(1, 30), balls)) for one in tips)
+    assert meeting < grazing - 0.3
+
+
+@pytest.mark.slow
+def test_the_loss_falls_and_a_resumed_training_is_the_same(tmp_path):
+    recipe = replace(SMALL, steps=160, settings={**SMALL.settings, "balls": 48})
+    run = train(recipe, tmp_path / "whole", seed=1)
+    interrupted = tmp_path / "parts"
+
+    class Stop(Exception):
+        pass
+
+    def stop(done, planned, row):
+        if done > 100:
+            raise Stop
+
+    with pytest.raises(Stop):
+        train(recipe, interrupted, seed=1, progress=stop)
+    again = train(recipe, interrupted, seed=1, resume=True)
+    for (a, b), (c, d) in zip(run.policy.network.layers, again.policy.network.layers, strict=True):
+        np.testing.assert_array_equal(a, c)
+        np.testing.assert_array_equal(b, d)
+
+    def missed(policy):
+        world = moving.MovingEpisodes(moving.MovingOptions(sights=20, collisions=False, speeds=(0.3,)), 60)
+        for index in range(60):
+            world.seed(index, np.random.default_rng(1000 + index))
+        world.begin(np.arange(60))
+        least = np.full(60, np.inf)
+        for _ in range(60):
+            world.step(policy.act(world.observe()))
+            least = np.minimum(least, world._nearest)
+        return np.median(least)
+
+    trainee = build(recipe, 1, steps=160)
+    before = type(run.policy)(run.card, averaged_actor(trainee.model))
+    trainee.env.close()
+    assert missed(run.policy) < 0.6 * missed(before)
+
+
+def test_fewer_sights_are_refused():
+    with pytest.raises(InputError, match="12 sights or more"):
+        build(replace(SMALL, options={"sights": 6}), 0, steps=100)

@@ -1,0 +1,40 @@
+"""The study of commitment: its axis, its table, and cells that are kept."""
+
+from importlib import resources
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+from benchmarks.studies import commitment
+from benchmarks.studies.trainings import POLICY
+
+PRETRAINED = resources.files("kinreach.baselines") / "pretrained"
+
+
+def test_the_axis_grows_with_delay_and_speed_and_with_a_weaker_arm():
+    values = [commitment.lateness(delay, 0.8) for delay in (0.0, 0.05, 0.1, 0.2)]
+    assert values[0] == 0.0
+    assert (np.diff(values) > 0.1).all()
+    # rest to rest, 0.16 m / 0.475 m, without reaching the joint's speed; the ball takes 0.35 m / 0.8 m/s
+    assert values[-1] == pytest.approx(2.0 * np.sqrt(0.16 / 0.475 / 10.0) / (0.35 / 0.8), rel=1e-6)
+    assert commitment.lateness(0.2, 1.2) > values[-1]
+    assert commitment.lateness(0.2, 0.8, 0.7) > values[-1]
+
+
+def test_the_table_is_resumed_and_drawn(tmp_path, capsys, monkeypatch):
+    runs = tmp_path / "runs" / "seed-0"
+    runs.mkdir(parents=True)
+    (runs / POLICY).write_bytes((PRETRAINED / "gradient-moving.safetensors").read_bytes())
+    figure, out = tmp_path / "figure.png", ["--out", str(tmp_path / "cells")]
+    arguments = ["--methods", "last-sight", "--delays", "0.05", "0.2", "--speeds", "0.4", "--strengths", "1",
+                 "--balls", "3", "--trainings", str(runs.parent), *out]  # fmt: skip
+    assert commitment.main(arguments) == 0
+    table = capsys.readouterr().out
+    rows = [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()]
+    assert rows[0][4:] == ["`last-sight`", "`network`", "`network, then interception`"]
+    assert [row[:4] for row in rows[2:]] == [["0.15", "50", "0.4", "1"], ["0.30", "200", "0.4", "1"]]
+    monkeypatch.setattr(commitment, "rollout", None)  # nothing is played again
+    assert commitment.main([*arguments, "--figure", str(figure)]) == 0
+    assert capsys.readouterr().out == table
+    assert figure.stat().st_size > 10_000
