@@ -26,9 +26,16 @@ from kinreach._checks import (
     is_tensor,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics, core_goal
+from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics
 from kinreach.kinematics._core import NULL, Struct, doubles, lib
-from kinreach.kinematics._goals import AxisGoal, NearestOrientationGoal, PoseGoal, PositionGoal, rigid_poses
+from kinreach.kinematics._goals import (
+    AxisGoal,
+    NearestOrientationGoal,
+    PoseGoal,
+    PositionGoal,
+    rigid_pose,
+    rigid_poses,
+)
 from kinreach.kinematics._solutions import (
     ANGLES,
     FLAGS,
@@ -46,6 +53,8 @@ from kinreach.kinematics._solutions import (
 #: What a stationary orientation error is, by its number in the core.
 KINDS = ("minimum", "saddle", "maximum", "minimum at a limit")
 MINIMA = (0.0, 3.0)
+#: What counts of a pose, by its number in the core.
+ORIENTATION, AXIS = 0, 1
 #: Poses beside one, as differences, for a tolerance of 1 m.
 BESIDE = np.zeros((6, 4, 4))
 BESIDE[:, :3, 3] = 0.9 * np.concatenate([np.eye(3), -np.eye(3)])
@@ -97,7 +106,7 @@ class FiveAxisKinematics(ClosedFormKinematics):
     the result has the posture that leaves least, and its reason says how much.
 
     Arms whose axes 2, 3 and 4 are parallel (SO-101, Koch, WidowX, ViperX, xArm5) are solved in closed form but for one
-    angle, which is searched; others by a search over two angles, a hundred times slower.
+    angle, which is searched; others by a search over two angles, a thousand times slower.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -157,7 +166,7 @@ class FiveAxisKinematics(ClosedFormKinematics):
             InputError: `T` is not a finite rigid motion or position, or the seed is malformed.
         """
         start = self._posture_or_none(seed)
-        return self._stationary(NearestOrientationGoal(self._pose_of(T, start)), start, limits, check_tolerance(tol))
+        return self._stationary(ORIENTATION, self._pose_of(T, start), start, limits, check_tolerance(tol))
 
     def axis_solutions(
         self,
@@ -180,9 +189,13 @@ class FiveAxisKinematics(ClosedFormKinematics):
         Raises:
             InputError: Malformed input.
         """
-        start = self._posture_or_none(seed)
         goal = AxisGoal(position, axis)  # type: ignore[arg-type]
-        return self._stationary(goal, start, limits, check_tolerance(tol))
+        return self._along(goal, self._posture_or_none(seed), limits, check_tolerance(tol))
+
+    def _along(self, goal: AxisGoal, start: Floats | None, limits: bool, tol: float) -> NearestSolutions:
+        T = np.eye(4)
+        T[:3, 2], T[:3, 3] = goal.axis, goal.position
+        return self._stationary(AXIS, T, start, limits, tol)
 
     def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None, margin: float = 0.0) -> IKResult:
         """Compute the posture with the tip at a pose's point that leaves least of the orientation.
@@ -211,8 +224,8 @@ class FiveAxisKinematics(ClosedFormKinematics):
         return self._exactly(self.all_solutions(goal.T, seed=start), start, accept)
 
     def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
-        start = self.as_posture("seed", seed)
-        return self._exactly(self.axis_solutions(goal.position, goal.axis, seed=start), start, accept)
+        start = np.ascontiguousarray(self.as_posture("seed", seed))
+        return self._exactly(self._along(goal, start, True, TOLERANCE), start, accept)
 
     def _solve_position(self, goal: PositionGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         found = self.nearest(goal.position, seed, accept=accept)
@@ -226,7 +239,7 @@ class FiveAxisKinematics(ClosedFormKinematics):
         q = np.full((len(poses), self.branches, self.n), np.nan)
         valid = np.zeros(q.shape[:2], dtype=np.bool_)
         for row, pose in enumerate(poses):
-            found = self._stationary(NearestOrientationGoal(pose), None, limits, tol).q
+            found = self._stationary(ORIENTATION, pose, None, limits, tol).q
             q[row, : len(found)], valid[row, : len(found)] = found, True
         return IKBatch(q, valid)
 
@@ -236,7 +249,7 @@ class FiveAxisKinematics(ClosedFormKinematics):
         poses = self._poses_of(T, start)
         q, branch = np.full((len(poses), self.n), np.nan), np.full(len(poses), -1, dtype=np.int64)
         for row, (pose, seed) in enumerate(zip(poses, start, strict=True)):
-            found = self._stationary(NearestOrientationGoal(pose), np.ascontiguousarray(seed), True, tol).minima
+            found = self._stationary(ORIENTATION, pose, np.ascontiguousarray(seed), True, tol).minima
             if found:
                 q[row], branch[row] = found.q[0], found.branch[0]
         return IKBatchNearest(q, branch, branch >= 0)
@@ -255,31 +268,34 @@ class FiveAxisKinematics(ClosedFormKinematics):
     def _pose_of(self, T: ArrayLike, start: Floats | None) -> Floats:
         given = as_floats("T", T)
         if given.shape != (3,):
-            return as_pose("T", given)
+            return np.ascontiguousarray(given) if given.shape == (4, 4) else as_pose("T", given)
         pose = self.fk(np.array(self.arm.home) if start is None else start)
         pose[:3, 3] = as_vector("T", given, 3, most=MAX_DISTANCE)
         return pose
 
     def _stationary(
-        self, goal: AxisGoal | NearestOrientationGoal, start: Floats | None, limits: bool, tol: float
+        self, kind: int, T: Floats, start: Floats | None, limits: bool, tol: float, *, exact: bool = False
     ) -> NearestSolutions:
-        kind, T = core_goal(goal)
-        if kind == 0:
-            T = np.ascontiguousarray(rigid_poses(T[None])[0])
-        errors, near = (self._errors, (kind, T)), NULL if start is None else doubles(start)
-        rows = np.empty((self.branches, self.n + ANGLES.start))
+        """Postures of a pose (4, 4), which is checked, and made exact to rounding, if the core says that it is not."""
+        rows, errors = np.empty((self.branches, self.n + ANGLES.start)), np.empty((self.branches, 2))
+        near = NULL if start is None else doubles(start)
 
         def count_at(pose: Floats) -> int:
             given = self._five.pointer, self._core.pointer, kind, doubles(pose)
-            return int(lib.kr_nearest_orientations(*given, near, limits, doubles(rows)))
+            return int(lib.kr_nearest_orientations(*given, near, limits, doubles(rows), doubles(errors)))
 
-        poses = [T, *(T + shift for shift in tol * BESIDE)]  # at the very edge of reach rounding decides
-        count = next(filter(None, map(count_at, poses)), 0)
-        if count:
-            return NearestSolutions(rows[:count], Status.OK, "", errors)
-        if limits and (every := self._stationary(goal, None, False, tol)):
-            return NearestSolutions(rows[:0], Status.OUT_OF_LIMITS, self._all_outside(every.rows), errors)
-        return NearestSolutions(rows[:0], Status.OUT_OF_REACH, self._too_far(T[:3, 3]), errors)
+        count = count_at(T)
+        if count < 0 and not exact:
+            return self._stationary(kind, np.ascontiguousarray(rigid_pose(T)), start, limits, tol, exact=True)
+        if not count:  # at the very edge of reach rounding decides
+            count = next(filter(None, map(count_at, T + tol * BESIDE)), 0)
+            errors = self._errors((kind, T), rows[:count])
+        if count > 0:
+            return NearestSolutions(rows[:count], Status.OK, "", (known_errors, errors[:count]))
+        miss = self._errors, (kind, T)
+        if limits and (every := self._stationary(kind, T, None, False, tol)):
+            return NearestSolutions(rows[:0], Status.OUT_OF_LIMITS, self._all_outside(every.rows), miss)
+        return NearestSolutions(rows[:0], Status.OUT_OF_REACH, self._too_far(T[:3, 3]), miss)
 
     def _too_far(self, position: Floats) -> str:
         first = (self.T_base_world @ self.model.jointPlacements[1].homogeneous)[:3, 3]
@@ -292,17 +308,17 @@ class FiveAxisKinematics(ClosedFormKinematics):
         if not len(solutions):
             position, orientation = solutions.errors(np.array([[0.0, 0.0, *seed]]))[0].tolist()
             return IKResult(seed.copy(), solutions.status, position, orientation, solutions.reason)
-        minima = solutions.minima or solutions
-        order = np.arange(len(minima))
+        kinds = solutions.rows[:, FLAGS].tolist()
+        order = [index for index, kind in enumerate(kinds) if kind in MINIMA] or list(range(len(kinds)))
         if margin > 0.0:
-            left, away = minima.left, np.linalg.norm(minima.q - seed, axis=1)
-            order = np.lexsort([away, np.where(left <= left[0] + margin, 0.0, left)])
-        for index in order.tolist():
-            found = minima[index]
+            left, away = solutions.left[order], np.linalg.norm(solutions.q[order] - seed, axis=1)
+            order = np.array(order)[np.lexsort([away, np.where(left <= left[0] + margin, 0.0, left)])].tolist()
+        for index in order:
+            found = solutions[index]
             if accept is None or accept(found.q.copy()):
                 return found
-        reason = f"accept refused all {len(minima)} postures"
-        return replace(minima[int(order[0])], status=Status.REJECTED, reason=reason, branch=-1)
+        reason = f"accept refused all {len(order)} postures"
+        return replace(solutions[order[0]], status=Status.REJECTED, reason=reason, branch=-1)
 
     def _exactly(self, solutions: NearestSolutions, seed: Floats, accept: Accept | None) -> IKResult:
         found = self._first(solutions, seed, accept, 0.0)

@@ -110,5 +110,29 @@ def random_joints(n, rng, *, reach=0.3, limits=(-np.pi, np.pi)):
     return [(place(), "0 0 1", *limits) for _ in range(n)], place()
 
 
+def random_pitched_joints(n, rng, *, limits=(-np.pi, np.pi)):
+    """As `random_joints`, with axes 2, 3 and 4 parallel: in a row or against each other, the base upright or not."""
+
+    def at(reach):
+        return tuple(rng.uniform(-reach, reach, 3))
+
+    def any_way():
+        return tuple(Rotation.random(rng=rng).as_euler("xyz"))
+
+    def along():
+        return (np.pi if rng.integers(2) else 0.0, 0.0, rng.uniform(-3, 3))
+
+    def across():
+        return (HALF, 0.0, rng.uniform(-1, 1))
+
+    base = (*at(0.2), *any_way()) if rng.integers(2) else (*at(0.1), 0, 0, 0)
+    second = (*at(0.1), *(across() if rng.integers(5) else any_way()))
+    places = [base, second, (*at(0.3), *along()), (*at(0.3), *along())]
+    if n == 5:
+        places.append((*at(0.1), *(across() if rng.integers(4) else any_way())))
+    tip = (*(at(0.1) if rng.integers(4) else (0, 0, 0.1)), *any_way())
+    return [(place, "0 0 1", *limits) for place in places], tip
+
+
 def orientations(rng):
     return Rotation.random(rng=rng).as_matrix()

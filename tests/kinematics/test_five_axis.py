@@ -25,7 +25,14 @@ from kinreach.kinematics import (
     SixAxisKinematics,
     Status,
 )
-from tests.kinematics.five_axis_arms import FIGURES, kinematics_of, orientations, owned, random_joints
+from tests.kinematics.five_axis_arms import (
+    FIGURES,
+    kinematics_of,
+    orientations,
+    owned,
+    random_joints,
+    random_pitched_joints,
+)
 from tests.kinematics.stationary_oracle import Oracle
 
 
@@ -141,6 +148,24 @@ def test_none_is_missed_of_arms_of_random_geometry(n, tmp_path):
                 assert apart(q, found.q).min() < 1e-4
                 tried += 1
     assert tried > 20
+
+
+def test_none_is_missed_of_arms_with_three_parallel_axes(tmp_path):
+    """Of any size; and next to half a turn on a Koch, where the error's slope changes sign three times in 9 degrees."""
+    arms = [random_pitched_joints(4 + seed % 2, np.random.default_rng([seed, 19])) for seed in range(8)]
+    tried = 0
+    for seed, figures in [*enumerate(arms), (865, FIGURES["koch"])]:
+        rng = np.random.default_rng([seed, 17])
+        kin = kinematics_of(tmp_path, *figures)
+        assert kin.solved == "by a search over one angle"
+        T = kin.fk(rng.uniform(-np.pi, np.pi, kin.n))
+        T[:3, :3] = orientations(rng)
+        found = kin.all_solutions(T, limits=False)
+        assert found.residual[:, 0].max() < 1e-9
+        for q in Oracle(kin, T).stationary(rng, 60)[0]:
+            assert apart(q, found.q).min() < 1e-4
+            tried += 1
+    assert tried > 50
 
 
 def test_minima_at_limits_are_those_of_what_the_limits_allow(kin):

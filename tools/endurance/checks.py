@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tools import digest
-from tools.endurance import kills, long_runs, results, self_motions, storage, workers
+from tools.endurance import five_axes, kills, long_runs, results, self_motions, storage, workers
 from tools.endurance.outcome import Outcome
 
 
@@ -59,6 +59,7 @@ CHECKS = {
     "singular-self-motions": Check(
         "nor do they beside their singularities", self_motions.beside_singularities, 1000, 4
     ),
+    "five-axes": Check("four and five axes lose nothing stationary", five_axes.many_starts, 10_000, 40),
     "fuzz": Check("whatever is handed in: right, or refused", results.fuzzing, len(results.MODULES), 2),
     "digest": Check("the results of tools/digest.txt", results.digests, len(digest.RESULTS), 4),
 }

@@ -159,9 +159,10 @@ int kr_five_axis_prepare(const kr_arm *arm, kr_five_axis *five);
 /* Postures with the tip at a point at which what is left of its orientation (kind 0) or axis (kind 1) is stationary among
  * all postures with the tip there, and with `limits` those at which it is least for what they allow; the least first, and of
  * the same the nearest to a seed (which may be null). Into rows (64, 2 + n): index, kind (0 minimum, 1 saddle, 2 maximum, 3
- * minimum at a limit), angles in windings near the seed. Returns how many. */
-int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kind, const double T[12],
-                            const double *seed, int limits, double *rows);
+ * minimum at a limit), angles in windings near the seed; and into `errors` (64, 2) by how much each misses the point [m], and
+ * what it leaves [rad]. Returns how many, or -1 where T is no rigid motion. Of an axis only it and the point are read. */
+int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kind, const double T[16],
+                            const double *seed, int limits, double *rows, double *errors);
 
 /* Ways to find every posture of a pose; what each needs is prepared once. */
 enum kr_way {

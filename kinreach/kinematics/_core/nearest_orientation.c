@@ -183,13 +183,14 @@ static int before(int n, const double *seed, const double *a, double left_a, con
     return near_a < near_b;
 }
 
-int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kind, const double T[12],
-                            const double *seed, int limits, double *rows) {
+int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kind, const double T[16],
+                            const double *seed, int limits, double *rows, double *errors) {
     static const double zero[KR_MAX_JOINTS] = {0.0};
     const double *wanted = seed ? seed : zero;
     const int n = arm->n, width = n + 2;
-    double q[N], left[KR_MAX_STATIONARY], row[N + 2], errors[2];
+    double q[N], row[N + 2], error[2];
     search s;
+    if (kind == 0 && !kr_is_rigid(T)) return -1;
     memset(s.goal.W, 0, sizeof s.goal.W);
     s.five = five, s.count = s.started = 0;
     s.goal.arm = arm, s.goal.most = kind ? 1.0 : 3.0;
@@ -213,15 +214,15 @@ int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kin
         if (limits ? !kr_wound(n, posture->q, wanted, arm->lower, arm->upper, SLACK, row + 2)
                    : !kr_allowed(arm, 2, T, posture->q, wanted, 0, MISSED, row + 2))
             continue;
-        kr_errors(arm, kind, T, row, 1, errors);
-        if (!(errors[0] < MISSED)) continue;
+        kr_errors(arm, kind, T, row, 1, error);
+        if (!(error[0] < MISSED)) continue;
         int at = kept++;
-        for (; at > 0 && before(n, wanted, row, errors[1], rows + width * (at - 1), left[at - 1]); at--) {
+        for (; at > 0 && before(n, wanted, row, error[1], rows + width * (at - 1), errors[2 * at - 1]); at--) {
             memcpy(rows + width * at, rows + width * (at - 1), width * sizeof *row);
-            left[at] = left[at - 1];
+            memcpy(errors + 2 * at, errors + 2 * at - 2, sizeof error);
         }
         memcpy(rows + width * at, row, width * sizeof *row);
-        left[at] = errors[1];
+        memcpy(errors + 2 * at, error, sizeof error);
     }
     for (int k = 0; k < kept; k++) rows[width * k] = k;
     return kept;
