@@ -157,6 +157,28 @@ def test_a_log_is_held_against_the_right_robot_and_another(tmp_path, recording, 
     assert "no poses: needed is its export, a .script" in capsys.readouterr().err
 
 
+def test_speeds_and_targets_of_a_log_are_held_against_the_arm(tmp_path, capsys):
+    kin = ArmKinematics.of(get_arm("ur5e").calibrated(CALIBRATION).with_tool(TCP), base="base")
+    rng, step = np.random.default_rng(3), 1e-6
+    q = np.array(kin.arm.home) + rng.uniform(-1.2, 1.2, (20, 6))
+    qd, target = rng.uniform(-1.0, 1.0, (20, 6)), q + [0.0, 0.01, 0.0, -0.005, 0.0, 0.0]
+    ahead, behind = kin.fk(q + step * qd), kin.fk(q - step * qd)
+    speed = (ahead[:, :3, 3] - behind[:, :3, 3]) / (2 * step)
+    turn = ahead[:, :3, :3] @ behind[:, :3, :3].swapaxes(1, 2)
+    turn = np.stack(
+        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], axis=1
+    )
+    names = [*RTDE, *(f"{name}_{n}" for name in ("actual_qd", "actual_TCP_speed", "target_q") for n in range(6))]
+    rows = np.hstack([q, pose_vector(kin.fk(q)), np.tile(TCP, (20, 1)), qd, speed, turn / (4 * step), target])
+    file = tmp_path / "robot_data.csv"
+    file.write_text("\n".join([" ".join(names), *(" ".join(map(repr, row)) for row in rows.tolist()), ""]))
+    assert check("ur5e", "--calibration", CALIBRATION, "--log", file) == 0
+    said = capsys.readouterr().out
+    sheet, own = (float(line.split(": ")[1].split()[0]) for line in said.splitlines() if "Jacobian to recorded" in line)
+    assert own < 1e-3 < 0.1 < sheet  # mm/s
+    assert said.count("joints, actual to target: 0.573 ° in the median, p95 0.573, most 0.573") == 2
+
+
 def test_what_it_says_names_flags(recording, capsys):
     recording.write_text("\n".join(" ".join(line.split()[:12]) for line in recording.read_text().splitlines()))
     assert calibrate(recording) == 0
