@@ -15,7 +15,7 @@ from kinreach.baselines._algorithms import actor_arguments, in_tries
 from kinreach.baselines._descent import GradientLearner, Objective
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.random_arms import ur5
-from kinreach.envs._reach.reach_task import GOAL, SINGLE_STEP
+from kinreach.envs._reach.reach_task import SINGLE_STEP, UR5_LAYOUT
 from kinreach.errors import InputError
 from kinreach.vision._goal_view import goals_in_world
 
@@ -25,7 +25,7 @@ class Regression(GradientLearner):
 
     def objective(self, observations: Floats) -> Objective:
         """Return the mean squared error of the postures, as actions."""
-        views = observations[:, GOAL]
+        views = observations[:, UR5_LAYOUT.goal]
         goals = goals_in_world(ur5().arm, views, np.ones((len(views), 2), dtype=np.bool_))
         postures = tool_down_postures(ur5(), goals) / SINGLE_STEP.scale
         wanted = torch.as_tensor(postures, dtype=torch.float32)

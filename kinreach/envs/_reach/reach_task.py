@@ -227,7 +227,6 @@ class Layout(NamedTuple):
 #: The UR5's: goal in both cameras (6), joint angles (6), gripper opening (1).
 JOINTS = 6
 UR5_LAYOUT = Layout.of(goal=6, joints=JOINTS)
-GOAL = UR5_LAYOUT.goal
 
 
 def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
