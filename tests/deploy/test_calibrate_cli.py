@@ -161,7 +161,7 @@ def test_speeds_and_targets_of_a_log_are_held_against_the_arm(tmp_path, capsys):
     kin = ArmKinematics.of(get_arm("ur5e").calibrated(CALIBRATION).with_tool(TCP), base="base")
     rng, step = np.random.default_rng(3), 1e-6
     q = np.array(kin.arm.home) + rng.uniform(-1.2, 1.2, (20, 6))
-    qd, target = rng.uniform(-1.0, 1.0, (20, 6)), q + [0.0, 0.01, 0.0, -0.005, 0.0, 0.0]
+    qd, target = rng.uniform(-1.0, 1.0, (20, 6)), q + np.array([0.0, 0.01, 0.0, -0.005, 0.0, 0.0])
     ahead, behind = kin.fk(q + step * qd), kin.fk(q - step * qd)
     speed = (ahead[:, :3, 3] - behind[:, :3, 3]) / (2 * step)
     turn = ahead[:, :3, :3] @ behind[:, :3, :3].swapaxes(1, 2)
