@@ -166,7 +166,7 @@ class Pointing(gym.Env):
 
     def step(self, action):
         self.q = self.q + 0.1 * float(action[0])
-        return np.zeros(1, np.float32), 1.5, False, False, {"q": self.q}
+        return np.full(1, 0.1, np.float32), 1.5, False, False, {"q": self.q}
 
 
 class Blind(Pointing):
@@ -197,6 +197,8 @@ def test_an_environment_from_outside_is_played(monkeypatch):
         hand = episode.scene.links.index("panda_hand")
         expected = figure.poses(np.array(get_arm("panda").home) + 3.0)[figure.links.index("panda_hand"), :3]
         np.testing.assert_allclose(episode.frames[-1].poses[hand, :3], expected, atol=1e-6)
+        episode = EpisodeRequest("outside/Pointing-v0", f"{__name__}:turn_once", get_arm("panda")).play(simple=True)
+        assert [step.reward for step in episode.steps] == [1.5, 0.0]  # nothing is gained by giving up
         for name, said in (("Blind", "it has no `arm`"), ("Armed", "no posture `q` in its info")):
             with pytest.raises(InputError, match=f"outside/{name}-v0 cannot be drawn: .*{said}"):
                 EpisodeRequest(f"outside/{name}-v0", "random", get_arm("panda")).play()
@@ -208,6 +210,11 @@ def test_an_environment_from_outside_is_played(monkeypatch):
 def turn(observation):
     """Always the same way."""
     return np.ones(1, np.float32)
+
+
+def turn_once(observation):
+    """And give up."""
+    return None if observation[0] else np.ones(1, np.float32)
 
 
 def test_what_cannot_be_played_is_refused(tmp_path):
