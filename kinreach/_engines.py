@@ -27,6 +27,7 @@ PLACO_VERSIONS = {
 _GRAPHICS = "MUJOCO_GL"
 
 
+@cache
 def installed_version(distribution: str) -> str | None:
     """Return the version of an installed distribution, else None."""
     try:

@@ -6,6 +6,7 @@ import hashlib
 import os
 import platform
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 import kinreach
@@ -30,8 +31,12 @@ def digest(*contents: bytes) -> str:
 
 
 def source_digest() -> str:
-    """Return the digest over kinreach's modules."""
-    package = Path(kinreach.__file__).parent
+    """Return the digest over kinreach's modules, which are read once: what runs is what was loaded."""
+    return _source_digest(Path(kinreach.__file__).parent)
+
+
+@cache
+def _source_digest(package: Path) -> str:
     paths = sorted(package.rglob("*.py"))
     return digest(*(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() for path in paths))
 

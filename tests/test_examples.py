@@ -197,6 +197,7 @@ def test_pytorch_loop(run):
     assert numbers(r"learned: .* ([\d.]+) mm in the median", text)[0] < distances[0] / 3
 
 
+@pytest.mark.slow
 def test_search(run, tmp_path):
     pytest.importorskip("optuna")
     text = run("17_search")

@@ -18,16 +18,18 @@ def test_versions_are_those_that_are_installed() -> None:
 
 
 def test_the_digest_tells_two_states_of_the_code_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kinreach, "__file__", str(tmp_path / "__init__.py"))
-    (tmp_path / "__init__.py").write_text("")
-    (tmp_path / "solver.py").write_text("x = 1\n")
-    first = provenance.source_digest()
-    assert provenance.source_digest() == first
-    assert len(first) == 12
-    (tmp_path / "solver.py").write_text("x = 2\n")
-    second = provenance.source_digest()
-    (tmp_path / "solver.py").rename(tmp_path / "other.py")
-    assert len({first, second, provenance.source_digest()}) == 3
+    found = []
+    for state, (name, text) in enumerate((("solver.py", "x = 1\n"), ("solver.py", "x = 2\n"), ("other.py", "x = 2\n"))):
+        package = tmp_path / str(state)
+        package.mkdir()
+        (package / "__init__.py").write_text("")
+        (package / name).write_text(text)
+        monkeypatch.setattr(kinreach, "__file__", str(package / "__init__.py"))
+        found.append(provenance.source_digest())
+        (package / name).write_text("not what was loaded\n")
+        assert provenance.source_digest() == found[-1]
+    assert {len(each) for each in found} == {12}
+    assert len(set(found)) == 3
 
 
 def test_the_machine_has_a_name() -> None:

@@ -13,7 +13,8 @@ from kinreach.baselines._recipes import RECIPES
 #: Small versions of one on-policy, one ranked and one off-policy recipe, of three segments each.
 SMALL = {
     "ppo-multi": {"num_envs": 16, "steps": 768, "segments": 3, "window": 64},
-    "ranked-single": {"num_envs": 64, "steps": 192 * 4, "segments": 3, "window": 64},
+    "ranked-single": {"num_envs": 64, "steps": 192 * 4, "segments": 3, "window": 64,
+                      "settings": {**RECIPES["ranked-single"].settings, "n_epochs": 2, "minibatches": 2}},
     "sac-single": {"num_envs": 8, "steps": 240, "segments": 3, "window": 16,
                    "settings": {**RECIPES["sac-single"].settings, "learning_starts": 40, "batch_size": 16}},
     # the last with a buffer that is full, and an odd number of updates, after the first segment

@@ -55,14 +55,21 @@ def call(*argv):
         return int(leaving.code or 0)
 
 
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory):
+    """What the command wrote for two arms and a solver that misses postures: its folder, and the rows of its table."""
+    folder = tmp_path_factory.mktemp("broken")
+    return folder, entered(folder, "Broken", "puma560_ik,ur5e_ik")
+
+
 def entered(tmp_path, kind, arms="puma560_ik"):
     assert not call("--quick", "--poses", "4", "--arms", arms, "--solver", f"{__name__}:{kind}", "--out", str(tmp_path))
     with open(tmp_path / "ik_arms.csv", newline="", encoding="utf-8") as file:
         return {(row["arm"], row["solver"]): row for row in csv.DictReader(file)}
 
 
-def test_a_broken_solver_loses(tmp_path):
-    rows = entered(tmp_path, "Broken", "puma560_ik,ur5e_ik")
+def test_a_broken_solver_loses(broken):
+    folder, rows = broken
     assert {solver for _, solver in rows} >= {"kinreach", "ssik", "EAIK", "TRAC-IK", "broken"}
     for name in ("puma560_ik", "ur5e_ik"):
         ours, broken = rows[name, "kinreach"], rows[name, "broken"]
@@ -72,10 +79,10 @@ def test_a_broken_solver_loses(tmp_path):
         assert int(broken["wrong"]) >= 2
         assert float(broken["single"]) > 0
     assert rows["ur5e_ik", "kinreach"]["class"] == "three parallel axes"
-    page = (tmp_path / "ik_arms.md").read_text(encoding="utf-8")
+    page = (folder / "ik_arms.md").read_text(encoding="utf-8")
     assert "| broken | 1 of 1 |" in page
     assert "ur-analytic-ik, 1 arm: UR models by their data sheets only" in page
-    assert (tmp_path / "ik_arms.png").stat().st_size > 10_000
+    assert (folder / "ik_arms.png").stat().st_size > 10_000
 
 
 def test_results_are_kept_and_refusals_told(tmp_path):
@@ -112,15 +119,14 @@ def test_the_study_of_self_motions_goes_on_and_counts_what_is_lost(tmp_path, mon
     assert told["Panda"] == ("2 of 2", "0 of 1")
 
 
-def test_goals_are_met_or_missed(tmp_path):
+def test_goals_are_met_or_missed(broken):
     """The page names each goal of the table, and how many arms miss it."""
     assert _goal("recall", [100.0, 99.0], 100.0, "%", least=True) == (
         "* recall, at least 100 %: **missed** by 1 of 2 (median 99.5, worst 99)."
     )
     assert _goal("one pose", [59.0, 10.0], 60.0, "us") == "* one pose, at most 60 us: met (median 34.5, worst 59)."
     assert _goal("one pose", [], 60.0, "us") == "* one pose: not measured."
-    entered(tmp_path, "Broken", "puma560_ik,ur5e_ik")
-    goals = (tmp_path / "ik_arms.md").read_text(encoding="utf-8").split("## Goals")[1].split("##")[0]
+    goals = (broken[0] / "ik_arms.md").read_text(encoding="utf-8").split("## Goals")[1].split("##")[0]
     assert "* recall, at least 100 %: met (median 100, worst 100)." in goals
     assert "* singular poses without an answer, at most 0: met" in goals
     assert "* seven axes, one pose: not measured." in goals

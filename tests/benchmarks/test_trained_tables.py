@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 from importlib import resources
 
 import gymnasium as gym
@@ -11,6 +12,7 @@ import pytest
 from benchmarks.studies import button_actuation, button_failures, button_policies, button_waiting, loitering, trained
 from benchmarks.studies.trainings import ONE_SEED, Trainings, finished, trainings_interval, with_interval
 from kinreach.baselines._evaluation import Evaluation
+from kinreach.cli import finish
 from kinreach.envs.inside import ACTUATIONS
 from kinreach.errors import InputError
 
@@ -65,12 +67,20 @@ def test_only_finished_trainings_count_in_the_order_of_their_seeds(runs):
         seeds()
 
 
-@pytest.mark.parametrize("study", ["trained", "button_policies", "button_waiting", "loitering"])
-def test_where_nothing_is_trained_the_command_says_so(study, run_python):
-    done = run_python("-m", f"benchmarks.studies.{study}", "results/train")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"python -m benchmarks.studies.{study}: error: no finished training of ")
-    assert done.stderr.count("\n") == 1
+def test_where_nothing_is_trained_the_command_says_so(run_python, tmp_path, monkeypatch, capsys):
+    """As a program of its own, and by the entry of each."""
+
+    def says_so(study, code, out, err):
+        assert (code, out) == (2, "")
+        assert err.startswith(f"python -m benchmarks.studies.{study}: error: no finished training of ")
+        assert err.count("\n") == 1
+
+    done = run_python("-m", "benchmarks.studies.trained", "results/train")
+    says_so("trained", done.returncode, done.stdout, done.stderr)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["study", "results/train"])
+    for study in (button_policies, button_waiting, loitering):
+        says_so(study.__name__.rpartition(".")[2], finish(study.main, prog=study.PROG), *capsys.readouterr())
 
 
 def test_the_table_of_reach_policies(runs, capsys):

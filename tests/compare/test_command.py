@@ -23,6 +23,7 @@ def call(*argv):
     return cli.main(["compare", *argv])
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_no_number_of_a_table_is_cut(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(_cli, "TABLE_WIDTH", 20)
     assert call("--methods", "closed-form", "--goals", "2", "--out", str(tmp_path / "a")) == 0
@@ -80,6 +81,7 @@ def test_no_default_folder_is_that_of_other_settings(tmp_path, monkeypatch, caps
     capsys.readouterr()
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_trials_that_were_finished_before_a_method_raised_are_kept(tmp_path, monkeypatch, capsys):
     """Also once the method is mended: those of the others."""
     monkeypatch.chdir(tmp_path)

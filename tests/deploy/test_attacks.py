@@ -355,7 +355,9 @@ def test_a_log_that_nobody_reads_stops_nobody(simulated, reader):
     """Not the robot, and not its end by Ctrl-C."""
     address, process = simulated("--arm", "ur5e", "--no-cell")
     attempts = fcntl.fcntl(process.stdout.fileno(), 1031, 4096) // 20  # F_SETPIPE_SZ
+    assert attempts > 200
     if reader == "is gone":
+        attempts = 5
         for _ in range(3):  # what it says before it serves
             process.stdout.readline()
         process.stdout.close()
@@ -363,7 +365,6 @@ def test_a_log_that_nobody_reads_stops_nobody(simulated, reader):
         with socket.create_connection((address, 30002), PATIENCE) as client:
             client.sendall(b"GET / HTTP/1.1\r\n")
             until_closed(client)
-    assert attempts > 200
     there = type("Robot", (), {"address": address, "rtde_port": 30004})
     assert alive(there)
     process.send_signal(signal.SIGINT)

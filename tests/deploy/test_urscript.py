@@ -134,7 +134,7 @@ def test_moves_with_a_time_a_pose_and_joints(ur):
 def test_movec_is_on_the_circle_through_three_points(ur, mode):
     start = ur.tcp_pose(HOME)
     via, end = (np.add(start, way) for way in ([0.06, 0, 0.06, 0, 0, 0], [0.12, 0, 0, 0, 0, 0]))
-    done = ur.run(program(f"movec(p{listed(via)}, p{listed(end)}, a=1.2, v=0.1, mode={mode})"))
+    done = ur.run(program(f"movec(p{listed(via)}, p{listed(end)}, a=1.2, v={0.5 if mode else 0.1}, mode={mode})"))
     assert done.reason == ""
     points = np.array([ur.tcp_pose(q) for q in done.commanded.q])
     off = np.linalg.norm(points[:, :3] - (start + end)[:3] / 2, axis=1) - 0.06

@@ -126,7 +126,7 @@ def test_the_verdict_is_the_checkers(env):
     for seed in range(16):
         world, _ = begun(env, seed)
         target = world.home + rng.uniform(-1.0, 1.0, 6)
-        line = world.home + np.linspace(0, 1, 1500)[:, None] * (target - world.home)
+        line = world.home + np.linspace(0, 1, 750)[:, None] * (target - world.home)
         exact = CollisionChecker("ur5-thesis", obstacles=world.arm.workcell.obstacles)
         apart = min(exact.distance(q).distance for q in line[::25])
         _, _, terminated, _, info = env.step(world.action_for(target))

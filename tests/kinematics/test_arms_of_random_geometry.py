@@ -43,7 +43,7 @@ def judged(kin, judge, T, exact=1e-9):
     return found.q
 
 
-@pytest.mark.parametrize("seed", [0, *slow(*range(1, 4))])
+@pytest.mark.parametrize("seed", [0, *slow(1, 2)])
 @pytest.mark.parametrize("name", [*CLASSES, *OTHERS])
 def test_six_axes(name, seed, tmp_path):
     rng, count, again = np.random.default_rng([seed, len(name)]), 0, 0
@@ -60,7 +60,7 @@ def test_six_axes(name, seed, tmp_path):
     assert count >= 2 * again
 
 
-@pytest.mark.parametrize("seed", [0, *slow(*range(1, 4))])
+@pytest.mark.parametrize("seed", [0, *slow(1, 2)])
 @pytest.mark.parametrize("name", [*FEW, *slow(*(name for name in CLASSES if name not in FEW))])
 def test_singular_poses(name, seed, tmp_path):
     """Arms of a class and near it, of any angles and of right ones: never empty, alone as in a batch."""
@@ -179,7 +179,7 @@ def test_out_of_reach_is_named(tmp_path):
     assert close >= 3
 
 
-@pytest.mark.parametrize("seed", [0, *slow(*range(1, 4))])
+@pytest.mark.parametrize("seed", [0, *slow(1, 2)])
 def test_seven_axes(seed, tmp_path):
     """Any seven axes: every curve is closed, every sample reaches, and the posture of the pose is on one."""
     rng, curves = np.random.default_rng([seed, 7]), 0

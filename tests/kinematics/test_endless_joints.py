@@ -31,7 +31,7 @@ from tests.robots.peoples_files import LIMIT, arm, shape
 
 TURN = 2 * np.pi
 #: Steps along a curve in the joint that moves most, and the largest jump that an answer may make [rad].
-STEP, JUMP = np.deg2rad((1.0, 2.0))
+STEP, JUMP = np.deg2rad((2.0, 4.0))
 #: A continuous answer exists along a curve where the arm is regular: smallest singular value of its Jacobian.
 REGULAR = 0.02
 FREE = {i: {"kind": "continuous", "inside": ""} for i in range(1, 7)}
@@ -57,7 +57,7 @@ def written(folder, text, **options):
 
 
 def closed_curve(rng, kin, turns):
-    """Postures whose poses are a closed curve on which joints turn so often, in steps of 1 degree, without singular."""
+    """Postures whose poses are a closed curve on which joints turn so often, in steps of 2 degrees, none singular."""
     for _ in range(500):
         start, phase = rng.uniform(-np.pi, np.pi, (2, kin.n))
         size = rng.uniform(0.1, 0.5, kin.n)
@@ -121,7 +121,7 @@ def test_six_axes_follow_a_closed_curve(name, tmp_path):
         assert alike.success.all()
         np.testing.assert_allclose(alike.q, curve, atol=1e-6)
         count += len(curve)
-    assert count > 1200
+    assert count > 600
 
 
 def test_urs_follow_a_closed_curve(tmp_path):
@@ -135,10 +135,10 @@ def test_urs_follow_a_closed_curve(tmp_path):
             curve -= np.where(np.isfinite(kin.upper), TURN * np.rint(curve.mean(axis=0) / TURN), 0.0)
             if joints:
                 curve = curve[kin.past_limits(curve).any(axis=1).cumsum() == 0]
-            assert len(curve) > 100
+            assert len(curve) > 50
             np.testing.assert_allclose(tracked(kin, curve, curve[0]), curve, atol=1e-6)
             count += len(curve)
-    assert count > 2000
+    assert count > 1000
 
 
 @pytest.mark.parametrize("seed", [0, *slow(1, 2, 3)])
@@ -150,7 +150,7 @@ def test_seven_axes_follow_a_closed_curve(seed, tmp_path):
     assert type(kin) is SevenAxisKinematics
     assert not np.isfinite(kin.upper).any()
     curve = closed_curve(rng, kin, np.array([1, 0, 0, 0, 0, 0, 1]))
-    part = curve if seed else curve[:40]
+    part = curve if seed else curve[:20]
     shift = TURN * rng.integers(-3, 4, 7)
     tracked(kin, part, part[0] + shift)
     motions = kin.self_motions(kin.fk(curve[0]), seed=curve[0])
@@ -167,10 +167,10 @@ def test_solvers_follow_a_closed_curve(name, tmp_path, request):
         kin = written(tmp_path, endless(urdf(some_arm(rng, group))))
         curve, solver = closed_curve(rng, kin, np.array([1, 0, 0, 0, 0, 1])), new_solver(name, kin)
         shift = TURN * rng.integers(-20, 20, 6)
-        answers = tracked(kin, curve[:200], curve[0] + shift, lambda T, q, solve=solver.solve: solve(PoseGoal(T), q))
-        assert np.abs(answers - shift - curve[:200]).max() < JUMP
+        answers = tracked(kin, curve[:100], curve[0] + shift, lambda T, q, solve=solver.solve: solve(PoseGoal(T), q))
+        assert np.abs(answers - shift - curve[:100]).max() < JUMP
         count += len(answers)
-    assert count == 600
+    assert count == 300
 
 
 def test_every_posture_once(tmp_path):

