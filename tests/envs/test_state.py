@@ -73,7 +73,7 @@ def check(name, options):
     """Again and again, after other episodes, in a new environment, in a copy, and in a copy of a copy."""
     env = made(name, options)
     env.reset(seed=3)
-    actions = drawn(env, 12)
+    actions = drawn(env, 8)
     goes_on(env, actions[:3])
     state = env.save_state()
     expected = goes_on(env, actions)
