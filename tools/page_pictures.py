@@ -43,10 +43,10 @@ FASTER = "?fixedDpr=0.8"
 #: end frames that it stands still.
 WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 6), (0.5, 0.0, -0.24, 5), (0.94, 0.16, 0.05, 5), (0.5, 0.1, 0.0, 5)]
 STILL = 4
-#: Goal and box of the film of a motion, and its frames per second.
-MOTION, MOTION_FPS = ("-0.4, 0.3, 0.3, 3.14, 0, 0", "-0.2,-0.2,0.4,0.1,0.1,0.8"), 12.5
+#: Goal and box of the film of a motion, its speed [%], and its frames per second.
+MOTION, SPEED, MOTION_FPS = ("-0.4, 0.3, 0.3, 3.14, 0, 0", "-0.2,-0.2,0.4,0.1,0.1,0.8"), 50, 12.5
 #: Where it is scrubbed to on the chart, as parts of the time, each in so many frames.
-SCRUBBED = [(1.0, 1), (0.35, 12), (0.65, 8)]
+SCRUBBED = [(1.0, 1), (0.4, 8), (0.5, 2)]
 #: A mouse pointer, which pictures of a tab leave out.
 POINTER = """() => {
     const arrow = '<svg width="22" height="30" viewBox="0 0 22 30"><path d="M1 1v22l5.5-5 3.5 9 4-1.6-3.6-8.7 7.6-.6z" '
@@ -64,10 +64,11 @@ class Camera:
         browser: Playwright's.
         server: Of the page.
         ask: Parameters of the address.
+        size: Width and height of the window in pixels.
     """
 
-    def __init__(self, browser: Any, server: Server, ask: str = "") -> None:
-        self.tab = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}).new_page()
+    def __init__(self, browser: Any, server: Server, ask: str = "", size: tuple[int, int] = (WIDTH, HEIGHT)) -> None:
+        self.tab = browser.new_context(viewport={"width": size[0], "height": size[1]}).new_page()
         self.tab.set_default_timeout(PATIENCE)
         self.tab.goto(f"{server.address}/{ask}")
         self.tab.wait_for_selector(".kinreach-verdict")
@@ -136,14 +137,13 @@ def film(camera: Camera, target: TargetPanel) -> None:
 def motion(browser: Any, *, simple: bool) -> None:
     """A UR5e that is asked for a pose behind a pillar: planned, played, and scrubbed along the chart."""
     server = Server(setup_of("ur5e", simple=simple), port=8760)
-    camera = Camera(browser, server, FASTER)
+    camera = Camera(browser, server, FASTER, FILM)
     panel: Any = camera.page.show("Move")
     tab, frames = camera.tab, []
     tab.evaluate(POINTER)
 
     def take(seconds: float = 1 / MOTION_FPS) -> None:
-        frame = camera.take().resize(FILM, Image.Resampling.LANCZOS)
-        frames.extend([frame] * round(MOTION_FPS * seconds))
+        frames.extend([camera.take()] * round(MOTION_FPS * seconds))
 
     def point(x: float, y: float) -> None:
         tab.evaluate(PLACE, [x, y])
@@ -151,7 +151,7 @@ def motion(browser: Any, *, simple: bool) -> None:
     plan = tab.get_by_role("button", name="Plan").bounding_box()
     point(plan["x"] + plan["width"] / 2, plan["y"] - 20)
     take(0.6)
-    panel.choose(goal=MOTION[0])
+    panel.choose(goal=MOTION[0], speed=SPEED)
     take(0.8)
     panel.choose(goal=MOTION[0], boxes=MOTION[1])
     take(0.8)

@@ -15,11 +15,11 @@ from kinreach.deploy._controller import FINISHED, Controller, Recording
 from kinreach.deploy._planning import SPEED, Leg, planned_program
 from kinreach.deploy._program import Program
 from kinreach.deploy._remarks import tool_note, why_none
-from kinreach.deploy._surroundings import add_surroundings, surrounded
+from kinreach.deploy._surroundings import add_meshes, add_surroundings, meshes_of, surrounded
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, CollisionChecker, joint_line, pose
 from kinreach.kinematics.inside import PATH_MARGIN, described, postures_of
-from kinreach.robots import ArmDescription
+from kinreach.robots import ArmDescription, Box, Obstacle
 
 #: Distance from everything that what is sent keeps [m], and how much more its samples keep, so that it does between
 #: them, too.
@@ -37,6 +37,8 @@ class MotionFlags:
         degrees: Angles of `start` and `max_travel` are in degrees.
         table: Height of its top.
         boxes: A box each.
+        meshes: A mesh each.
+        mesh_scale: Metres per unit of their files.
         cell: Keep the arm's own table and floor.
 
     Raises:
@@ -53,6 +55,8 @@ class MotionFlags:
     blend: float = 0.0
     table: str | None = None
     boxes: tuple[str, ...] = ()
+    meshes: tuple[str, ...] = ()
+    mesh_scale: float = 1.0
     cell: bool = True
 
     def __post_init__(self) -> None:
@@ -107,6 +111,7 @@ class MotionFlags:
         )
         parser.add_argument("--no-cell", action="store_true", help="no table and no floor around the arm")
         add_surroundings(parser, "the frame base, as on the pendant")
+        add_meshes(parser, "the frame base")
 
     @classmethod
     def of(cls, arguments: argparse.Namespace) -> MotionFlags:
@@ -114,7 +119,7 @@ class MotionFlags:
         return cls(
             tuple(arguments.to), arguments.start, arguments.degrees, arguments.branch, arguments.max_travel,
             arguments.linear, arguments.speed, arguments.blend, arguments.table, tuple(arguments.box),
-            not arguments.no_cell,
+            tuple(arguments.mesh), arguments.mesh_scale, not arguments.no_cell,
         )  # fmt: skip
 
     def starting_at(self, q: Floats) -> MotionFlags:
@@ -138,6 +143,8 @@ class MotionFlags:
         }
         words += [word for flag, value in given.items() if value is not None for word in (flag, value)]
         words += [word for box in self.boxes for word in ("--box", box)]
+        words += [word for mesh in self.meshes for word in ("--mesh", mesh)]
+        words += ["--mesh-scale", f"{self.mesh_scale!r}"] if self.mesh_scale != 1.0 else []
         on = {"--degrees": self.degrees, "--linear": self.linear, "--no-cell": not self.cell}
         return words + [flag for flag, given in on.items() if given]
 
@@ -150,6 +157,10 @@ class MotionFlags:
         """Return an arm with the table and the boxes around it."""
         return surrounded(ArmKinematics(arm, base="base"), self.table, self.boxes, cell=self.cell)
 
+    def obstacles(self, arm: ArmDescription) -> list[Obstacle]:
+        """Return the meshes around an arm that `surrounded` returned."""
+        return meshes_of(ArmKinematics(arm, base="base"), self.meshes, self.mesh_scale)
+
     def planner(self, arm: ArmDescription) -> MotionPlanner:
         """Return the planner of this motion, for an arm that `surrounded` returned."""
         return MotionPlanner(
@@ -157,6 +168,7 @@ class MotionFlags:
             linear=self.linear, speed=self.speed, blend=self.blend,
             branch=None if self.branch is None else _branch_of(self.branch),
             max_travel=self.most_turn,
+            meshes=self.obstacles(arm),
         )  # fmt: skip
 
     def posture(self, kin: ClosedFormKinematics) -> Floats:
@@ -194,6 +206,7 @@ class TriedMotion:
         checker: Of the arm with what is around it, with the margin that was kept.
         start: Posture [rad], shape (6,).
         goals: Poses of the tool in the frame `base` (4, 4).
+        meshes: Around the arm, beside its work cell.
     """
 
     kinematics: ClosedFormKinematics
@@ -203,6 +216,7 @@ class TriedMotion:
     legs: Sequence[Leg]
     program: Program
     done: Recording
+    meshes: Sequence[Obstacle] = ()
 
     @property
     def cautions(self) -> list[str]:
@@ -250,7 +264,7 @@ class TriedMotion:
             f"dry run  {done.commanded.duration:.2f} s; {name} at most {np.abs(done.commanded.qd[:, joint]).max():.2f} "
             f"rad/s, {100 * shares[joint]:.0f} % of its limit; tool at most {tool:.2f} m/s"
         )
-        around = ", ".join(box.name for box in kin.arm.workcell.obstacles)
+        around = ", ".join([*(box.name for box in kin.arm.workcell.obstacles), *(mesh.name for mesh in self.meshes)])
         yield f"         no collision with itself{f', {around}' if around else '; nothing around it is known'}"
         yield f"         every way keeps {1e3 * KEEPS:g} mm from everything"
         if note := tool_note(self.checker):
@@ -273,6 +287,7 @@ class MotionPlanner:
         blend: As for `planned_program`.
         branch: As for `planned_program`.
         max_travel: As for `planned_program`.
+        meshes: Around the arm, beside its work cell.
     """
 
     def __init__(
@@ -285,6 +300,7 @@ class MotionPlanner:
         blend: float,
         branch: int | str | None = None,
         max_travel: float | None = None,
+        meshes: Sequence[Obstacle] = (),
     ) -> None:
         kin = ArmKinematics.of(arm, base="base")
         if not isinstance(kin, ClosedFormKinematics):
@@ -292,7 +308,9 @@ class MotionPlanner:
         self.arm, self.kinematics, self.goals = arm, kin, goals
         self.linear, self.speed, self.blend = linear, speed, blend
         self.branch, self.max_travel = branch, max_travel
-        self.checker = CollisionChecker(kin, margin=KEEPS + SAMPLING)
+        self.meshes = meshes
+        self._around: list[Box | Obstacle] = [*arm.workcell.obstacles, *meshes]
+        self.checker = CollisionChecker(kin, obstacles=self._around, margin=KEEPS + SAMPLING)
 
     def tried(self, start: Floats) -> TriedMotion:
         """Plan from a posture [rad], and run the program in MuJoCo.
@@ -312,7 +330,19 @@ class MotionPlanner:
                 joint_line(self.checker, done.commanded.q, keeps=KEEPS)
             except PathError as error:
                 raise InputError(f"the dry run comes too near to something, nothing is sent: {error}") from None
-        return TriedMotion(self.kinematics, self.checker, start, self.goals, legs, program, done)
+            self._check_meshes(done)
+        return TriedMotion(self.kinematics, self.checker, start, self.goals, legs, program, done, self.meshes)
+
+    def _check_meshes(self, done: Recording) -> None:
+        """Refuse a run whose arm, as it was simulated, touches a mesh: MuJoCo has only the work cell."""
+        if not self.meshes:
+            return
+        exact = CollisionChecker(self.kinematics, obstacles=self._around)
+        for q in done.measured.q:
+            if touching := exact.contacts(q):
+                raise InputError(
+                    f"the dry run does not keep free, nothing is sent: collision: {' - '.join(touching[0])}"
+                )
 
 
 def difference(one: Floats, other: Floats) -> tuple[float, float]:

@@ -242,7 +242,10 @@ def _check_line(
         if joints_apart(allowed, path[-1]).min() > 1e-4:
             raise PathError(f"the straight line of the tool ends in another branch than {branch}", q=path[-1])
     if most is not None and (turned := travel(path)) > most:
-        raise PathError(f"a joint would turn by {turned:.3g} rad along the straight line of the tool, above {most:g}")
+        raise PathError(
+            f"a joint would turn by {turned:.3g} rad ({np.degrees(turned):.0f}°) along the straight line of the tool, "
+            f"above {most:.4g} rad"
+        )
 
 
 def _joint(path: Floats, speeds: Floats, radii: Sequence[float]) -> tuple[Move, ...]:

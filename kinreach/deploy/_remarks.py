@@ -32,5 +32,6 @@ def why_none(kinematics: ArmKinematics, T: Floats, reason: str) -> str:
     if isinstance(kinematics, URKinematics):
         lack = float(np.linalg.norm(kinematics.nearest_in_reach(T)[:3, 3] - T[:3, 3]))
         if lack > AT_BORDER:
-            return f"{reason}; the nearest pose in reach with this orientation is {1000 * lack:.3g} mm away"
+            far = f"{1000 * lack:.3g} mm" if lack < 0.9995 else f"{lack:.3g} m"
+            return f"{reason}; the nearest pose in reach with this orientation is {far} away"
     return reason

@@ -1,4 +1,4 @@
-"""What stands around an arm, by flags of the command line: a table and boxes."""
+"""What stands around an arm, by flags of the command line: a table, boxes and meshes."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import argparse
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import count
+from pathlib import Path
 
 import numpy as np
 
-from kinreach._flags import numbers_of
+from kinreach._flags import numbers_of, pose_numbers_of
 from kinreach.errors import InputError, NoShapesError
-from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.robots import ArmDescription, Box, Workcell
+from kinreach.kinematics import ArmKinematics, CollisionChecker, pose, pose_vector
+from kinreach.robots import ArmDescription, Box, Obstacle, Workcell
 
 #: Edges of the table of `--table` [m].
 TABLE_SIZE = (6.0, 6.0, 1.0)
@@ -32,6 +34,45 @@ def add_surroundings(parser: argparse.ArgumentParser, frame: str) -> None:
         metavar="X,Y,Z,SX,SY,SZ",
         help=f"an obstacle: centre and full edge lengths of a box in {frame} [m]; may be repeated",
     )
+
+
+def add_meshes(parser: argparse.ArgumentParser, frame: str) -> None:
+    """Add `--mesh` and `--mesh-scale`."""
+    parser.add_argument(
+        "--mesh",
+        action="append",
+        default=[],
+        metavar="FILE[@X,Y,Z,RX,RY,RZ]",
+        help=f"an obstacle: the triangles of an STL, OBJ, DAE or GLB, and the pose of its origin in {frame}; may be "
+        "repeated",
+    )
+    parser.add_argument(
+        "--mesh-scale",
+        type=float,
+        default=1.0,
+        metavar="S",
+        help="metres per unit of these files; 0.001 for millimetres (%(default)s)",
+    )
+
+
+def meshes_of(kinematics: ArmKinematics, meshes: Sequence[str], scale: float) -> list[Obstacle]:
+    """Return the meshes of `--mesh`, each placed in the frame of the kinematics, named by its file.
+
+    Raises:
+        InputError: A pose or a scale that cannot be used.
+    """
+    placed: list[Obstacle] = []
+    taken = {box.name for box in kinematics.arm.workcell.obstacles}
+    for text in meshes:
+        file, placed_at, numbers = text.rpartition("@")
+        T = pose(pose_numbers_of("--mesh", numbers, strict=True)) if placed_at else np.eye(4)
+        file = file if placed_at else text
+        plain = Path(file).name
+        names = (plain if number == 1 else f"{plain} {number}" for number in count(1))
+        name = next(name for name in names if name not in taken)
+        taken.add(name)
+        placed.append(Obstacle(name, file, pose_vector(kinematics.T_world_base @ T), scale))
+    return placed
 
 
 def surrounded(kinematics: ArmKinematics, table: str | None, boxes: Sequence[str], *, cell: bool) -> ArmDescription:

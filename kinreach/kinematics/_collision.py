@@ -28,7 +28,15 @@ from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics._arm import ArmKinematics, build_model, sampling_limits
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription, Box, Obstacle, arm_names, get_arm
-from kinreach.robots.inside import MESHES_AS, Mesh, as_obstacles, collision_mesh, neighbours, without_shapes
+from kinreach.robots.inside import (
+    MESHES_AS,
+    Mesh,
+    as_obstacles,
+    collision_mesh,
+    mesh_in_metres,
+    neighbours,
+    without_shapes,
+)
 
 pin: Any = load("pinocchio")
 coal: Any = load("coal")
@@ -425,9 +433,7 @@ def _obstacle(obstacle: Box | Obstacle) -> tuple[Floats, Any]:
         return placement(obstacle.position, (0.0, 0.0, 0.0)), coal.Box(*obstacle.size)
     T, shape = pose(obstacle.pose), obstacle.shape
     if isinstance(shape, str | Path):
-        file, scale = Path(shape).resolve(), np.full(3, obstacle.scale)
-        vertices, faces = collision_mesh(file.name, str(file.parent), scale)
-        return T, _triangles(Mesh(vertices * scale, faces))
+        return T, _triangles(mesh_in_metres(str(shape), obstacle.scale))
     kind = {1: coal.Sphere, 2: coal.Cylinder, 3: coal.Box}[len(shape)]
     return T, kind(*shape)
 

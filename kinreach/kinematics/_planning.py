@@ -139,8 +139,8 @@ def plan_path(
     most = math.inf if max_travel is None else check_number("max_travel [rad]", max_travel, above=0.0, most=MAX_ANGLE)
     if (nearest_travel := travel(np.array([start, goals[0]]))) > most:
         raise PathError(
-            f"a joint would turn by {nearest_travel:.3g} rad to the nearest of {len(goals)} free goal postures; "
-            f"max_travel is {most:g} rad"
+            f"a joint would turn by {nearest_travel:.3g} rad ({math.degrees(nearest_travel):.0f}°) to the nearest of "
+            f"{len(goals)} free goal postures; max_travel is {most:.4g} rad"
         )
     path = _near_way(motion, start, goals, most, np.random.default_rng(seed), deadline)
     if path is None:

@@ -64,6 +64,13 @@ def collision_mesh(address: str, package_root: str | None, scale: Floats) -> Mes
     return _collision_mesh(address, package_root, tuple(scale), (status.st_ino, status.st_size, status.st_mtime_ns))
 
 
+def mesh_in_metres(path: str, scale: float) -> Mesh:
+    """Read the mesh of an obstacle as `collision_mesh` does, in metres; `scale` is in metres per unit of the file."""
+    file = Path(path).resolve()
+    vertices, faces = collision_mesh(file.name, str(file.parent), np.full(3, scale))
+    return Mesh(vertices * scale, faces)
+
+
 @lru_cache(maxsize=MAX_KEPT)
 def _collision_mesh(
     address: str, package_root: str | None, scale: tuple[float, float, float], status: tuple[int, ...]

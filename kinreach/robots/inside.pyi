@@ -11,6 +11,7 @@ from ._identification import slopes as slopes
 from ._meshes import MESHES_AS as MESHES_AS
 from ._meshes import Mesh as Mesh
 from ._meshes import collision_mesh as collision_mesh
+from ._meshes import mesh_in_metres as mesh_in_metres
 from ._registry import FILES as FILES
 from ._shapes import LinkShape as LinkShape
 from ._shapes import link_shapes as link_shapes

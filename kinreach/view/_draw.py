@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats
-from kinreach.robots import ArmDescription, Box
+from kinreach.kinematics import pose
+from kinreach.robots import ArmDescription, Box, Obstacle
+from kinreach.robots.inside import mesh_in_metres
 from kinreach.view._figure import Figure, Piece
 
 Colour = tuple[int, int, int]
@@ -115,8 +117,8 @@ class SolidScene(Branch):
 
     def place(self, poses: Floats, *, red: Collection[str] = ()) -> None:
         """Place the links at poses (k, 7), position [m] and quaternion w x y z; those named in `red` turn red."""
-        for node, pose in zip(self._links, poses, strict=True):
-            node.position, node.wxyz = pose[:3], pose[3:]
+        for node, place in zip(self._links, poses, strict=True):
+            node.position, node.wxyz = place[:3], place[3:]
         wanted = frozenset(red)
         if wanted != self._red:
             for link, own, mesh in self._pieces:
@@ -213,9 +215,11 @@ class FloorGrid:
 
 
 class Surroundings(Branch):
-    """The boxes of a work cell."""
+    """The boxes of a work cell, and meshes beside it."""
 
-    def __init__(self, scene: Any, boxes: Sequence[Box], *, root: str = "/world") -> None:
+    def __init__(
+        self, scene: Any, boxes: Sequence[Box], *, meshes: Sequence[Obstacle] = (), root: str = "/world"
+    ) -> None:
         self._boxes: dict[str, tuple[Colour, Any]] = {}
         self._red: frozenset[str] = frozenset()
         self._root = scene.add_frame(root, show_axes=False)
@@ -233,6 +237,11 @@ class Surroundings(Branch):
                     dimensions=(_LEG, _LEG, box.legs),
                     position=(sx * (x - _LEG), sy * (y - _LEG), -z - box.legs / 2),
                 )
+        for each in meshes:
+            vertices, faces = mesh_in_metres(str(each.shape), each.scale)
+            T = pose(each.pose)
+            placed = vertices @ T[:3, :3].T + T[:3, 3]
+            scene.add_mesh_simple(f"{root}/{each.name}", placed, faces, color=_METAL, side="double", flat_shading=True)
 
     def remove(self) -> None:
         self._root.remove()

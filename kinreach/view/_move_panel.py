@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from kinreach.deploy.inside import MotionFlags
 from kinreach.errors import KinreachError
 from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, pose, pose_vector
 from kinreach.kinematics.inside import SAME, described
+from kinreach.robots import ArmDescription, Obstacle
+from kinreach.robots.inside import mesh_in_metres
 from kinreach.view import _html as html
 from kinreach.view._draw import BLUE, VIOLET, Colour, Ghost, Ghosts, SolidArm, Surroundings
 from kinreach.view._inputs import add_unseen, by_user, frame_of, put
@@ -58,7 +61,7 @@ class MovePanel(PlayedPanel):
             self._build_gui()
         self._gizmo.on_update(self._dragged)
         self._surroundings.visible = False
-        self._surround(self._setup.arm)
+        self._surround(self._setup.arm, ())
         begun = self._setup.motion
         if begun is None:
             self._put_goal(self.target())
@@ -77,9 +80,10 @@ class MovePanel(PlayedPanel):
             super().show(visible)
             self._surroundings.visible = not visible
 
-    def choose(self, *, goal: str, boxes: str = "") -> None:
-        """Write a goal and boxes into their inputs."""
+    def choose(self, *, goal: str, boxes: str = "", speed: float | None = None) -> None:
+        """Write a goal, boxes, and a speed [%] into their inputs."""
         self._goal.value, self._boxes.value = goal, boxes
+        self._speed.value = self._speed.value if speed is None else speed
         self._typed()
         self._surroundings_typed()
 
@@ -134,6 +138,14 @@ class MovePanel(PlayedPanel):
             self._cell = gui.add_checkbox("table and floor", True, hint="kinreach's, as by default")
             self._table = gui.add_text("table [m]", "", hint="Height of a table's top above the arm's base: 0 or less")
             self._boxes = gui.add_text("boxes", "", hint="X,Y,Z,SX,SY,SZ in base [m]; further boxes after ;")
+            self._meshes = gui.add_text(
+                "meshes",
+                "",
+                hint="FILE@X,Y,Z,RX,RY,RZ: STL, OBJ, DAE or GLB, and its pose in base; further ones after ;",
+            )
+            self._mesh_scale = gui.add_number(
+                "mesh scale", 1.0, min=1e-6, max=1000.0, step=0.001, hint="Metres per unit of the files; 0.001 for mm"
+            )
         self._button.on_click(lambda _: self.plan())
         here.on_click(lambda _: self._start_here())
         there.on_click(lambda _: self._put_goal(self.target()))
@@ -141,7 +153,7 @@ class MovePanel(PlayedPanel):
         by_user(self._goal, lambda text: self._typed())
         by_user(self._shaded, lambda on: self._draw_way())
         self._copies.on_click(lambda event: self._copy(event.target.value))
-        for entry in (self._cell, self._table, self._boxes):
+        for entry in (self._cell, self._table, self._boxes, self._meshes, self._mesh_scale):
             by_user(entry, lambda value: self._surroundings_typed())
         moments = tuple(map(str, range(html.MOMENTS + 1)))
         add_unseen(gui, html.MOMENT, moments, lambda at: self._scrubbed(round(self.last * int(at) / html.MOMENTS)))
@@ -158,7 +170,7 @@ class MovePanel(PlayedPanel):
         Raises:
             InputError: One of them cannot be read.
         """
-        branch, most, table = self._branch.value, self._most.value, self._table.value.strip()
+        branch, most = self._branch.value, self._most.value
         return MotionFlags(
             tuple(_listed(pose_numbers_of("goal", text, strict=True)) for text in _parts(self._goal.value) or ("",)),
             self._start_words(),
@@ -167,10 +179,15 @@ class MovePanel(PlayedPanel):
             linear=self._linear.value,
             speed=self._speed.value / 100.0,
             blend=self._blend.value / 1000.0,
-            table=table or None,
-            boxes=_parts(self._boxes.value),
-            cell=self._cell.value,
+            **self._around(),
         )
+
+    def _around(self) -> dict[str, Any]:
+        """What is typed around the arm, as arguments of `MotionFlags`."""
+        return {
+            "table": self._table.value.strip() or None, "boxes": _parts(self._boxes.value),
+            "meshes": _parts(self._meshes.value), "mesh_scale": self._mesh_scale.value, "cell": self._cell.value,
+        }  # fmt: skip
 
     def _start_words(self) -> str | None:
         text = self._from.value.strip()
@@ -203,6 +220,7 @@ class MovePanel(PlayedPanel):
         self._most.value = 0.0 if most is None else round(float(np.degrees(most)), ANGLE_DIGITS)
         self._linear.value, self._speed.value, self._blend.value = flags.linear, 100.0 * flags.speed, 1e3 * flags.blend
         self._table.value, self._boxes.value, self._cell.value = flags.table or "", NEXT.join(flags.boxes), flags.cell
+        self._meshes.value, self._mesh_scale.value = NEXT.join(flags.meshes), flags.mesh_scale
 
     def _plan(self, flags: MotionFlags) -> None:
         arm = flags.surrounded(self._setup.arm)
@@ -226,7 +244,7 @@ class MovePanel(PlayedPanel):
         self._chart.content = html.chart(*shown.speeds)
         self._copies.visible = True
         self._button.disabled = False
-        self._surround(shown.arm)
+        self._surround(shown.arm, shown.motion.meshes)
         put(self._gizmo, self._kinematics.T_world_base @ shown.motion.goals[-1])
         self._draw_way()
         self._draw()
@@ -235,10 +253,18 @@ class MovePanel(PlayedPanel):
         text, caution = (CHANGED, True) if changed else (shown.verdict, bool(shown.motion.cautions))
         self._verdict.content = html.message(text, caution=caution)
 
-    def _surround(self, arm: Any) -> None:
+    def _surround(self, arm: ArmDescription, meshes: Sequence[Obstacle]) -> None:
+        """Draw what is around an arm.
+
+        Raises:
+            InputError: A mesh cannot be read.
+        """
+        for each in meshes:
+            mesh_in_metres(str(each.shape), each.scale)
         if self._world is not None:
             self._world.remove()
-        self._world = Surroundings(self._client.scene, arm.workcell.obstacles, root=f"{self._root}/world")
+        scene, root = self._client.scene, f"{self._root}/world"
+        self._world = Surroundings(scene, arm.workcell.obstacles, meshes=meshes, root=root)
 
     def _draw_way(self) -> None:
         """Draw the arm along its way, and the ways of its tip and elbow."""
@@ -294,15 +320,14 @@ class MovePanel(PlayedPanel):
 
     def _surroundings_typed(self) -> None:
         """Draw what is around the arm as it is typed, once it can be read."""
-        table, boxes = self._table.value.strip() or None, _parts(self._boxes.value)
-        try:
-            arm = MotionFlags((), table=table, boxes=boxes, cell=self._cell.value).surrounded(self._setup.arm)
-        except KinreachError:
-            return
-        with self._lock:
-            self._surround(arm)
-            if self.shown is not None:
-                self._say_verdict(self.shown, changed=arm.workcell != self.shown.arm.workcell)
+        flags = MotionFlags((), **self._around())
+        with self._lock, suppress(KinreachError):
+            arm = flags.surrounded(self._setup.arm)
+            meshes = flags.obstacles(arm)
+            self._surround(arm, meshes)
+            if (shown := self.shown) is not None:
+                same = arm.workcell == shown.arm.workcell and meshes == list(shown.motion.meshes)
+                self._say_verdict(shown, changed=not same)
 
     def _start_here(self) -> None:
         self._from.value = _degrees(self.q)

@@ -1,5 +1,6 @@
 """`kinreach move`: what it plans is free, what it sends was tried, and what it refuses has a reason."""
 
+import contextlib
 import os
 import re
 import signal
@@ -13,6 +14,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+import trimesh
 
 from kinreach.cli import main
 from kinreach.deploy import Program, SimulatedUR, URClient
@@ -23,7 +25,7 @@ from kinreach.deploy._planning import plan
 from kinreach.deploy._program import motion_of
 from kinreach.errors import InputError, PathError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, pose, pose_vector
-from kinreach.robots import Box, Tool, Workcell, get_arm
+from kinreach.robots import Box, Obstacle, Tool, Workcell, get_arm
 from tests.cases import slow
 from tests.deploy.conftest import CALIBRATION, ROOT
 
@@ -326,6 +328,7 @@ def _ik(pose_text, calibration):
     (["--to", GOAL, "--to", "-0.41,0.3,0.3,3.14,0,0", "--blend", "0.2"], "the blends of move [12] overlap"),
     (["--to", GOAL, "--blend", "-1", "--to", NEAR], "blend"),
     (["--to", "1,2"], "--to must be 6 numbers"),
+    (["--to", "0.4,0.3,3,3.14,0,0"], r"the nearest pose in reach with this orientation is 2\.\d+ m away"),
     (["--to", "-400,300,300,3.14,0,0"], "the goal has no posture: too far .*; positions are in metres"),
     (["--to", GOAL, "--box", "-0.4,0.3,0.3,0.1,0.1,0.1"], "none of the 8 goal postures is free: .* - box 1"),
     (["--to", GOAL, "--script", "/"], "--script must be a file"),
@@ -337,7 +340,7 @@ def _ik(pose_text, calibration):
     (["--to", GOAL, "--branch", "11"], "the goal: branch must be at most 7, got 11"),
     (["--to", GOAL, "--max-travel", "0"], "--max-travel must be finite and above 0"),
     (["--to", GOAL, "--max-travel", "0.2"], r"the goal: a joint would turn by 0.6\d+ rad .*; max_travel is 0.2 rad"),
-    (["--to", GOAL, "--max-travel", "10", "--degrees"], "the goal: a joint would turn by .* max_travel is 0.17"),
+    (["--to", GOAL, "--max-travel", "10", "--degrees"], r"a joint would turn by .* rad \(38°\) .* is 0.1745 rad"),
     (["--to", GOAL, "--linear", "--max-travel", "0.2"], "a joint would turn by .* along the straight line of the tool"),
     (["--to", GOAL, "--linear", "--branch", "left"], "the straight line of the tool ends in another branch than left"),
     (["--to", GOAL, "--from", "17@-0.4,0.3,0.3,3.14,0,0"], "--from: branch must be at most 7, got 17"),
@@ -361,11 +364,49 @@ def test_only_urs_move(capsys):
     assert "is not a UR" in capsys.readouterr().err
 
 
-def test_a_table_and_a_box_stand_around_it(run):
+@pytest.fixture
+def cube(tmp_path):
+    """A cube of 100 mm, in millimetres."""
+    file = tmp_path / "cube.stl"
+    trimesh.creation.box((100.0, 100.0, 100.0)).export(file)
+    return file
+
+
+def test_a_table_a_box_and_meshes_stand_around_it(run, cube):
     start = ["--from", "-90,-90,90,-90,-90,0", "--degrees"]
-    _, out, _ = run("--to", GOAL, "--table", "-0.1", "--box", "0.5,0.5,0.5,0.1,0.1,0.1", *start)
-    assert "no collision with itself, table, box 1" in out
+    meshes = ["--mesh", f"{cube}@0.5,-0.5,0.5,0,0,0.3", "--mesh", f"{cube}@0.5,0.2,0.5,0,0,0", "--mesh-scale", "0.001"]
+    _, out, _ = run("--to", GOAL, "--table", "-0.1", "--box", "0.5,0.5,0.5,0.1,0.1,0.1", *meshes, *start)
+    assert "no collision with itself, table, box 1, cube.stl, cube.stl 2" in out
     assert "from       -90.0    -90.0     90.0" in out
+
+
+@pytest.mark.parametrize(("flags", "reason"), [
+    (["--mesh", "CUBE@-0.4,0.3,0.3,0,0,0", "--mesh-scale", "0.001"], r"goal postures is free: .* - cube\.stl"),
+    (["--mesh", "CUBE@1,2,3"], "--mesh must be 6 numbers"),
+    (["--mesh", "CUBE@0,1,0,90,0,0"], "of --mesh is 14.3 turns long; rx, ry, rz are in radians"),
+    (["--mesh", "CUBE", "--mesh-scale", "0"], "the scale of the obstacle 'cube.stl' must be finite and above 0"),
+    (["--mesh", "nothing.stl"], "nothing.stl"),
+])  # fmt: skip
+def test_a_mesh_that_cannot_be_is_refused(flags, reason, run, cube):
+    code, _, err = run("--to", GOAL, *(flag.replace("CUBE", str(cube)) for flag in flags))
+    assert code == 2
+    assert len(err.splitlines()) == 1
+    assert re.search(reason, err), err
+
+
+def test_a_run_that_touches_a_mesh_is_refused(cube):
+    """MuJoCo does not have meshes: what it simulated is checked against them."""
+    done = MotionPlanner(ARM, [pose([float(x) for x in GOAL.split(",")])], linear=False, speed=0.25, blend=0.0)
+    done = done.tried(HOME).done
+    at = KIN.T_world_base @ KIN.fk(done.measured.q[len(done.measured.q) // 2])
+    refused = 0
+    for away in (0.0, 0.5):
+        block = Obstacle("block", str(cube), [*(at[:3, 3] + [0, 0, away]), 0, 0, 0], 0.001)
+        planner = MotionPlanner(ARM, [], linear=False, speed=0.25, blend=0.0, meshes=[block])
+        with contextlib.nullcontext() if away else pytest.raises(InputError, match="nothing is sent: collision: block - "):
+            planner._check_meshes(done)
+        refused += not away
+    assert refused == 1
 
 
 @pytest.fixture

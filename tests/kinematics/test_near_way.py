@@ -156,7 +156,7 @@ def test_no_joint_turns_farther_than_is_allowed(kin):
         assert travel(path) <= travel(free) + 1e-9
         kept += 1
         nearest = min(np.abs(q - start).max() for q in kin.all_solutions(T, seed=start).q if checker.free(q))
-        with pytest.raises(PathError, match=r"a joint would turn by [\d.]+ rad to the nearest of \d+ free"):
+        with pytest.raises(PathError, match=r"a joint would turn by [\d.]+ rad \(\d+°\) to the nearest of \d+ free"):
             plan_path(checker, start, solutions, max_travel=0.999 * nearest)
         refused += 1
     assert min(kept, refused) == 16

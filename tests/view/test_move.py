@@ -6,11 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 
 from kinreach.cli import main
 from kinreach.deploy import SimulatedUR
 from kinreach.deploy.inside import MotionFlags
-from kinreach.kinematics import ArmKinematics, pose_vector
+from kinreach.kinematics import ArmKinematics, CollisionChecker, pose_vector
 from kinreach.robots import get_arm
 from kinreach.view import _cli
 from kinreach.view._cli import setup_of
@@ -74,12 +75,22 @@ INPUTS = [
     {"goal": f"{GOAL}; {NEAR}", "blend [mm]": 20.0, "speed [%]": 40.0},
     {"goal": NEAR, "tool on straight lines": True, "table [m]": "-0.1", "start": "-80, -90, 90, -90, -90, 10"},
     {"goal": GOAL, "branch": "same", "turn at most [°]": 90.0, "table and floor": False},
+    {"goal": GOAL, "meshes": f"PILLAR@{BOX[:13]},0,0,0", "mesh scale": 0.001},
 ]
 
 
+@pytest.fixture(scope="module")
+def pillar(tmp_path_factory):
+    """The box `BOX` as a mesh in millimetres."""
+    file = tmp_path_factory.mktemp("meshes") / "pillar.stl"
+    trimesh.creation.box(1000 * np.array(BOX.split(",")[3:], dtype=float)).export(file)
+    return str(file)
+
+
 @pytest.mark.parametrize("inputs", INPUTS)
-def test_what_is_copied_gives_the_motion_that_is_shown(tab, inputs, tmp_path, capsys):
+def test_what_is_copied_gives_the_motion_that_is_shown(tab, inputs, pillar, tmp_path, capsys):
     """The command writes the same program by `--script`, and so does the Python code."""
+    inputs = {name: value.replace("PILLAR", pillar) if name == "meshes" else value for name, value in inputs.items()}
     for label, value in inputs.items():
         tab.set(label, value)
     wait_for(lambda: all(tab.state_at_server(tab.element(name))["value"] == value for name, value in inputs.items()))
@@ -118,6 +129,25 @@ def test_a_motion_is_played_and_scrubbed_along_its_time(tab):
     tab.set("player", "start")
     wait_for(lambda: panel.at == 0)
     np.testing.assert_allclose(panel.q, get_arm("ur5e").home, atol=1e-9)
+
+
+def test_a_mesh_is_drawn_and_avoided(tab, pillar):
+    """A pillar as a mesh in millimetres is where the same pillar as a box is, and has the same caution."""
+    tab.set("mesh scale", 0.001)
+    tab.set("meshes", f"{pillar}@{BOX[:13]},0,0,0")
+    wait_for(lambda: "/move/world/pillar.stl" in tab.nodes)
+    corners = tab.nodes["/move/world/pillar.stl"]["vertices"].reshape(-1, 3)
+    centre, half = (KIN.T_world_base @ [-0.2, -0.2, 0.4, 1])[:3], np.array([0.05, 0.05, 0.4])
+    np.testing.assert_allclose(corners.min(axis=0), centre - half, atol=1e-6)
+    np.testing.assert_allclose(corners.max(axis=0), centre + half, atol=1e-6)
+    tab.set("goal", GOAL)
+    shown = planned(tab)
+    assert shown.motion.cautions[0].startswith("the arm leaves its branch: from 6 (right, up, straight) to ")
+    wait_for(lambda: "no collision with itself, table, floor, pillar.stl" in tab.text)
+    exact = CollisionChecker(KIN, obstacles=[*KIN.arm.workcell.obstacles, *shown.motion.meshes], margin=0.0049)
+    assert all(exact.free(q) for q in shown.q)
+    tab.set("meshes", "")
+    wait_for(lambda: "/move/world/pillar.stl" not in tab.nodes and "plan again" in tab.text)
 
 
 def test_the_chart_has_the_speeds_over_the_time_and_a_press_on_it_goes_there(tab):
@@ -200,6 +230,8 @@ def test_a_caution_is_in_the_first_line(tab):
         ("table [m]", "0.2", "--table must be 0 or negative"),
         ("boxes", "0,0,1", "--box must be 6 numbers"),
         ("boxes", "-0.4,0.3,0.3,0.3,0.3,0.3", "goal"),
+        ("meshes", "nothing.stl", "nothing.stl"),
+        ("meshes", "nothing.stl@1,2", "--mesh must be 6 numbers"),
         ("turn at most [°]", 1.0, "a joint"),
     ],
 )
