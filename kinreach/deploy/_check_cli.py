@@ -125,7 +125,9 @@ def _class_of(kin: ArmKinematics) -> str:
         return f"six joints: every posture of a pose exactly, {kin.solved}{special}"
     if isinstance(kin, SevenAxisKinematics):
         numeric = "placo, lm and qp give one posture at a time"
-        return f"seven joints: every posture of a pose as curves, {kin.solved}; {numeric}"
+        sliding = [name for name, slides in zip(kin.arm.joints, kin.slides, strict=True) if slides]
+        what = f"six joints and the slide {sliding[0]}" if sliding else "seven joints"
+        return f"{what}: every posture of a pose as curves, {kin.solved}; {numeric}"
     if isinstance(kin, Arm3Kinematics):
         return "turning base with two links: every posture of a position in closed form"
     if isinstance(kin, RedundantKinematics):

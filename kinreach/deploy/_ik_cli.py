@@ -32,6 +32,8 @@ from kinreach.kinematics import (
     NearestOrientationGoal,
     PoseGoal,
     PositionGoal,
+    RedundantKinematics,
+    SevenAxisKinematics,
     SixAxisKinematics,
     Tolerance,
     URKinematics,
@@ -60,6 +62,7 @@ class Found(NamedTuple):
         left: What is left of the orientation [rad], of arms of four and five axes.
         kind: What that is, such as "minimum".
         collides: What collides, empty if nothing does.
+        to_seed: What it is to the seed.
     """
 
     q: Floats
@@ -67,6 +70,7 @@ class Found(NamedTuple):
     left: float = 0.0
     kind: str = ""
     collides: str = ""
+    to_seed: str = "nearest to"
 
 
 class NearestAxisGoal(AxisGoal):
@@ -96,8 +100,8 @@ class Answers:
     def postures(self, goal: Goal) -> tuple[list[Found], str]:
         """Return every posture for a goal, nearest first, colliding ones too; and why there is none.
 
-        Arms of four and five axes have those that leave least of the orientation first. An arm without a closed form
-        has the one posture that is found, which is free.
+        Arms of four and five axes have those that leave least of the orientation first. An arm with more joints than a
+        pose needs, or without a closed form, has the one posture that is found, which is free.
         """
         kin = self.kinematics
         if isinstance(kin, FiveAxisKinematics):
@@ -109,9 +113,14 @@ class Answers:
         from kinreach.kinematics import LevenbergMarquardtSolver
 
         accept = None if self.checker is None else self.checker.free
-        result = LevenbergMarquardtSolver(kin).solve(goal, self.seed, accept=accept)
+        if isinstance(kin, SevenAxisKinematics | RedundantKinematics) and isinstance(goal, PoseGoal):
+            result = kin.nearest(goal.frame(), self.seed, accept=accept)
+            said = "nearest to" if kin.knows_all_postures else "numeric: no other next to it is nearer to"
+        else:
+            result = LevenbergMarquardtSolver(kin).solve(goal, self.seed, accept=accept)
+            said = "numeric: found from"
         if result.success:
-            return [Found(result.q, 0)], ""
+            return [Found(result.q, max(result.branch, 0), to_seed=said)], ""
         reason = why_none(kin, goal.frame(), result.reason)
         return [], "; ".join(filter(None, (reason, kin.no_closed_form)))
 
@@ -244,10 +253,11 @@ def _one(answers: Answers, goal: Goal, *, degrees: bool) -> int:
     seed = ", ".join(
         f"{angle:.{3 if factor == 1.0 else 1}f}" for angle, factor in zip(scale * answers.seed, scale, strict=True)
     )
-    said = "leaves least of the orientation, and is nearest" if remains else "nearest"
-    if isinstance(goal, PositionGoal) and remains:
-        said = "leaves least of the seed's orientation, and is nearest"
-    print("every posture collides" if nearest is None else f"* {said} to the seed {seed}")
+    said = found[nearest or 0].to_seed
+    if remains:
+        whose = "the seed's" if isinstance(goal, PositionGoal) else "the"
+        said = f"leaves least of {whose} orientation, and is nearest to"
+    print("every posture collides" if nearest is None else f"* {said} the seed {seed}")
     if answers.note:
         print(answers.note)
     return NONE_FOUND if nearest is None else 0

@@ -195,7 +195,8 @@ class ArmKinematics:
         plain = cls(arm, tip=tip, base=base, tool=tool)
         kinds = cls._closed_forms.get(plain.n, ())
         if not plain.turns_alone:
-            kinds = (("_sliding", "SlidingKinematics"),) if plain.slides.any() else ()
+            of_six = (("_sliding", "SlidingKinematics"),)
+            kinds = (of_six if plain.n <= POSE_JOINTS else kinds) if plain.slides.any() else ()
             plain.no_closed_form = "" if kinds else "joints follow others, which no closed form takes"
         for module, name in kinds:
             kind: Any = getattr(importlib.import_module(f"kinreach.kinematics.{module}"), name)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinreach._checks import Floats, is_tensor, torch_module
 from kinreach._rotations import rotation_to, turns_about_z
@@ -130,6 +131,11 @@ class SerialChain:
         *self._constants, self._tip = map(_snapped, about_z(placements, axes, tip))
         self._moves = [Moves(joint) for joint in range(len(axes))] if moves is None else moves
         self.joints = 1 + max(each.entry for each in self._moves)
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """Which joints slide, shape (m,)."""
+        return np.array([each.slides for each in self._moves])
 
     @property
     def placements(self) -> Floats:

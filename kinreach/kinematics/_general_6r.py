@@ -6,6 +6,7 @@ method and its sources. `General6R` prepares it for an arm, and tells which arms
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -41,6 +42,9 @@ _JOINTS = 6
 SAMPLES = 2 * np.pi / 3 * np.arange(3)
 #: Coefficients of 1, cos and sin of a function that is linear in them, from its values at `SAMPLES`.
 COEFFICIENTS = np.array([np.full(3, 1 / 3), 2 / 3 * np.cos(SAMPLES), 2 / 3 * np.sin(SAMPLES)])
+#: Places at which functions that are linear in a slide are sampled, and coefficients of 1, the slide and nothing.
+SLIDE_SAMPLES = np.array([0.0, 1.0, -1.0])
+SLIDE_COEFFICIENTS = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, -0.5], [0.0, 0.0, 0.0]])
 #: Twist and trace of a small motion (4, 4), from its entries, shape (16, 7).
 _TWIST = np.zeros((16, 7))
 _TWIST[(3, 7, 11), (0, 1, 2)] = _TWIST[::5, 6][:3] = 1.0
@@ -48,30 +52,38 @@ _TWIST[(9, 2, 4), (3, 4, 5)], _TWIST[(6, 8, 1), (3, 4, 5)] = 0.5, -0.5
 
 
 class Chain:
-    """Joints that each turn about their frame's z axis, `T = A0 Rz(q1) A1 Rz(q2) ... Rz(qn) An`.
+    """Joints that each turn about their frame's z axis, or slide along it, `T = A0 Rz(q1) A1 Rz(q2) ... Rz(qn) An`.
 
     `SerialChain` has the same poses and Jacobians. Newton's method asks for those of few postures at a time: of up to
     32 this class takes less than an eighth of its time, of 4000 twice as long.
 
     Args:
         placements: A0 to An, shape (n + 1, 4, 4); n is 6 or 7.
+        pitches: By how much each joint slides in a step of 1 [m], shape (n,), 0 for one that turns; by default all do.
 
     Attributes:
-        placements: The same.
-        rows: Their upper rows, shape (n + 1, 3, 4).
+        placements, pitches: The same.
+        slides: Which joints slide, shape (n,).
+        rows: Upper rows of the placements, shape (n + 1, 3, 4).
+        core: Those and the pitches, as the core has them.
     """
 
-    def __init__(self, placements: Floats) -> None:
+    def __init__(self, placements: Floats, pitches: Floats | None = None) -> None:
         self.placements = placements
         self.rows: Floats = np.ascontiguousarray(placements[:, :3])
         self._joints = len(placements) - 1
+        self.pitches: Floats = np.zeros(self._joints) if pitches is None else pitches
+        self.core: Floats = np.append(self.rows, self.pitches)
+        self.slides: NDArray[np.bool_] = self.pitches != 0.0
         # largest distance of the tip from the origin of the frame before joint 4
-        self._reach = float(np.linalg.norm(placements[4:, :3, 3], axis=1).sum())
+        self._reach = float(np.linalg.norm(placements[4:, :3, 3], axis=1).sum() + np.pi * self.pitches[3:].sum())
 
     @cached_property
     def _halves(self) -> list[Floats]:
         """Coefficients of `_half` for joints 1 to 3, shape (27, 34), and for the others, (27, 34) or (81, 40)."""
-        return [self._half(self.placements[:4], after=False), self._half(self.placements[4:], after=True)]
+        ends = slice(None, 3), slice(3, None)
+        parts = self.placements[:4], self.placements[4:]
+        return [self._half(parts[after], self.pitches[ends[after]], after=bool(after)) for after in (0, 1)]
 
     def fk(self, q: Floats) -> Floats:
         """Upper rows of the tip's poses, shape (m, 3, 4), for postures (m, n)."""
@@ -92,6 +104,8 @@ class Chain:
         for row, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
             J[:, row] = (z[..., a] * arm[..., b] - z[..., b] * arm[..., a]).T
         J[:, 3:] = z.transpose(1, 2, 0)
+        for joint in np.flatnonzero(self.slides):
+            J[:, :3, joint], J[:, 3:, joint] = self.pitches[joint] * z[joint], 0.0
         return frame, J
 
     def step(self, q: Floats, T: Floats) -> tuple[Floats, Floats, Floats]:
@@ -115,12 +129,17 @@ class Chain:
         return error, J, np.maximum(np.sqrt(square[:, :3].sum(axis=1)) + self._reach * turned, turned)
 
     def _products(self, q: Floats) -> tuple[Floats, Floats]:
-        """Products of 1, cosine and sine of the angles (m, n) of joints 1 to 3 (m, 27), and of the others."""
+        """Products of 1, cosine and sine of the angles (m, n) of joints 1 to 3 (m, 27), and of the others.
+
+        Of a slide they are 1, the slide and 0.
+        """
         count = len(q)
         angles = np.empty((3, self._joints, count))
         angles[0] = 1.0
         np.cos(q.T, out=angles[1])
         np.sin(q.T, out=angles[2])
+        if self.slides.any():
+            angles[1, self.slides], angles[2, self.slides] = q.T[self.slides], 0.0
         products = (angles[:, None, None, 0:6:3] * angles[:, None, 1:6:3]) * angles[:, 2:6:3]
         first, last = products.reshape(27, 2, count).transpose(1, 2, 0)
         if self._joints == 7:
@@ -128,37 +147,57 @@ class Chain:
         return first, last
 
     @staticmethod
-    def _half(placements: Floats, *, after: bool) -> Floats:
+    def _half(placements: Floats, pitches: Floats, *, after: bool) -> Floats:
         """Some joints' inverse motion (16 numbers) and their axes (6 each) in the frame before joint 4.
 
-        They are linear in 1, cosine and sine of each of k angles; these are the coefficients of the products, shape
-        (3^k, 16 + 6 k).
+        They are linear in 1, cosine and sine of each of k angles, or in 1 and a slide; these are the coefficients of
+        the products, shape (3^k, 16 + 6 k).
         """
         joints = len(placements) - (not after)
+        samples: list[Floats] = [SLIDE_SAMPLES if pitch else SAMPLES for pitch in pitches]
         values = np.empty((*[3] * joints, 16 + 6 * joints))
         for index in np.ndindex(values.shape[:-1]):
             frame = np.eye(4) if after else placements[0]
             axes = []
-            for angle, placement in zip(SAMPLES[list(index)], placements[0 if after else 1 :], strict=True):
+            for joint, placement in enumerate(placements[0 if after else 1 :]):
                 axes.append(frame)
-                frame = frame @ turns_about_z(angle[None])[0] @ placement
+                moved = moves_along_z(samples[joint][index[joint], None], pitches[joint])[0]
+                frame = frame @ moved @ placement
             back = np.linalg.inv(frame)
             axes = axes if after else [back @ axis for axis in axes]
-            lines = [(*np.cross(axis[:3, 3], axis[:3, 2]), *axis[:3, 2]) for axis in axes]
+            lines = [
+                (*pitch * axis[:3, 2], 0.0, 0.0, 0.0) if pitch else (*np.cross(axis[:3, 3], axis[:3, 2]), *axis[:3, 2])
+                for axis, pitch in zip(axes, pitches, strict=True)
+            ]
             values[index] = np.concatenate([back.ravel(), *lines])
-        return _coefficients(values)
+        return _coefficients(values, [SLIDE_COEFFICIENTS if pitch else COEFFICIENTS for pitch in pitches])
 
     def _start(self, q: Floats) -> tuple[Floats, NDArray[Any]]:
-        """The first frames (m, 3, 4), and exp(-i q)."""
+        """The first frames (m, 3, 4), and exp(-i q); of a joint that slides, by how much it does [m]."""
         frame = np.empty((len(q), 3, 4))
         frame[:] = self.placements[0, :3]
-        return frame, np.exp(-1j * q)
+        turns = np.exp(-1j * q)
+        if self.slides.any():
+            turns[:, self.slides] = (q * self.pitches)[:, self.slides]
+        return frame, turns
 
     def _turned(self, frame: Floats, turns: NDArray[Any], joint: int) -> Floats:
         """The next joint's frames: x + i y of a frame turns by exp(-i q)."""
-        plane = frame.view(np.complex128)[:, :, 0]
-        np.multiply(plane, turns[:, joint, None], out=plane)
+        if self.slides[joint]:
+            frame[:, :, 3] += turns[:, joint, None].real * frame[:, :, 2]
+        else:
+            plane = frame.view(np.complex128)[:, :, 0]
+            np.multiply(plane, turns[:, joint, None], out=plane)
         return (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
+
+
+def moves_along_z(values: Floats, pitch: float) -> Floats:
+    """Motions (m, 4, 4) of a joint for values (m,): along z by the pitch in a step of 1 [m], about it if that is 0."""
+    if not pitch:
+        return turns_about_z(values)
+    moves = np.tile(np.eye(4), (len(values), 1, 1))
+    moves[:, 2, 3] = pitch * values
+    return moves
 
 
 def miss(reached: Floats, T: Floats) -> Floats:
@@ -280,10 +319,10 @@ def _contiguous(T: Floats) -> Floats:
     return np.ascontiguousarray(T, dtype=np.float64)
 
 
-def _coefficients(values: Floats) -> Floats:
-    """Coefficients of products of 1, cosine and sine of k angles (3^k, m), from values (3, ..., 3, m) at `SAMPLES`."""
-    for joint in range(values.ndim - 1):
-        values = np.moveaxis(np.tensordot(COEFFICIENTS, values, (1, joint)), 0, joint)
+def _coefficients(values: Floats, of_joints: Sequence[Floats]) -> Floats:
+    """Coefficients of products of three functions of each of k joints (3^k, m), from sampled values (3, ..., 3, m)."""
+    for joint, coefficients in enumerate(of_joints):
+        values = np.moveaxis(np.asarray(np.tensordot(coefficients, values, (1, joint))), 0, joint)
     return np.ascontiguousarray(values).reshape(-1, values.shape[-1])
 
 

@@ -36,7 +36,7 @@ Gradient = Callable[[Floats], Floats]
 
 
 class RedundantKinematics(ArmKinematics):
-    """Kinematics of an arm with more than seven joints, or with seven of which some slide or follow others.
+    """Kinematics of an arm with more than seven joints, or with seven that `SevenAxisKinematics` does not take.
 
     A pose has a family of postures. `nearest`, `clearest` and `manipulable` choose from it by a numeric solver from
     several starts, and steps that leave the tip where it is. They find the best posture next to each start, not
@@ -62,6 +62,8 @@ class RedundantKinematics(ArmKinematics):
 
     def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute a posture for a pose near a seed, by a numeric solver: no other next to it is nearer.
+
+        A slide's metres count as the radians in which the tip of the stretched arm moves as far.
 
         Args:
             T: Pose of the tip in the base frame, shape (4, 4).
@@ -95,12 +97,14 @@ class RedundantKinematics(ArmKinematics):
     def manipulable(self, T: ArrayLike) -> IKResult:
         """Compute a posture for a pose with much manipulability (Yoshikawa 1985), by a numeric solver.
 
+        The Jacobian's column of a slide is that of as many metres as in `nearest` count as a radian.
+
         Raises:
             InputError: As `nearest`.
         """
 
         def measure(q: Floats) -> float:
-            J = self.jacobian(q)
+            J = self.jacobian(q) / self._scale
             return float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
 
         return self._best(rigid_pose(T), measure)

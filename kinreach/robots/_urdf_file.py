@@ -168,7 +168,7 @@ def read_arm(
     if named(robot, "link", WORLD) is None:
         root_link = base_of(robot)
         robot.append(ET.Element("link", name=WORLD))
-        add_joint(robot, f"{WORLD}_joint", WORLD, root_link)
+        add_joint(robot, _new_name(f"{WORLD}_joint", robot.findall("joint")), WORLD, root_link)
     tips = UrdfArm(name, robot, tip=arm.tip, joints=arm.joints, held=gripper).tips
     home = None
     if read.home:
@@ -280,12 +280,17 @@ class _Xacro:
         )
 
 
+def _new_name(name: str, elements: Sequence[ET.Element]) -> str:
+    """The name, or with a number behind it if an element has it."""
+    names = {element.get("name") for element in elements}
+    return next(new for i in range(len(names) + 1) if (new := f"{name}_{i}" if i else name) not in names)
+
+
 def _rename_world(robot: ET.Element) -> list[str]:
     """Give a link `world` that is not the first another name: simulators take it for the ground."""
     if WORLD not in joints_above(robot):
         return []
-    names = {link.get("name") for link in robot.findall("link")}
-    other = next(name for i in range(1, len(names) + 2) if (name := f"{WORLD}_{i}") not in names)
+    other = _new_name(WORLD, robot.findall("link"))
     for link in robot.findall("link"):
         if link.get("name") == WORLD:
             link.set("name", other)

@@ -36,6 +36,7 @@ class SelfMotionFolder(Branch):
         self._ways: list[Floats] = []
         self._thick = -1  # index of the curve that is drawn thick
         self._q = np.array(kinematics.arm.home)
+        self._unit = np.where(kinematics.slides, kinematics.length, 1.0)  # what counts as 1 rad
         gui = client.gui
         with gui.add_folder("Self-motion"):
             self._text = gui.add_html("")
@@ -73,7 +74,7 @@ class SelfMotionFolder(Branch):
         self.visible = self._curve.visible = self._place.visible = True
 
     def follow(self, q: Floats) -> None:
-        """Show in the inputs where a posture (7,) [rad] is, or the nearest on a curve."""
+        """Show in the inputs where a posture (7,) [rad, m] is, or the nearest on a curve."""
         self._q = q
         if not self._curves:
             return
@@ -116,11 +117,11 @@ class SelfMotionFolder(Branch):
     def _nearest(self, index: int) -> tuple[float, int, float]:
         """How far a curve is from the posture followed [rad], its index, and the arc length there [rad]."""
         curve = self._curves[index][1]
-        apart = np.linalg.norm(curve.q - self._q, axis=1)
-        sample = int(apart.argmin())
-        along = float((self._q - curve.q[sample]) @ curve.tangent[sample])
+        away = (self._q - curve.q) / self._unit
+        sample = int(np.linalg.norm(away, axis=1).argmin())
+        along = float(away[sample] @ (curve.tangent[sample] / self._unit))
         place = float(np.clip(curve.length[sample] + along, 0.0, curve.total))
-        return float(np.linalg.norm(curve.at(place) - self._q)), index, place
+        return float(np.linalg.norm((curve.at(place) - self._q) / self._unit)), index, place
 
     def _draw(self, name: str, indices: Sequence[int], *, thickness: float) -> None:
         points = np.concatenate([self._ways[index] for index in indices])

@@ -389,7 +389,7 @@ def test_a_point_and_a_direction(capsys):
     assert len(q) == len(six.axis_solutions([0.4, 0.2, 0.3], [0, 0, -1], seed=six.arm.home))
     np.testing.assert_allclose(six.positions(q), np.tile([0.4, 0.2, 0.3], (len(q), 1)), atol=1e-4)
     assert ik("--arm", "panda", "--point", "0.4,0.2,0.3") == 0  # without a list one posture is found
-    assert "* nearest to the seed" in capsys.readouterr().out
+    assert "* numeric: found from the seed" in capsys.readouterr().out
 
 
 def test_poses_in_a_file_for_five_axes(tmp_path, capsys):

@@ -194,34 +194,35 @@ int kr_solutions_of_each(int way, const void *prepared, const kr_arm *arm, const
 int kr_nearest_of_each(int way, const void *prepared, const kr_arm *arm, const double *T, const double *seeds,
                        int count, double tol, double *q, long long *branch);
 
-/* An arm with seven revolute joints has curves of postures for a pose (`self_motion.c`, `tracing.c`); A are its placements,
- * T the pose. A posture misses it by the larger of position [m] and orientation [rad]. */
+/* An arm with seven joints has curves of postures for a pose (`self_motion.c`, `tracing.c`); A are its placements, and
+ * behind them by how much each joint slides along its axis in a step of 1 [m], 0 if it turns. Slides are within ±pi. T is
+ * the pose. A posture misses it by the larger of position [m] and orientation [rad]. */
 
 /* Newton's method from `count` postures (count, 7), in place, by the shortest steps, and by how much they miss then. */
-void kr_shortest_steps(const double A[96], const double T[12], int steps, int count, double *q, double *missed);
+void kr_shortest_steps(const double A[103], const double T[12], int steps, int count, double *q, double *missed);
 
 /* The same across directions (count, 7), which become unit tangents of the curve where it arrives, nearest to them. */
-void kr_across_each(const double A[96], const double T[12], int steps, int count, double *q, double *direction,
+void kr_across_each(const double A[103], const double T[12], int steps, int count, double *q, double *direction,
                     double *missed);
 
 /* Unit tangents (count, 7) at postures of a curve, nearest to directions (count, 7); without these (0) to any. */
-void kr_tangents(const double A[96], int count, const double *q, const double *ahead, double *tangents);
+void kr_tangents(const double A[103], int count, const double *q, const double *ahead, double *tangents);
 
 /* By how much postures miss the pose. */
-void kr_missed_by_each(const double A[96], const double T[12], int count, const double *q, double *missed);
+void kr_missed_by_each(const double A[103], const double T[12], int count, const double *q, double *missed);
 
 /* Smallest singular values of the Jacobians, to the root of rounding. */
-void kr_least_singular_values(const double A[96], int count, const double *q, double *values);
+void kr_least_singular_values(const double A[103], int count, const double *q, double *values);
 
 /* All curves through `count` starts (count, 7), which reach the pose, in [-pi, pi], sorted by joint 1. Postures along them
  * without jumps go into `samples`, at most `room` in all, unit tangents into `tangents`; `ends` gets where each curve
  * ends there, `closed` 1 if it comes back to its first posture, 0 if not, and -1 if it is none, both (2, count). Memory for
  * what is found on the way: (4, count). Returns how many curves there are, at most 2 count. */
-int kr_self_motion(const double A[96], const double T[12], const double *starts, int count, int room, double *samples,
+int kr_self_motion(const double A[103], const double T[12], const double *starts, int count, int room, double *samples,
                    double *tangents, int *ends, int *closed, int *marks);
 
 /* Which of `others` postures (others, 7) of the pose are on a curve with these samples and tangents (count, 7). */
-void kr_on_curve(const double A[96], const double T[12], const double *samples, const double *tangents, int count,
+void kr_on_curve(const double A[103], const double T[12], const double *samples, const double *tangents, int count,
                  int closed, const double *q, int others, unsigned char *on);
 
 /* Whole turns by which values of a joint along a curve are wound into limits, shape (count,): each is as near to the one

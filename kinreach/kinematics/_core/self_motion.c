@@ -67,19 +67,35 @@ static void move(double q[N], const double *step, int stride) {
     for (int j = 0; j < N; j++) q[j] += scale * step[stride * j];
 }
 
+/* The geometric Jacobian; a joint that slides by s moves the tip by s along its axis. */
+static void jacobian(const double *A, const double *F, double J[6 * N]) {
+    const double *pitches = A + 12 * (N + 1);
+    kr_jacobian_of(N, F, J);
+    for (int j = 0; j < N; j++)
+        for (int r = 0; r < 3 && pitches[j] != 0.0; r++) {
+            J[N * r + j] = pitches[j] * J[N * (r + 3) + j];
+            J[N * (r + 3) + j] = 0.0;
+        }
+}
+
 /* The Jacobian and a direction below it. */
-static void bordered(const double *F, const double direction[N], double M[49]) {
-    kr_jacobian_of(N, F, M);
+static void bordered(const double *A, const double *F, const double direction[N], double M[49]) {
+    jacobian(A, F, M);
     memcpy(M + 42, direction, N * sizeof *M);
     for (int i = 0; i < N; i++) M[(N + 1) * i] += NUDGE;
 }
 
-/* Frames of the joints and of the tip, as `kr_frames`; all sines and cosines at once. */
+/* Frames of the joints and of the tip, as `kr_frames`, with joints that slide; all sines and cosines at once. */
 static void frames(const double *restrict A, const double q[N], double *restrict F) {
     double s[N], c[N];
+    const double *restrict pitches = A + 12 * (N + 1);
     kr_sincos_of_each(N, q, s, c);
     memcpy(F, A, 12 * sizeof *F);
     for (int i = 0; i < N; i++, F += 12) {
+        if (pitches[i] != 0.0) {
+            s[i] = 0.0, c[i] = 1.0;
+            for (int r = 0; r < 12; r += 4) F[r + 3] += pitches[i] * q[i] * F[r + 2];
+        }
         const double *restrict a = A + 12 * (i + 1);
         double *restrict next = F + 12;
         for (int r = 0; r < 12; r += 4) {
@@ -93,12 +109,13 @@ static void frames(const double *restrict A, const double q[N], double *restrict
 }
 
 /* By how much a posture misses the pose at most after a step of Newton's method, from what the linear equations left: the
- * second derivatives of the tip's pose are less than all links together, and than 1. Infinite if the step is not tiny. */
-static double missed_after(const double A[96], const double *step, int stride, double left) {
+ * second derivatives of the tip's pose are less than all links and slides together, and than 1. Infinite if the step is not tiny. */
+static double missed_after(const double A[KR_LOOP], const double *step, int stride, double left) {
     double sum = 0.0, reach = 1.0;
     for (int j = 0; j < N; j++) sum += fabs(step[stride * j]);
     if (!(sum < TINY_STEP)) return INFINITY;
     for (int i = 12; i < 12 * (N + 1); i += 12) reach += fabs(A[i + 3]) + fabs(A[i + 7]) + fabs(A[i + 11]);
+    for (int i = 12 * (N + 1); i < KR_LOOP; i++) reach += KR_TURN * fabs(A[i]);  /* it slides within half a turn */
     return left + reach * sum * sum;
 }
 
@@ -112,7 +129,7 @@ static int unit(const double *b, double tangent[N]) {
     return 1;
 }
 
-double kr_step_along(const double A[96], const double T[12], const double direction[7], int steps, double q[7],
+double kr_step_along(const double A[KR_LOOP], const double T[12], const double direction[7], int steps, double q[7],
                      double tangent[7], int *sign) {
     double F[12 * (N + 1)], M[49], twist[6], b[14], missed;
     *sign = 0;
@@ -120,7 +137,7 @@ double kr_step_along(const double A[96], const double T[12], const double direct
         frames(A, q, F);
         missed = kr_twist_to(F + 12 * N, T, twist);
         if (!(missed < INFINITY)) return missed;
-        bordered(F, direction, M);
+        bordered(A, F, direction, M);
         for (int i = 0; i < 6; i++) b[2 * i] = twist[i], b[2 * i + 1] = 0.0;
         b[12] = 0.0, b[13] = 1.0;
         const int side = kr_solve_seven(M, b), there = !(CONVERGED <= missed) || steps <= 0;
@@ -136,16 +153,16 @@ double kr_step_along(const double A[96], const double T[12], const double direct
     }
 }
 
-double kr_across(const double A[96], const double T[12], const double direction[7], int steps, double q[7]) {
+double kr_across(const double A[KR_LOOP], const double T[12], const double direction[7], int steps, double q[7]) {
     int sign;
     return kr_step_along(A, T, direction, steps, q, NULL, &sign);
 }
 
-int kr_contracts(const double A[96], const double T[12], const double direction[7], const double start[7],
+int kr_contracts(const double A[KR_LOOP], const double T[12], const double direction[7], const double start[7],
                  const double q[7], int *sign) {
     double F[12 * (N + 1)], M[49], twist[6], b[14] = {0.0}, apart = 0.0, left = 0.0;
     frames(A, q, F);
-    bordered(F, direction, M);
+    bordered(A, F, direction, M);
     frames(A, start, F);
     const double missed = kr_twist_to(F + 12 * N, T, twist);
     for (int i = 0; i < 6; i++) b[2 * i] = twist[i];
@@ -158,20 +175,20 @@ int kr_contracts(const double A[96], const double T[12], const double direction[
     return *sign && missed < INFINITY && left <= CONTRACTS * apart + LITTLE;
 }
 
-int kr_tangent_along(const double A[96], const double q[7], const double direction[7], double tangent[7]) {
+int kr_tangent_along(const double A[KR_LOOP], const double q[7], const double direction[7], double tangent[7]) {
     double F[12 * (N + 1)], M[49], b[14] = {0.0};
     frames(A, q, F);
-    bordered(F, direction, M);
+    bordered(A, F, direction, M);
     b[13] = 1.0;
     const int sign = kr_solve_seven(M, b);
     return sign && unit(b + 1, tangent) ? sign : 0;
 }
 
-int kr_tangent(const double A[96], const double q[7], double tangent[7]) {
+int kr_tangent(const double A[KR_LOOP], const double q[7], double tangent[7]) {
     double F[12 * (N + 1)], J[6 * N], M[49], b[14] = {0.0}, square = 1.0;
     int column[N] = {0, 1, 2, 3, 4, 5, 6};
     frames(A, q, F);
-    kr_jacobian_of(N, F, J);
+    jacobian(A, F, J);
     memcpy(M, J, sizeof J);
     for (int k = 0; k < 6; k++) {  /* elimination; the column that is left is free */
         int row = k, col = k;
@@ -237,10 +254,10 @@ static void substitute(const double L[36], double v[6]) {
     }
 }
 
-double kr_least_of_seven(const double A[96], const double q[7]) {
+double kr_least_of_seven(const double A[KR_LOOP], const double q[7]) {
     double F[12 * (N + 1)], J[6 * N], L[36], v[6], square = 0.0;
     frames(A, q, F);
-    kr_jacobian_of(N, F, J);
+    jacobian(A, F, J);
     factor(J, TINY, L);
     for (int i = 0; i < 6; i++) v[i] = 1.0 + 0.1 * i;
     for (int step = 0; step < ITERATIONS; step++) {
@@ -252,7 +269,7 @@ double kr_least_of_seven(const double A[96], const double q[7]) {
     return 1.0 / sqrt(sqrt(square));
 }
 
-void kr_across_each(const double A[96], const double T[12], int steps, int count, double *q, double *direction,
+void kr_across_each(const double A[KR_LOOP], const double T[12], int steps, int count, double *q, double *direction,
                     double *missed) {
     for (int i = 0; i < count; i++) {
         double tangent[N];
@@ -262,14 +279,14 @@ void kr_across_each(const double A[96], const double T[12], int steps, int count
     }
 }
 
-void kr_shortest_steps(const double A[96], const double T[12], int steps, int count, double *q, double *missed) {
+void kr_shortest_steps(const double A[KR_LOOP], const double T[12], int steps, int count, double *q, double *missed) {
     for (int i = 0; i < count; i++) {
         double F[12 * (N + 1)], J[6 * N], L[36], twist[6], v[6], step[N], *x = q + N * i;
         for (int left = steps;; left--) {
             frames(A, x, F);
             missed[i] = kr_twist_to(F + 12 * N, T, twist);
             if (!(CONVERGED <= missed[i] && missed[i] < INFINITY) || left <= 0) break;
-            kr_jacobian_of(N, F, J);
+            jacobian(A, F, J);
             factor(J, NUDGE, L);
             memcpy(v, twist, sizeof v);
             substitute(L, v);
@@ -288,7 +305,7 @@ void kr_shortest_steps(const double A[96], const double T[12], int steps, int co
     }
 }
 
-void kr_missed_by_each(const double A[96], const double T[12], int count, const double *q, double *missed) {
+void kr_missed_by_each(const double A[KR_LOOP], const double T[12], int count, const double *q, double *missed) {
     for (int i = 0; i < count; i++) {
         double F[12 * (N + 1)], twist[6];
         frames(A, q + N * i, F);
@@ -296,7 +313,7 @@ void kr_missed_by_each(const double A[96], const double T[12], int count, const 
     }
 }
 
-void kr_tangents(const double A[96], int count, const double *q, const double *ahead, double *tangents) {
+void kr_tangents(const double A[KR_LOOP], int count, const double *q, const double *ahead, double *tangents) {
     for (int i = 0; i < count; i++, q += N, ahead += N, tangents += N) {
         double square = 0.0;
         for (int j = 0; j < N; j++) square += ahead[j] * ahead[j];
@@ -305,6 +322,6 @@ void kr_tangents(const double A[96], int count, const double *q, const double *a
     }
 }
 
-void kr_least_singular_values(const double A[96], int count, const double *q, double *values) {
+void kr_least_singular_values(const double A[KR_LOOP], int count, const double *q, double *values) {
     for (int i = 0; i < count; i++) values[i] = kr_least_of_seven(A, q + N * i);
 }

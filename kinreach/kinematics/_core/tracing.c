@@ -249,7 +249,7 @@ static int on_curve(const double *A, const double *T, const double *samples, con
     return 0;
 }
 
-void kr_on_curve(const double A[96], const double T[12], const double *samples, const double *tangents, int count,
+void kr_on_curve(const double A[KR_LOOP], const double T[12], const double *samples, const double *tangents, int count,
                  int closed, const double *q, int others, unsigned char *on) {
     for (int i = 0; i < others; i++) on[i] = on_curve(A, T, samples, tangents, count, closed, q + N * i) != 0;
 }
@@ -301,7 +301,7 @@ static int part_of_others(const motion_t *m, int me, const double *samples, cons
     return 1;
 }
 
-int kr_self_motion(const double A[96], const double T[12], const double *starts, int count, int room, double *samples,
+int kr_self_motion(const double A[KR_LOOP], const double T[12], const double *starts, int count, int room, double *samples,
                    double *tangents, int *ends, int *closed, int *marks) {
     const motion_t m = {A, T, starts, count, marks, marks + count, closed};
     int *shortness = marks + 2 * count, curves = 0, total = 0;

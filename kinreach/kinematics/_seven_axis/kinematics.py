@@ -1,4 +1,4 @@
-"""Kinematics of arms with any seven revolute joints: every posture of a pose, as curves."""
+"""Kinematics of arms with seven joints, or with six on a slide: every posture of a pose, as curves."""
 
 from __future__ import annotations
 
@@ -26,10 +26,13 @@ UNREACHED = "no posture reaches the goal"
 
 
 class SevenAxisKinematics(SolvesGoals, ArmKinematics):
-    """Kinematics of an arm with any seven revolute joints, by its data sheet or calibrated.
+    """Kinematics of an arm with any seven revolute joints, by its data sheet or calibrated; or with six and a slide.
 
     A pose has a family of postures, the self-motion. `self_motions` computes all of it as curves in joint space;
     `nearest`, `clearest` and `manipulable` choose from them. Threads may share an instance.
+
+    The slide is the first joint, such as a rail or a column under the arm, or the last. It has metres in `q`. Where
+    distances between postures, lengths of curves and manipulability need them in radians, `length` metres are one.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -37,9 +40,13 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
         base: `"base_link"`, `"world"`, or a frame of your own (4, 4).
         tool: As in `ArmKinematics`.
 
+    Attributes:
+        length: Sum of the distances from each joint to the next, and to the tip, without the slide's own way [m].
+
     Raises:
         UnknownNameError: The arm, the tip or the base does not exist.
-        InputError: The arm does not have seven joints, or no six of them can be solved with the first or the last held.
+        InputError: The arm does not have seven joints, or one of another kind, or no six of them can be solved with the
+            first or the last held, or with the slide held.
     """
 
     joints: ClassVar[int] = JOINTS
@@ -48,14 +55,20 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
     unsolved = "a seven-joint arm is asked for a pose or a direction, not for a bare position"
 
     def _prepare(self) -> None:
-        self._check_turns_alone()
         if self.n != JOINTS:
             raise InputError(f"arm {self.arm.name!r} has {self.n} joints; seven are needed")
+        sliding = np.flatnonzero(self.slides).tolist()
+        if len(self.moves) != JOINTS or sliding not in ([], [0], [JOINTS - 1]):
+            does = f"slides ({', '.join(self.arm.joints[i] for i in sliding)})" if sliding else "follows another"
+            raise InputError(
+                f"arm {self.arm.name!r} has a joint that {does}; {type(self).__name__} takes joints that turn, and one "
+                "slide, the first or the last"
+            )
         self._tracer = SelfMotionTracer(self.chain)
         if not self._tracer.sound:
-            raise InputError(
-                f"arm {self.arm.name!r}: with its first or last joint held, the other six cannot be solved"
-            )
+            held = self.arm.joints[sliding[0]] if sliding else "its first or last joint"
+            raise InputError(f"arm {self.arm.name!r}: with {held} held, the other six cannot be solved")
+        self.length = self._tracer.reach
 
     @property
     def solved(self) -> str:
@@ -68,7 +81,7 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
         Args:
             T: Pose of the tip in the base frame, shape (4, 4).
             limits: Cut the curves at the joint limits.
-            seed: Posture [rad], shape (7,). The curve to which Newton's method leads from it is looked for, too.
+            seed: Posture [rad, m], shape (7,). The curve to which Newton's method leads from it is looked for, too.
 
         Returns:
             The curves, or the reason why there is none. Where every posture is singular, because the elbow of an arm
@@ -82,26 +95,39 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
         """
         T = as_pose("T", T).copy()
         T[:3, :3] = nearest_rotations(T[:3, :3])
-        curves, wide = self._tracer.curves(T, None if seed is None else self.as_posture("seed", seed))
         far = np.full(self.n, MAX_ANGLE)
         lower, upper = (np.maximum(self.lower, -far), np.minimum(self.upper, far)) if limits else (-far, far)
-        found = within_limits(self._tracer, T, curves, lower, upper)
-        surfaces = surfaces_within_limits(wide, lower, upper)
+        places = self._tracer.placed(T, lower, upper)
+        start = None if seed is None else places.of(self.as_posture("seed", seed))
+        curves, wide = self._tracer.curves(places.moved, start)
+        found = within_limits(self._tracer, places, curves)
+        surfaces = surfaces_within_limits(wide, places)
         status, reason = Status.OK, ""
         if not (found or surfaces):
             status, reason = Status.OUT_OF_REACH, UNREACHED
             if curves or wide:
                 status, reason = Status.OUT_OF_LIMITS, "every posture is outside the joint limits"
-        return SelfMotions(found, surfaces, status, reason, self, T, lower, upper)
+                reason += self._slide_needed(places.postures(np.vstack([*(each.q for each in curves), *wide])))
+        return SelfMotions(found, surfaces, status, reason, self, places)
+
+    def _slide_needed(self, q: Floats) -> str:
+        """Where the slide is in postures (m, 7) of a pose, if its limits allow none of them."""
+        for joint in np.flatnonzero(self.slides):
+            if self.past_limits(q)[:, joint].all():
+                low, high = q[:, joint].min(), q[:, joint].max()
+                limits = f"{self.lower[joint]:g} to {self.upper[joint]:g} m"
+                return f": {self.arm.joints[joint]} would be at {low:.3f} to {high:.3f} m, its limits are {limits}"
+        return ""
 
     def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture for a pose that is nearest to a seed, over all self-motions.
 
-        A seed within the limits that reaches the pose is returned itself.
+        Distances are in rad, of a slide in `length` metres. A seed within the limits that reaches the pose is returned
+        itself.
 
         Args:
             T: Pose of the tip in the base frame, shape (4, 4).
-            seed: Posture [rad], shape (7,).
+            seed: Posture [rad, m], shape (7,).
             accept: Called with candidates until it returns True: the nearest of each curve, then the others by their
                 distance.
 
@@ -127,7 +153,7 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
         """Compute the posture for a pose with the largest manipulability, sqrt(det(J J^T)) (Yoshikawa 1985).
 
         Of postures with the same, as on either side of a Panda's shoulder, it is the one nearest to the middle of the
-        joint limits. The same holds for `clearest`.
+        joint limits. The same holds for `clearest`. The Jacobian's column of a slide is that of `length` metres.
 
         Raises:
             InputError: As `self_motions`.
@@ -137,8 +163,8 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute a posture near a seed for a `PoseGoal` or an `AxisGoal`.
 
-        For a direction the joint that is held keeps the seed's value, and the tip is turned about the direction in
-        steps of 3 degrees.
+        For a direction the joint that is held, a slide if there is one, keeps the seed's value, and the tip is turned
+        about the direction in steps of 3 degrees.
 
         Raises:
             InputError: A `PositionGoal`, or an object of another kind.
@@ -148,8 +174,9 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
     def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         check_accept(accept)
         start = self.as_posture("seed", seed)
-        q = self._tracer.with_held(poses_about(goal.position, goal.axis, TURNS), start)
-        wound, within = nearest_windings(q.T, start[:, None], self.lower, self.upper)
+        unit = np.where(self.slides, self.length, 1.0)
+        q = self._tracer.with_held(poses_about(goal.position, goal.axis, TURNS), start / unit) * unit
+        wound, within = nearest_windings(q.T, start[:, None], self.lower, self.upper, turns=~self.slides)
         found = wound.T[within]
         for posture in found[np.argsort(np.linalg.norm(found - start, axis=1))]:
             if accept is None or accept(posture.copy()):

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from kinreach._checks import MAX_ANGLE, Floats
 from kinreach._rotations import TURN, wrapped
 from kinreach.kinematics._core import doubles, flags, ints, lib
+from kinreach.kinematics._general_6r import first_of_each
+from kinreach.kinematics._seven_axis.starts import JOINTS
 from kinreach.kinematics._seven_axis.tracing import MISSED, ON_CURVE, SAME, Curve, SelfMotionTracer
 from kinreach.kinematics._solutions import SLACK, nearest_windings, past_limits
 
@@ -21,6 +23,8 @@ from kinreach.kinematics._solutions import SLACK, nearest_windings, past_limits
 Part = tuple[Floats, bool]
 #: Steps of Newton's method to a limit.
 NEWTON = 8
+#: The same to any value, next to which a joint may turn back, and by how much the posture misses the pose [m, rad].
+MANY, EXACT = 40, 1e-12
 
 
 def cut(tracer: SelfMotionTracer, T: Floats, curves: Sequence[Curve], lower: Floats, upper: Floats) -> list[Part]:
@@ -84,11 +88,7 @@ def _with_crossings(
     if not len(piece):
         return q, owner, np.ones(len(q), dtype=np.bool_)
     start = begin[piece] + _cubic(away[piece], (length * out)[piece], (length * into)[piece], share[:, None])
-    row = np.arange(len(piece))
-    start[row, joint] += wrapped(limit - start[row, joint])
-    across = np.zeros(start.shape)
-    across[row, joint] = 1.0
-    there, _, off = tracer.corrected(start, T, across, steps=NEWTON)
+    there, off = _exactly_at(tracer, T, start, joint, limit)
     slip = np.linalg.norm(there - start, axis=1) > 0.3 * length[piece, 0]
     failed = slip | (off >= ON_CURVE)  # the curve only touches the limit
     if failed.any():
@@ -108,6 +108,70 @@ def _with_crossings(
     middle, _, off = tracer.corrected(wide[near] + 0.5 * step, T, direction)
     whole[near] = (off < ON_CURVE) & _inside(middle, lower, upper)
     return wide, owner, whole
+
+
+def _exactly_at(
+    tracer: SelfMotionTracer,
+    T: Floats,
+    start: Floats,
+    joint: NDArray[np.int64],
+    value: Floats,
+    *,
+    steps: int = NEWTON,
+) -> tuple[Floats, Floats]:
+    """Postures of a pose near some (m, 7) with a joint (m,) of each at a value (m,), and how far they miss it (m,).
+
+    The joints of the given ones are put there.
+    """
+    row = np.arange(len(start))
+    start[row, joint] += wrapped(value - start[row, joint])
+    across = np.zeros(start.shape)
+    across[row, joint] = 1.0
+    there, _, off = tracer.corrected(start, T, across, steps=steps)
+    return there, off
+
+
+def _with_turning_points(tracer: SelfMotionTracer, T: Floats, curve: Curve, joint: int) -> Curve:
+    """A curve with samples where a joint goes no farther: between two others it may come to a value there."""
+    after = np.roll(np.arange(len(curve.q)), -1)
+    away, out, into = wrapped(curve.q[after] - curve.q), curve.tangents, curve.tangents[after]
+    (piece,) = np.nonzero(out[:, joint] * into[:, joint] < 0.0)
+    piece = piece[: None if curve.closed else -1] if len(piece) and piece[-1] == len(curve.q) - 1 else piece
+    length = np.linalg.norm(away[piece], axis=1)
+    a, b, c = away[piece, joint], length * out[piece, joint], length * into[piece, joint]
+    # the cubic's derivative is b + (6 a - 4 b - 2 c) u + 3 (b + c - 2 a) u^2, with one zero between
+    half, square = 3.0 * a - 2.0 * b - c, 3.0 * (b + c - 2.0 * a)
+    u = (b / (-half + np.copysign(np.sqrt(half * half - square * b), b)))[:, None]
+    ways = away[piece], length[:, None] * out[piece], length[:, None] * into[piece]
+    there, tangents, off = tracer.corrected(curve.q[piece] + _cubic(*ways, u), T, away[piece])
+    good = off < ON_CURVE
+    places = piece[good] + 1
+    q, ahead = (
+        np.insert(rows, places, new[good], axis=0) for rows, new in ((curve.q, there), (curve.tangents, tangents))
+    )
+    return Curve(q, curve.closed, ahead)
+
+
+def at_value(tracer: SelfMotionTracer, T: Floats, curve: Curve, joint: int, value: float) -> Floats:
+    """The postures (k, 7) on a curve of a pose (4, 4) with a joint at a value, turns aside, in their order."""
+    curve = _with_turning_points(tracer, T, curve, joint)
+    after = np.roll(np.arange(len(curve.q)), -1)[: None if curve.closed else -1]
+    begin, tangents = curve.q[: len(after)], curve.tangents[: len(after)]
+    away = wrapped(curve.q[after] - begin)
+    length = np.linalg.norm(away, axis=1)[:, None]
+    out, into = length * tangents, length * curve.tangents[after]
+    this, never = np.arange(JOINTS) == joint, np.full(JOINTS, np.nan)
+    piece, _, _, share = _crossings(begin, away, out, into, np.full(JOINTS, value), never, this)
+    order = np.lexsort((share, piece))
+    piece, share = piece[order], share[order][:, None]
+    start = begin[piece] + _cubic(away[piece], out[piece], into[piece], share)
+    joints, values = np.full(len(piece), joint), np.full(len(piece), value)
+    there, off = _exactly_at(tracer, T, start, joints, values, steps=MANY)
+    there = there[(off < EXACT) & (np.linalg.norm(there - start, axis=1) <= 0.3 * length[piece, 0] + SAME)]
+    ends = curve.q[:0] if curve.closed else curve.q[[0, -1]]
+    first, last = (end[np.abs(wrapped(end[:, joint] - value)) < EXACT] for end in (ends[:1], ends[-1:]))
+    found = np.vstack([first, there, last])
+    return found[first_of_each(found, SAME)]
 
 
 def _following(owner: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -2,14 +2,18 @@
 
 **One joint held.** A pose closes the arm to a ring of seven joints. If any one of them is held, the six others are a
 six-axis arm, from the joint behind it around the ring to the joint before it; its tip is turned back by the held
-joint's angle. That arm has finitely many postures, by closed form or elimination (`method_of`). Every joint is held in
-turn, at values all around its circle: a curve along which one joint goes from one value to the next is met. Of a curve
-that lies between two values of every joint the postures only just do not exist: they are pairs of complex solutions,
-whose real part is near the curve. Newton's method with all seven joints goes from these, too. Where it goes nowhere, a
-curve may only just not exist, or hide: the joint is also held halfway to the values on both sides, twice.
+joint's angle, or moved back by a slide. That arm has finitely many postures, by closed form or elimination
+(`method_of`). Every joint is held in turn, at values all around its circle: a curve along which one joint goes from
+one value to the next is met. Of a curve that lies between two values of every joint the postures only just do not
+exist: they are pairs of complex solutions, whose real part is near the curve. Newton's method with all seven joints
+goes from these, too. Where it goes nowhere, a curve may only just not exist, or hide: the joint is also held halfway
+to the values on both sides, twice.
 
 Elimination is singular for some arms, such as those with a spherical shoulder and a spherical wrist. Then it solves one
 that is `ERROR` off; Newton's method takes that away. For special poses, too, the ring may be such an arm.
+
+**A slide.** Of an arm with a slide at an end only that is held, at more values, all along the way on which the others
+reach the pose: with another joint held the ring has a slide, which elimination does not take.
 
 **Singular postures.** Beside a posture at which the tip cannot move along one twist u, the poses depend on two
 directions of the joints only by a quadratic form. The curves are close to conics: small closed ones, two branches of a
@@ -26,15 +30,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach._rotations import TURN, turns_about_z, wrapped
+from kinreach._rotations import turns_about_z, wrapped
 from kinreach.kinematics._core import doubles, lib
-from kinreach.kinematics._general_6r import Chain, General6R
+from kinreach.kinematics._general_6r import Chain, General6R, moves_along_z
 from kinreach.kinematics._six_axis.methods import IKMethod, method_of
 from kinreach.robots.inside import moved_frames
 
 JOINTS = 7
 #: Values at which each joint is held, and how often their distance is halved around those that leave a doubt.
 VALUES, HALVINGS = 8, 2
+#: By how many times more a slide is held, which alone is.
+OF_A_SLIDE = 8
 #: Where the first value is, in shares of their distance: no value is a quarter of a turn, where arms are singular.
 FIRST = 0.2
 #: How far the arm is off of which a pose is solved by elimination, at each joint [m, rad].
@@ -77,11 +83,11 @@ HeldStarts = Callable[[Floats], tuple[Floats, Floats]]
 class HeldEnd:
     """The first joint or the last held, and how the six others are solved."""
 
-    def __init__(self, held: int, placements: Floats, method: IKMethod) -> None:
-        self.held, self.method, self._placements = held, method, placements
+    def __init__(self, held: int, loop: Chain, method: IKMethod) -> None:
+        self.held, self.method, self._placements, self._pitch = held, method, loop.placements, loop.pitches[held]
 
     def at(self, T: Floats) -> HeldStarts:
-        """Return what computes postures near those of a pose (4, 4) with the joint at some values [rad]."""
+        """Return what computes postures near those of a pose (4, 4) with the joint at some values."""
 
         def starts(values: Floats) -> tuple[Floats, Floats]:
             q, which = self.method.starts(self.poses(values, T))
@@ -91,10 +97,10 @@ class HeldEnd:
 
     def poses(self, values: Floats, T: Floats) -> Floats:
         """Compute poses of the six-axis arm for values of the held joint, shape (m, 4, 4)."""
-        turns, A = turns_about_z(values), self._placements
+        moves, A = moves_along_z(values, self._pitch), self._placements
         if self.held == 0:
-            return np.linalg.inv(A[0] @ turns) @ T
-        return T @ np.linalg.inv(turns @ A[JOINTS])
+            return np.linalg.inv(A[0] @ moves) @ T
+        return T @ np.linalg.inv(moves @ A[JOINTS])
 
 
 class HeldBetween:
@@ -144,24 +150,29 @@ class Starts:
     def __init__(self, loop: Chain) -> None:
         A = loop.placements
         self.loop = loop
-        methods = [(JOINTS - 1, method_of(A[:JOINTS])), (0, method_of(A[1:]))]
-        ends = [HeldEnd(held, A, method) for held, method in methods if not isinstance(method, float)]
+        slides = loop.slides.tolist()
+        others = {JOINTS - 1: A[:JOINTS], 0: A[1:]}
+        methods = [(held, method_of(A)) for held, A in others.items() if any(slides) <= slides[held]]
+        ends = [HeldEnd(held, loop, method) for held, method in methods if not isinstance(method, float)]
         self.ends = sorted(ends, key=lambda end: -end.method.rank)
-        known = {end.held: end for end in self.ends if end.method.starts_all}
+        known = {end.held: end for end in self.ends if end.method.starts_all or any(slides)}
         self._held: list[HeldEnd | HeldBetween] = [
             *known.values(),
-            *(HeldBetween(held, A) for held in range(JOINTS) if ends and held not in known),
+            *(HeldBetween(held, A) for held in range(JOINTS) if ends and held not in known and not any(slides)),
         ]
         self.values, self.halvings = VALUES, HALVINGS
 
     @property
     def _A(self) -> Any:
-        return doubles(self.loop.rows)
+        return doubles(self.loop.core)
 
     def of(self, T: Floats) -> Floats:
         """Compute postures (m, 7) of a pose (4, 4), in [-pi, pi]."""
-        ways, apart = [way.at(T) for way in self._held], TURN / self.values
-        around = np.linspace(-np.pi, np.pi, self.values, endpoint=False)
+        slide = self.loop.slides.any()
+        ways, half, count = [way.at(T) for way in self._held], np.pi, self.values
+        if slide:  # beyond, the pose is out of the reach of the other joints
+            half, count = 1.0, OF_A_SLIDE * self.values
+        apart, around = 2.0 * half / count, np.linspace(-half, half, count, endpoint=False)
         wanted = [around + apart * ((FIRST + GOLDEN * way.held) % 1.0) for way in self._held]
         found, missed = [], []
         for _ in range(self.halvings + 1):

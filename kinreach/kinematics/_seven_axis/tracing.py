@@ -1,6 +1,8 @@
 """The self-motion of a seven-axis arm: all postures of a pose, as curves in joint space.
 
-`Starts` finds postures on every curve, and the compiled core follows the curves through them (`_core/tracing.c`).
+`Starts` finds postures on every curve, and the compiled core follows the curves through them (`_core/tracing.c`). A
+slide is in steps of the arm's length, from where it is nearest to the pose (`Places`): it is within [-1, 1], so that
+what is said of angles in [-pi, pi] holds for it.
 """
 
 from __future__ import annotations
@@ -36,6 +38,10 @@ SAME = 1e-5
 BESIDE = 1e-4
 #: How far a curve is beside its tangent at most, in shares of a step.
 ASIDE = 0.15
+#: Limit of a slide in steps where it has none or is farther from the pose.
+BEYOND = 3.0
+#: Rounding of a slide's place [m].
+AT_LIMIT = 1e-11
 
 
 class Curve(NamedTuple):
@@ -49,18 +55,75 @@ class Curve(NamedTuple):
     tangents: Floats
 
 
+class Places(NamedTuple):
+    """What the joints of an arm are for the tracer: angles as they are, and a slide in steps from its place for a pose.
+
+    There it is nearest to what it brings to the pose.
+
+    Attributes:
+        T: The pose of the tip, shape (4, 4).
+        moved: The pose that the tracer is asked for, moved back along the slide.
+        lower, upper: Limits of the arm's joints [rad, m], shape (7,).
+        slides: Which joints slide, shape (7,).
+        unit: A step of the tracer's [rad, m], shape (7,).
+        origin: Where the joints are when the tracer's are at 0, shape (7,).
+    """
+
+    T: Floats
+    moved: Floats
+    lower: Floats
+    upper: Floats
+    slides: NDArray[np.bool_]
+    unit: Floats
+    origin: Floats
+
+    @property
+    def limits(self) -> tuple[Floats, Floats]:
+        """Limits of the tracer's joints, shape (7,) each."""
+        if not self.slides.any():
+            return self.lower, self.upper
+        wide = np.where(self.slides, BEYOND, np.inf)  # such that a turn more is beyond them, too
+        lower, upper = np.clip([self.of(self.lower), self.of(self.upper)], -wide, wide)
+        return lower, upper
+
+    def of(self, q: Floats) -> Floats:
+        """The tracer's joints for postures (..., 7) [rad, m]."""
+        return (q - self.origin) / self.unit if self.slides.any() else q
+
+    def postures(self, q: Floats) -> Floats:
+        """Postures [rad, m] of the tracer's (..., 7); a slide that is at a limit but for rounding is there exactly."""
+        if not self.slides.any():
+            return q
+        q = q * self.unit + self.origin
+        for limit in (self.lower, self.upper):
+            q = np.where(self.slides & (np.abs(q - limit) < AT_LIMIT), limit, q)
+        return q
+
+
 class SelfMotionTracer:
     """All self-motion curves of a seven-axis arm."""
 
     def __init__(self, chain: SerialChain) -> None:
-        A = chain.placements
-        self._loop = Chain(A)
+        A, slides = chain.placements, chain.slides
+        self.reach = float(np.linalg.norm(A[1:, :3, 3], axis=1).sum())
+        self._loop = Chain(A, np.where(slides, self.reach, 0.0))
         self._starts = Starts(self._loop)
-        self._reach = float(np.linalg.norm(A[1:, :3, 3], axis=1).sum())
+
+    def placed(self, T: Floats, lower: Floats, upper: Floats) -> Places:
+        """What the joints are for a pose (4, 4) of the tip, within limits (7,) [rad, m]."""
+        slides, A = self._loop.slides, self._loop.placements
+        T, moved, unit, origin = T.copy(), T.copy(), np.ones(JOINTS), np.zeros(JOINTS)
+        for joint in np.flatnonzero(slides):  # the first or the last
+            unit[joint] = self.reach
+            end = A[0] if joint == 0 else T @ np.linalg.inv(A[JOINTS])
+            between = (T if joint == 0 else end)[:3, 3] - A[0, :3, 3]
+            origin[joint] = end[:3, 2] @ between
+            moved[:3, 3] -= origin[joint] * end[:3, 2]
+        return Places(T, moved, lower, upper, slides, unit, origin)
 
     @property
     def _A(self) -> Any:
-        return doubles(self._loop.rows)
+        return doubles(self._loop.core)
 
     @property
     def sound(self) -> bool:
@@ -80,7 +143,7 @@ class SelfMotionTracer:
             seed: A posture (7,); the curve or surface that is found from it is among them.
         """
         seeds = np.empty((0, JOINTS)) if seed is None else self.reached(seed, T)
-        if np.linalg.norm(T[:3, 3] - self._loop.placements[0][:3, 3]) > self._reach and not len(seeds):
+        if np.linalg.norm(T[:3, 3] - self._loop.placements[0][:3, 3]) > self.reach and not len(seeds):
             return [], []
         q = np.vstack([seeds, self._starts.of(T)])
         if not len(q):
@@ -108,6 +171,7 @@ class SelfMotionTracer:
 
     def reached(self, seed: Floats, T: Floats) -> Floats:
         """The posture of a pose to which the shortest steps lead from a seed (7,), shape (1, 7); (0, 7) without one."""
+        seed = np.where(self._loop.slides, np.clip(seed, -1.0, 1.0), seed)
         q = self._starts.reached(wrapped(seed)[None], T)
         return q[np.argsort(np.linalg.norm(wrapped(q - seed), axis=1))[:1]]
 
@@ -205,7 +269,10 @@ class SelfMotionTracer:
         return q, tangent, off
 
     def with_held(self, T: Floats, seed: Floats) -> Floats:
-        """Compute every posture (k, 7) for poses (m, 4, 4) in which a joint at an end keeps a seed's value (7,)."""
+        """Compute every posture (k, 7) for poses (m, 4, 4) in which a joint at an end keeps a seed's value (7,).
+
+        A slide is as many steps as it is from 0, for the poses themselves.
+        """
         end = self._starts.ends[0]
         others = np.tile(np.delete(seed, end.held), (len(T), 1))
         q, valid = end.method.many(end.poses(np.full(len(T), seed[end.held]), T), others, MISSED)
