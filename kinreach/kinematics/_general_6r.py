@@ -154,7 +154,7 @@ class Chain:
         the products, shape (3^k, 16 + 6 k).
         """
         joints = len(placements) - (not after)
-        samples: list[Floats] = [SLIDE_SAMPLES if pitch else SAMPLES for pitch in pitches]
+        samples = [np.asarray(SLIDE_SAMPLES if pitch else SAMPLES, dtype=np.float64) for pitch in pitches]
         values = np.empty((*[3] * joints, 16 + 6 * joints))
         for index in np.ndindex(values.shape[:-1]):
             frame = np.eye(4) if after else placements[0]

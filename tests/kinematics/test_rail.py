@@ -220,7 +220,7 @@ def test_from_the_shell_and_where_there_is_none(tmp_path, capsys):
     q = np.array([1.2, 0.1, 0.5, 0.9, -0.4, 0.9, 0.2])
     command = [str(tmp_path / "slide.urdf"), "--joints", "rail,j1,j2,j3,j4,j5,j6"]
     assert _class_of(kin).startswith("six joints and the slide rail: every posture of a pose as curves, in closed form")
-    assert re.search(r"rail +\+0.000 to \+3.000 m, +1.00 m/s, starts at \+1.500 m", next(_joints(kin)))
+    assert re.search(r"rail +\+0\.000 to +\+3\.000 m, +1\.00 m/s, starts at \+1\.500 m", next(_joints(kin)))
     goal = ",".join(f"{value:.12f}" for value in pose_vector(kin.fk(q)))
     seed = ",".join(map(str, q))
     assert main(["ik", "--arm", *command, f"--pose={goal}", f"--seed={seed}"]) == 0
