@@ -45,6 +45,7 @@ from benchmarks.learners.thesis_world import (
 )
 from benchmarks.learners.variants import (
     gradient_moving_down,
+    gradient_moving_late,
     pixels_light,
     ppo_lift_multi_careful,
     ppo_lift_multi_unguided,
@@ -73,6 +74,7 @@ __all__ = [
     "ddpg_multi",
     "ddpg_single",
     "gradient_moving_down",
+    "gradient_moving_late",
     "ik_net",
     "pixels_light",
     "ppo_lift_multi_careful",

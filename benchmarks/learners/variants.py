@@ -67,6 +67,14 @@ gradient_moving_down = register_recipe(
         settings={**get_recipe("gradient-moving").settings, "feelers": GRIPPER.tolist(), "down": 0.1},
     )
 )
+gradient_moving_late = register_recipe(
+    replace(
+        get_recipe("gradient-moving-clear"),
+        name="gradient-moving-late",
+        summary="As gradient-moving-clear, for balls that are seen 200 ms late.",
+        options={**get_recipe("gradient-moving-clear").options, "delay": 0.2},
+    )
+)
 ppo_lift_single = register_recipe(
     replace(
         get_recipe("ppo-single"),
