@@ -49,7 +49,7 @@ def test_from_a_recording_to_a_file_that_every_command_takes(tmp_path, recording
     said = capsys.readouterr().out
     assert "arm          ur5e or ur7e" in said
     assert "tool         0.01,-0.02,0.15,0.3,0,0\n" in said
-    assert "rows         20 used, 0 dropped" in said
+    assert "rows         20 used, 0 dropped\nerror, mm    median / largest\n" in said
     assert off(out) < 2e-6
     assert picture.read_bytes()[:4] == b"\x89PNG"
     assert check("ur5e", "--calibration", out, "--log", recording) == 0

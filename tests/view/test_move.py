@@ -202,6 +202,7 @@ def test_the_shade_is_the_arm_along_its_way(tab):
     np.testing.assert_allclose(line[-1], kin.fk(shown.q[-1])[:3, 3], atol=1e-6)
     batch = next(node for name, node in tab.nodes.items() if name.startswith("/move/shades/0"))
     assert np.abs(batch["batched_positions"]).max() < FAR
+    assert tab.element("shade of the way")["value"] is True
     tab.set("shade of the way", False)
     wait_for(lambda: tab.nodes["/move/shades"]["visible"] is False)
 
