@@ -10,6 +10,12 @@ import pytest
 QUICK = {"test_trainings_interval.py"}
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Where slow tests are left out they are not even imported: they load a dozen other solvers."""
+    left_out = collection_path.name.startswith("test_") and collection_path.name not in QUICK
+    return True if left_out and config.option.markexpr == "not slow" else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what is in this folder, except `QUICK`."""
