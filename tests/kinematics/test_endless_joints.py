@@ -141,6 +141,37 @@ def test_urs_follow_a_closed_curve(tmp_path):
     assert count > 1000
 
 
+#: Arms like those of makers: class of random geometry, joints without end, and the limits of the others [rad].
+LIKE = {
+    "Jaco": ("no class", ("j1", "j4", "j5", "j6"), (-2.4, 2.4)),
+    "RealMan": ("spherical wrist, axes 2 and 3 parallel", ("j6",), (-3.1, 3.1)),
+    "PAROL6": ("right angles", ("j6",), (-2.5, 2.5)),
+}
+
+
+@pytest.mark.parametrize("maker", LIKE)
+def test_arms_of_which_some_joints_end_follow_a_closed_curve(maker, tmp_path):
+    """Where it is within the limits of the others, from any turns of those without end."""
+    name, free, (low, high) = LIKE[maker]
+    rng, count = np.random.default_rng(len(maker)), 0
+    for _ in range(3):
+        chain = some_arm(rng, name)
+        kin = written(tmp_path, endless(urdf(chain, np.tile([[low], [high]], (1, 6))), *free))
+        ends = np.isfinite(kin.upper)
+        assert ends.sum() == 6 - len(free)
+        curve = closed_curve(rng, kin, np.where(ends, 0, rng.choice([-1, 1], 6)))
+        middle = 0.5 * (curve[:, ends].min(axis=0) + curve[:, ends].max(axis=0))
+        shift = TURN * rng.integers(-2, 3, 6)
+        names = np.array(kin.arm.joints)[ends]
+        limits = {joint: (at + low, at + high) for joint, at in zip(names, middle, strict=True)}
+        around = ArmKinematics.of(kin.arm.with_limits(limits))
+        assert not around.past_limits(curve).any()
+        start = np.where(ends, curve, curve + shift)
+        np.testing.assert_allclose(tracked(around, curve, start[0]), start, atol=1e-6)
+        count += len(curve)
+    assert count > 600
+
+
 @pytest.mark.parametrize("seed", [0, *slow(1, 2, 3)])
 def test_seven_axes_follow_a_closed_curve(seed, tmp_path):
     file = "panda_description/urdf/panda.urdf"
