@@ -326,12 +326,26 @@ def _coefficients(values: Floats, of_joints: Sequence[Floats]) -> Floats:
     return np.ascontiguousarray(values).reshape(-1, values.shape[-1])
 
 
+#: Pairs of postures that are compared at once.
+MAX_PAIRS = 2**17
+
+
 def first_of_each(q: Floats, distance: float) -> NDArray[np.bool_]:
     """Which of the postures (m, n) are not near an earlier one."""
     weights = np.sqrt(np.arange(2.0, 2.0 + 2 * q.shape[1]))
-    sums = np.hstack([np.cos(q), np.sin(q)]) @ weights  # those of near postures are near
-    near = np.abs(sums[:, None] - sums) <= distance * weights.sum() + 1e-12
-    later, earlier = np.nonzero(near & np.tri(len(q), k=-1, dtype=np.bool_))
+    reach, parts = distance * weights.sum() + 1e-12, np.hstack([np.cos(q), np.sin(q)])
+    sums, others = parts @ weights, parts @ weights[::-1]  # those of near postures are near
+    order = np.argsort(sums, kind="stable")
+    sums, others = sums[order], others[order]
+    following = np.searchsorted(sums, sums + reach, side="right") - np.arange(1, len(q) + 1)
     first = np.ones(len(q), dtype=np.bool_)
-    first[later[joints_apart(q[later], q[earlier]) < distance]] = False
+    blocks = np.searchsorted(np.cumsum(following), np.arange(MAX_PAIRS, following.sum(), MAX_PAIRS))
+    for rows in np.split(np.arange(len(q)), blocks):
+        counts = following[rows]
+        begin = np.repeat(rows, counts)
+        end = begin + 1 + np.arange(len(begin)) - np.repeat(np.cumsum(counts) - counts, counts)
+        kept = np.abs(others[begin] - others[end]) <= reach
+        one, other = order[begin[kept]], order[end[kept]]
+        near = joints_apart(q[one], q[other]) < distance
+        first[np.maximum(one, other)[near]] = False
     return first

@@ -6,7 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from kinreach._rotations import wrapped
 from kinreach.kinematics import URKinematics
-from kinreach.kinematics._general_6r import Chain, General6R, miss, missed_by, newton
+from kinreach.kinematics import _general_6r as general_6r
+from kinreach.kinematics._general_6r import Chain, General6R, first_of_each, miss, missed_by, newton
 from kinreach.kinematics._ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 
@@ -78,3 +79,19 @@ def test_an_ill_conditioned_pose_is_solved():
     (found,) = general.solve(T[None])
     assert apart(q, found) < 1e-7
     assert len(found) == 4
+
+
+def test_the_first_of_each_of_near_postures_is_kept(monkeypatch):
+    """As by comparing every two, in blocks of any size: off by more than a distance from each that is before it."""
+    rng, dropped = np.random.default_rng(0), 0
+    for block in (1, 7, 2**17):
+        monkeypatch.setattr(general_6r, "MAX_PAIRS", block)
+        for _ in range(40):
+            distance, joints = 10 ** rng.uniform(-6, -0.5), rng.integers(1, 7)
+            about = rng.uniform(-np.pi, np.pi, (8, joints))[rng.integers(8, size=rng.integers(0, 40))]
+            q = about + distance * rng.uniform(-1, 1, about.shape)
+            apart = np.abs(wrapped(q[:, None] - q)).max(axis=2)
+            expected = [not (apart[row, :row] < distance).any() for row in range(len(q))]
+            assert first_of_each(q, distance).tolist() == expected
+            dropped += len(q) - sum(expected)
+    assert dropped > 800
