@@ -40,7 +40,7 @@ JOINTS = 7
 #: Values at which each joint is held, and how often their distance is halved around those that leave a doubt.
 VALUES, HALVINGS = 8, 2
 #: By how many times more a slide is held, which alone is.
-OF_A_SLIDE = 8
+OF_A_SLIDE = 32
 #: Where the first value is, in shares of their distance: no value is a quarter of a turn, where arms are singular.
 FIRST = 0.2
 #: How far the arm is off of which a pose is solved by elimination, at each joint [m, rad].
