@@ -81,19 +81,20 @@ Sample = Callable[[np.random.Generator, int], Floats]
 class RowStreams:
     """An endless sequence of rows for each environment: goals, or other values that an episode starts with.
 
-    A sequence depends on its own generator only, not on the number of environments. A row has `size` numbers.
+    A sequence depends on its own generator only, not on the number of environments. A row has `size` numbers. Many are
+    drawn `at_once`, unless each takes long.
     """
 
-    def __init__(self, sample: Sample, count: int, *, size: int = 3) -> None:
-        self._sample = sample
+    def __init__(self, sample: Sample, count: int, *, size: int = 3, at_once: int = ROWS_AHEAD) -> None:
+        self._sample, self._at_once = sample, at_once
         self._rngs = [np.random.default_rng() for _ in range(count)]
-        self._ahead = np.empty((ROWS_AHEAD, count, size))  # environments in step read what lies side by side
-        self._next = np.full(count, ROWS_AHEAD)
+        self._ahead = np.empty((at_once, count, size))  # environments in step read what lies side by side
+        self._next = np.full(count, at_once)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Restart an environment's sequence with a generator, which it then owns."""
         self._rngs[index] = rng
-        self._next[index] = ROWS_AHEAD
+        self._next[index] = self._at_once
 
     def draw(self, ids: np.ndarray) -> Floats:
         """Draw the next row of each of the given environments, shape (len(ids), size)."""
@@ -102,19 +103,19 @@ class RowStreams:
     def _taken(self, ids: np.ndarray) -> Floats:
         """Return the same as `draw`, valid until the next call."""
         turns = self._next[ids]
-        empty = ids[turns == ROWS_AHEAD]
+        empty = ids[turns == self._at_once]
         for start in range(0, len(empty), STREAMS_AT_ONCE):
             some = empty[start : start + STREAMS_AT_ONCE]
             run = some[-1] - some[0] == len(some) - 1
             self._ahead[:, slice(some[0], some[-1] + 1) if run else some] = self._drawn(some).swapaxes(0, 1)
-        turns[turns == ROWS_AHEAD] = 0
+        turns[turns == self._at_once] = 0
         self._next[ids] = turns + 1
         in_step = len(ids) == len(self._next) and (turns == turns[0]).all()
         rows: Floats = self._ahead[turns[0]] if in_step else self._ahead[turns, ids]
         return rows
 
     def _drawn(self, ids: np.ndarray) -> Floats:
-        return np.array([self._sample(self._rngs[index], ROWS_AHEAD) for index in ids])
+        return np.array([self._sample(self._rngs[index], self._at_once) for index in ids])
 
 
 class GoalStreams(RowStreams):

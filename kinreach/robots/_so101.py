@@ -2,7 +2,10 @@
 
 Joints, their signs and limits, and the frame between the jaws are those of `so101_new_calib.urdf`, where each joint is
 0 in the middle of its range, with right angles written out; masses are those of its links. The shapes are primitives
-from lengths and servo sizes. A servo (STS3215 at 7.4 V) turns 4.7 rad/s without load and holds 1.9 N m.
+from lengths and servo sizes.
+
+Its servos are Feetech's STS3215 at 7.4 V. The data sheet gives a stall torque of 19.5 kg cm, which is 1.91 N m, and
+0.222 s for 60 degrees without load, which is 4.7 rad/s. Moves use 3 rad/s, and half of the torque to accelerate.
 """
 
 from __future__ import annotations
@@ -13,9 +16,24 @@ from dataclasses import dataclass
 
 from kinreach.robots._description import ArmDescription
 from kinreach.robots._urdf import Solid, add_joint, add_link
+from kinreach.robots._workcell import Box, BoxRegion, CameraMount, Workcell
 
 HALF = math.pi / 2
 EFFORT, SPEED = 1.9, 4.7
+#: A small motor's rotor, some 2e-7 kg m^2, behind the servo's gear of 345 [kg m^2]; an estimate.
+ARMATURE = 0.024
+#: Height of the table above the floor, and radius of the ball that marks a goal [m].
+TABLE, BALL_RADIUS = 0.75, 0.015
+#: A table that the arm stands on, with goals where it points straight down.
+WORKCELL = Workcell(
+    obstacles=(
+        Box("table", (0.70, 0.80, 0.03), (0.22, 0.0, -0.015), legs=TABLE - 0.03),
+        Box("floor", (6.0, 6.0, 0.10), (0.0, 0.0, -TABLE - 0.05)),
+    ),
+    touching=(("table", "base_link"),),
+    goals=BoxRegion(x=(0.16, 0.28), y=(-0.12, 0.12), z=(BALL_RADIUS,) * 2),
+    ball_radius=BALL_RADIUS,
+)
 #: Half the width of an arm's link: its middle is there from the servo's face [m].
 MIDDLE = 0.018
 
@@ -92,4 +110,7 @@ ARM = ArmDescription(
     base="base_link",
     tips={"gripper_frame_link": "gripper_frame_link"},
     default_tip="gripper_frame_link",
+    workcell=WORKCELL,
+    armature=ARMATURE,
+    cameras=(CameraMount("overview", "world", (0.80, -0.62, 0.40), (0.16, 0.0, 0.09), fovy=32.0),),
 )

@@ -408,6 +408,21 @@ def test_a_roll_that_is_free_stays_at_the_seed(name, tmp_path):
     assert tried > 10
 
 
+@pytest.mark.parametrize("name", ["so101", "koch"])
+def test_a_direction_that_is_met_with_a_joint_at_its_limit_is_found(name, tmp_path):
+    """The same posture without the limit is past it by rounding; it must not take the place of this one."""
+    kin, rng, tried = owned(tmp_path, name), np.random.default_rng(7), 0
+    for number in range(600):
+        q = rng.uniform(kin.lower, kin.upper)
+        joint = number % 4 + 1 if number % 2 else 3
+        q[joint] = (kin.lower, kin.upper)[rng.integers(2)][joint]
+        T = kin.fk(q)
+        found = kin.axis_solutions(T[:3, 3], T[:3, 2])
+        assert found.left[0] < 1e-6, q
+        tried += 1
+    assert tried == 600
+
+
 def test_the_so101_is_an_arm_by_name():
     kin = ArmKinematics.of("so101")
     assert isinstance(kin, FiveAxisKinematics)

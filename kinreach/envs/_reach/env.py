@@ -70,12 +70,14 @@ class PostureEnv(ForfeitEnv):
     def ik_goal(self, position: ArrayLike) -> AxisGoal | PositionGoal:
         """Return the goal of a solver that brings the tip to a point of the world [m], shape (3,).
 
-        The tool points down; with fewer than six joints its direction is free.
+        The tool points down, or along the goal's direction; where goals have none, that of an arm with fewer than six
+        joints is free.
 
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return tool_goal(self.episodes.task.arm, position, self.episodes.directions[0])
+        task = self.episodes.task
+        return tool_goal(task.arm, position, self.episodes.directions[0], directed=task.directed)
 
 
 class ReachEnv(GoalMethods, PostureEnv, ArmEnv):
@@ -344,7 +346,7 @@ class SpaceReachEnv(ReachEnv):
     The thesis's tasks are one plane of goals, one direction of the tool and one start. Here the ball is in a volume
     above the table, the tool is to point along a given direction, and the arm may start elsewhere; all else is as in
     `kinreach/UR5SingleStep-v0` (`steps="single"`) and `kinreach/UR5MultiStep-v0` (`steps="multi"`), for any arm with
-    six joints or more.
+    four joints or more.
 
     ## Action Space
     `Box(-1, 1, (n,), float32)` for an arm of n joints: joint targets, -1 and 1 being the limits of each, or changes in
@@ -380,6 +382,10 @@ class SpaceReachEnv(ReachEnv):
     ball that lies on the table to `goal_height` above. The direction is uniform on the sphere's cap within `tilt` of
     straight down. Joints are uniform within `start_spread` of the start pose, among the postures that collide with
     nothing. `reset(options={"goal": (x, y, z), "direction": (x, y, z), "q": q})` sets any of them.
+
+    An arm with four or five joints, such as `so101`, cannot have any direction at any point. Drawn goals are those that
+    it reaches without a collision, and their direction is the nearest to the drawn one that the tool can have there,
+    still within `tilt`. What is set is taken as it is.
 
     ## Episode End
     As in the thesis's two tasks.

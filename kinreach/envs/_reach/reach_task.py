@@ -328,13 +328,17 @@ def distance_between(tip: Any, goals: Any) -> Any:
     return namespace(x).sqrt(x * x + y * y + z * z)
 
 
-def tool_goal(arm: ArmDescription, position: ArrayLike, direction: ArrayLike = TOOL_DOWN) -> AxisGoal | PositionGoal:
+def tool_goal(
+    arm: ArmDescription, position: ArrayLike, direction: ArrayLike = TOOL_DOWN, *, directed: bool = False
+) -> AxisGoal | PositionGoal:
     """Return the goal of a solver: the tip at a point of the world [m], the tool in a direction of the world.
 
-    With fewer than six joints the direction is free.
+    With fewer than six joints the direction is free, unless goals are `directed`.
     """
     point = as_floats("position", position)
-    return AxisGoal(point, direction) if len(arm.joints) >= JOINTS else PositionGoal(point)  # type: ignore[arg-type]
+    if directed or len(arm.joints) >= JOINTS:
+        return AxisGoal(point, direction)  # type: ignore[arg-type]
+    return PositionGoal(point)
 
 
 def check_actions(actions: ArrayLike, count: int | None, joints: int = JOINTS) -> Floats:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats, check_known, check_number
 from kinreach._tensors import namespace
-from kinreach.envs._batch import RowStreams
+from kinreach.envs._batch import ROWS_AHEAD, RowStreams
 from kinreach.envs._options import about, options_from
 from kinreach.envs._reach.reach_task import (
     JOINTS,
@@ -30,6 +31,7 @@ from kinreach.envs._reach.reach_task import (
 )
 from kinreach.envs._reach.rewards import DirectedReward, Score, score_of_goals
 from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, FiveAxisKinematics
 from kinreach.robots import BoxRegion, get_arm
 from kinreach.thesis import REACHED_DISTANCE
 
@@ -37,6 +39,10 @@ from kinreach.thesis import REACHED_DISTANCE
 VARIANTS: Mapping[str, ReachVariant] = {"single": SINGLE_STEP, "multi": MULTI_STEP}
 #: Bounds of the options: height of the volume [m], tilt of the tool [degrees], spread of the starts [rad].
 MAX_HEIGHT, MAX_TILT, MAX_SPREAD = 2.0, 90.0, math.pi
+#: Goals drawn before it is given up that an arm with fewer than six joints reaches one.
+MAX_DRAWS = 1000
+#: What may be left of a direction that is met [rad], and by how much the cosine of a tilt may be less.
+MET, ROUNDING = 1e-9, 1e-9
 #: How far apart the postures are in which a move is checked for collisions, in its longest joint [rad].
 WAY_STEP = 0.1
 
@@ -66,14 +72,20 @@ class SpaceOptions(ReachOptions):
         check_number("tilt [degrees]", self.tilt, least=0.0, most=MAX_TILT)
         check_number("start_spread [rad]", self.start_spread, least=0.0, most=MAX_SPREAD)
         arm = get_arm(self.arm)
-        if len(arm.joints) < JOINTS:
-            raise InputError(f"a tool with a direction takes six joints, arm {arm.name!r} has {len(arm.joints)}")
+        if len(arm.joints) < JOINTS and not isinstance(ArmKinematics.of(arm), FiveAxisKinematics):
+            raise InputError(
+                f"a tool with a direction takes six joints, or four or five that turn; arm {arm.name!r} has other "
+                f"{len(arm.joints)}"
+            )
         if not isinstance(arm.workcell.goals, BoxRegion):
             raise InputError(f"goals in a volume need a BoxRegion in the work cell, arm {arm.name!r} has none")
 
 
 class SpaceTask(ReachTask):
     """Goals are uniform in the volume, directions on the cap of the sphere around straight down.
+
+    An arm with four or five joints cannot choose both: its goals are those with a posture that brings the tip there,
+    and the direction is the one nearest to the drawn one that the tool can have there.
 
     Arms start with joints around the start pose, in postures that are possible.
     """
@@ -94,12 +106,44 @@ class SpaceTask(ReachTask):
 
     def sample(self, rng: np.random.Generator, count: int, *, beyond: float = 0.0) -> Floats:
         """Draw goals [m], directions and postures [rad], shape (count, 6 + n); goals up to `beyond` [m] outside."""
+        aims = self._aims(rng, count, beyond)
+        if self._few_joints is not None:
+            aims = np.array([self._nearest_aim(self._few_joints, aim, rng, beyond) for aim in aims]).reshape(-1, 6)
+        return np.column_stack([aims, self._postures(rng, count)])
+
+    def _aims(self, rng: np.random.Generator, count: int, beyond: float) -> Floats:
+        """Draw goals [m] and directions, shape (count, 6)."""
         region: Any = self.arm.workcell.goals
         goals = region.wider(beyond, above=self.options.goal_height).sample
         z = rng.uniform(math.cos(math.radians(self.options.tilt)), 1.0, count)
         angle, across = rng.uniform(0.0, 2 * math.pi, count), np.sqrt(1.0 - z * z)
         directions = np.column_stack([across * np.cos(angle), across * np.sin(angle), -z])
-        return np.column_stack([goals(rng, count), directions, self._postures(rng, count)])
+        return np.column_stack([goals(rng, count), directions])
+
+    @cached_property
+    def _few_joints(self) -> FiveAxisKinematics | None:
+        """The kinematics of an arm that cannot have any direction at any point."""
+        if len(self.arm.joints) >= JOINTS:
+            return None
+        kinematics: Any = ArmKinematics.of(self.arm, base="world")
+        return kinematics  # type: ignore[no-any-return]
+
+    def _nearest_aim(self, kin: FiveAxisKinematics, aim: Floats, rng: np.random.Generator, beyond: float) -> Floats:
+        """Return a goal and a direction, shape (6,), or others that are drawn, turned to what the arm reaches."""
+        least = math.cos(math.radians(self.options.tilt)) - ROUNDING
+        for _ in range(MAX_DRAWS):
+            found = kin.axis_solutions(aim[:3], aim[3:], seed=self.home)
+            for q, left in zip(found.q, found.left, strict=True):
+                if left > found.left[0] + MET:
+                    break
+                axis = aim[3:] if left < MET else kin.fk(q)[:3, 2]
+                if -axis[2] >= least and self.checker.free(q):
+                    return np.append(aim[:3], axis)
+            aim = self._aims(rng, 1, beyond)[0]
+        raise InputError(
+            f"arm {self.arm.name!r} reaches none of {MAX_DRAWS} goals in its region with the tool within "
+            f"{self.options.tilt:g} degrees of straight down; give it a larger tilt, or a Workcell with other goals"
+        )
 
     def _postures(self, rng: np.random.Generator, count: int) -> Floats:
         q, spread = np.tile(self.home, (count, 1)), self.options.start_spread
@@ -117,7 +161,8 @@ class SpaceTask(ReachTask):
         return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
 
     def streams(self, count: int) -> RowStreams:
-        return RowStreams(self.sample, count, size=6 + len(self.arm.joints))
+        at_once = ROWS_AHEAD if self._few_joints is None else 1
+        return RowStreams(self.sample, count, size=6 + len(self.arm.joints), at_once=at_once)
 
     def completed(self, start: ReachReset, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, ReachReset]:
         """Return goals and a start in which only the view may be missing; rows are drawn in any case."""

@@ -68,8 +68,11 @@ static void start_from(void *context, int held, const double *q) {
         if (at_upper ? posture.slope[i] < -LEVEL : posture.slope[i] > LEVEL) return;
     }
     if (face && !within_limits(arm, posture.q)) return;
-    for (int k = 0; k < s->count; k++)
-        if (apart(arm->n, s->found[k].q, posture.q) < SAME) return;
+    for (int k = 0; k < s->count; k++) {
+        if (!(apart(arm->n, s->found[k].q, posture.q) < SAME)) continue;
+        if (face && !within_limits(arm, s->found[k].q)) s->found[k] = posture;  /* stationary a rounding past a limit, too */
+        return;
+    }
     s->found[s->count++] = posture;
 }
 
