@@ -197,6 +197,13 @@ def test_pytorch_loop(run):
     assert numbers(r"learned: .* ([\d.]+) mm in the median", text)[0] < distances[0] / 3
 
 
+def test_so101(run):
+    pytest.importorskip("placo")
+    text = run("19_so101")
+    assert numbers(r"([\d.]+) at most", text) == [0.0, 15.1]
+    assert numbers(r"([\d.]+) a tick", text)[0] == 0.5
+
+
 @pytest.mark.slow
 def test_search(run, tmp_path):
     pytest.importorskip("optuna")
