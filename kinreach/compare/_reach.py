@@ -17,7 +17,8 @@ from kinreach.baselines.inside import SolverPolicy, policy_version
 from kinreach.compare import _curves as curves
 from kinreach.compare import _figures as figures
 from kinreach.compare._methods.resolve import policy_method, solver_method
-from kinreach.compare._task import SEEDED, Draw, Method, Task, common_columns, resets_to
+from kinreach.compare._methods.weighted import WeightedPlaco
+from kinreach.compare._task import SEEDED, WEIGHTED, Draw, Method, Task, common_columns, resets_to
 from kinreach.envs.inside import button_task
 from kinreach.errors import InputError
 from kinreach.kinematics import Tolerance
@@ -140,6 +141,10 @@ def _hybrid() -> Method:
 
 
 METHODS: Mapping[str, Method] = {name: solver_method(partial(new_solver, name)) for name in SOLVERS}
+#: Methods of arms with four or five joints.
+FEW_JOINTS: Mapping[str | int, Mapping[str, Method]] = {
+    joints: {"placo-weights": Method(WeightedPlaco, WEIGHTED)} for joints in (4, 5)
+}
 
 
 def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool = False) -> Floats:
@@ -239,7 +244,7 @@ UR5_TASK = Task(
         "thesis-ppo-single": policy_method("thesis-ppo-single", SINGLE),
         "hybrid": _hybrid(),
     },
-    arm_methods={"panda": {"panda-single": policy_method("panda-single", SINGLE)}},
+    arm_methods={**FEW_JOINTS, "panda": {"panda-single": policy_method("panda-single", SINGLE)}},
     columns=COLUMNS,
     figures=FIGURES,
     reached="the tip ends within 10 mm of the ball and, with a UR arm, the posture error r_e is below 0.15 rad",
@@ -284,6 +289,7 @@ SPACE_TASK = Task(
     observations=("geometric", "camera"),
     resets=_space_resets,
     methods={**METHODS, "space-single": policy_method("space-single", SPACE)},
+    arm_methods=FEW_JOINTS,
     columns=COLUMNS,
     figures=FIGURES,
     reached="the tip ends within 10 mm of the ball and the tool within 0.15 rad of its direction",

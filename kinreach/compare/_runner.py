@@ -198,8 +198,9 @@ def prepare(
         chosen["arm"] = description if isinstance(arm, ArmDescription) else arm
         if description.name != task.arm or reach_task.layout_of(description) != reach_task.layout_of(get_arm(task.arm)):
             solvers = {name: method for name, method in task.methods.items() if method.kind == SOLVER}
-            own = task.arm_methods.get(description.name, {})
-            task = replace(task, title=f"{description.title}: {task.arm_title}", methods={**solvers, **own})
+            for key in (len(description.joints), description.name):
+                solvers |= task.arm_methods.get(key, {})
+            task = replace(task, title=f"{description.title}: {task.arm_title}", methods=solvers)
     task = task.with_options(chosen)
     resolved = resolve_methods(task, methods)
     left_out: dict[str, str] = {}

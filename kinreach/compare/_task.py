@@ -34,7 +34,7 @@ MakeScene = Callable[[gym.Env[Any, Any], Trial], Scene]
 
 #: Kinds of methods, and what each is given, in words, for the record beside the results.
 SOLVER, POLICY, SEEDED, PLANNER = "solver", "policy", "seeded solver", "planner"
-CONTROLLER, CHANCE = "controller", "chance"
+CONTROLLER, CHANCE, WEIGHTED = "controller", "chance", "weighted solver"
 GIVEN: Mapping[str, str] = {
     SOLVER: "where the environment saw the goal, in the world (the true position, or the cameras' mean), the start "
     "posture as the seed, and the acceptance test: a posture that it refuses sends the solver on to another branch or "
@@ -47,6 +47,9 @@ GIVEN: Mapping[str, str] = {
     "checker with its margin",
     CONTROLLER: "what the environment's agent observes, and a model of the arm: closed-form inverse kinematics, and "
     "the masses, friction, gears and period of the simulation; it adds up the controls that it asked for",
+    WEIGHTED: "where the environment saw the goal, and the start posture, whose orientation it aims at, turned to the "
+    "goal's direction where there is one; weights for point and orientation, no bound of what is left, no acceptance "
+    "test",
     CHANCE: "nothing: uniform among the actions, seeded by the episode",
 }
 
@@ -92,7 +95,7 @@ class Task:
         reached: The criterion in a few words.
         arm: Name of the default arm; empty if the environments have no option `arm`.
         arm_title: Title with another arm, after the arm's.
-        arm_methods: By the name of another arm, its methods beside the task's solvers.
+        arm_methods: By the name or the number of joints of another arm, its methods beside the task's solvers.
         options: Of the environments; `compare` can override them.
         variants: Ids of environments for policies from files.
         observations: Values of the environments' option `observation`; empty without that option.
@@ -112,7 +115,7 @@ class Task:
     reached: str = "the environment's own criterion"
     arm: str = ""
     arm_title: str = "tip at the goal"
-    arm_methods: Mapping[str, Mapping[str, Method]] = field(default_factory=dict)
+    arm_methods: Mapping[str | int, Mapping[str, Method]] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
     variants: Sequence[str] = ()
     observations: tuple[str, ...] = ()

@@ -8,6 +8,7 @@ minima at their edge. All of them are found, and polished by Newton's method unt
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from math import degrees, inf
 from typing import ClassVar
 
@@ -55,6 +56,8 @@ KINDS = ("minimum", "saddle", "maximum", "minimum at a limit")
 MINIMA = (0.0, 3.0)
 #: What counts of a pose, by its number in the core.
 ORIENTATION, AXIS = 0, 1
+#: Directions all around, to the faces, edges and corners of a cube, not normalised.
+DIRECTIONS = [axis for axis in product((-1.0, 0.0, 1.0), repeat=3) if any(axis)]
 #: Poses beside one, as differences, for a tolerance of 1 m.
 BESIDE = np.zeros((6, 4, 4))
 BESIDE[:, :3, 3] = 0.9 * np.concatenate([np.eye(3), -np.eye(3)])
@@ -102,7 +105,8 @@ class FiveAxisKinematics(ClosedFormKinematics):
     stationary. `axis_solutions` does the same for the direction of the tip's z axis alone.
 
     `solve` meets a `NearestOrientationGoal` by the posture that leaves least of the orientation, a `PositionGoal` by
-    the one that leaves least of the seed's. A `PoseGoal` or an `AxisGoal` has to be met exactly; if the arm cannot,
+    the one that leaves least of the seed's; if `accept` refuses that, by the nearest accepted one that leaves least of
+    one of 26 directions all around. A `PoseGoal` or an `AxisGoal` has to be met exactly; if the arm cannot,
     the result has the posture that leaves least, and its reason says how much.
 
     Arms whose axes 2, 3 and 4 are parallel (SO-101, Koch, WidowX, ViperX, xArm5) are solved in closed form but for one
@@ -229,7 +233,16 @@ class FiveAxisKinematics(ClosedFormKinematics):
 
     def _solve_position(self, goal: PositionGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         found = self.nearest(goal.position, seed, accept=accept)
+        if accept is not None and found.status is Status.REJECTED:
+            found = self._in_any_direction(goal, self.as_posture("seed", seed), accept) or found
         return IKResult.of(self, goal, found.q, branch=found.branch) if found.success else found
+
+    def _in_any_direction(self, goal: PositionGoal, seed: Floats, accept: Accept) -> IKResult | None:
+        """The accepted posture nearest to the seed, of those that leave least of one of `DIRECTIONS`."""
+        every = [self.axis_solutions(goal.position, axis, seed=seed).minima for axis in DIRECTIONS]
+        found = [posture for minima in every for posture in minima]
+        found.sort(key=lambda posture: float(np.linalg.norm(posture.q - seed)))
+        return next((posture for posture in found if accept(posture.q.copy())), None)
 
     def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE) -> IKBatch:
         """Compute every stationary posture of many poses, the least first; as `ClosedFormKinematics.batch`."""

@@ -237,6 +237,16 @@ def test_the_panda_has_solvers_and_a_policy_of_its_own():
         compare("ur5", methods=[str(PRETRAINED / "panda-single.safetensors")], goals=1)
 
 
+@pytest.mark.usefixtures("needs_placo")
+@pytest.mark.parametrize("task", ["ur5", "space"])
+def test_five_joints_have_solvers_and_placo_with_weights(task):
+    found = compare(task, arm="so101", goals=6)
+    assert [entry["name"] for entry in found["methods"]] == ["closed-form", "placo", "lm", "qp", "placo-weights"]
+    assert [entry["reached"] for entry in found["methods"]][:4] == 4 * [1.0]
+    errors = {entry["name"]: entry["distance_mm"]["median"] for entry in found["methods"]}
+    assert errors["closed-form"] < 0.1 < errors["placo-weights"]  # what its weights leave of the point
+
+
 @pytest.mark.parametrize("medians", [(1e-5, 0.04, 1.4, 43.0), (0.02, 8.0), (3.0,)])
 def test_figures_show_where_methods_differ(medians):
     """`errors` has one scale in both panels; `success` reaches from the smallest distances to the largest tolerance."""

@@ -423,6 +423,20 @@ def test_a_direction_that_is_met_with_a_joint_at_its_limit_is_found(name, tmp_pa
     assert tried == 600
 
 
+def test_where_the_seeds_orientation_is_refused_a_point_is_met_with_another():
+    """Low over the table the jaws cannot be ahead, as at home."""
+    kin, seed = ArmKinematics.of("so101", base="world"), ArmKinematics.of("so101").arm.home
+    checker, turned = CollisionChecker(kin), 0
+    for point in kin.arm.workcell.goals.sample(np.random.default_rng(0), 60):
+        found = kin.solve(PositionGoal(point), seed, accept=checker.free)
+        assert found.success, found.reason
+        assert found.position_error < 1e-9
+        assert checker.free(found.q)
+        turned += not kin.nearest(point, seed, accept=checker.free).success
+    assert turned > 10
+    assert kin.solve(PositionGoal(point), seed, accept=lambda q: False).status is Status.REJECTED
+
+
 def test_the_so101_is_an_arm_by_name():
     kin = ArmKinematics.of("so101")
     assert isinstance(kin, FiveAxisKinematics)

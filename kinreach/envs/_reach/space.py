@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,12 @@ from kinreach.envs._reach.reach_task import (
 )
 from kinreach.envs._reach.rewards import DirectedReward, Score, score_of_goals
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, FiveAxisKinematics
+from kinreach.kinematics import ArmKinematics
 from kinreach.robots import BoxRegion, get_arm
 from kinreach.thesis import REACHED_DISTANCE
+
+if TYPE_CHECKING:
+    from kinreach.kinematics import FiveAxisKinematics
 
 #: What an option `steps` means.
 VARIANTS: Mapping[str, ReachVariant] = {"single": SINGLE_STEP, "multi": MULTI_STEP}
@@ -72,7 +75,7 @@ class SpaceOptions(ReachOptions):
         check_number("tilt [degrees]", self.tilt, least=0.0, most=MAX_TILT)
         check_number("start_spread [rad]", self.start_spread, least=0.0, most=MAX_SPREAD)
         arm = get_arm(self.arm)
-        if len(arm.joints) < JOINTS and not isinstance(ArmKinematics.of(arm), FiveAxisKinematics):
+        if len(arm.joints) < JOINTS and not hasattr(ArmKinematics.of(arm), "axis_solutions"):
             raise InputError(
                 f"a tool with a direction takes six joints, or four or five that turn; arm {arm.name!r} has other "
                 f"{len(arm.joints)}"
@@ -126,7 +129,7 @@ class SpaceTask(ReachTask):
         if len(self.arm.joints) >= JOINTS:
             return None
         kinematics: Any = ArmKinematics.of(self.arm, base="world")
-        return kinematics  # type: ignore[no-any-return]
+        return kinematics
 
     def _nearest_aim(self, kin: FiveAxisKinematics, aim: Floats, rng: np.random.Generator, beyond: float) -> Floats:
         """Return a goal and a direction, shape (6,), or others that are drawn, turned to what the arm reaches."""

@@ -1,0 +1,89 @@
+"""placo with weights for point and orientation, as LeRobot drives arms of five axes: no goal is met exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach._engines import load
+from kinreach.kinematics import AxisGoal
+from kinreach.robots.inside import skeleton
+
+#: LeRobot's weights of the squared errors [1/m^2, 1/rad^2].
+POSITION, ORIENTATION = 1.0, 0.01
+#: Most steps, and the longest step of a joint of a posture that has settled [rad].
+MAX_STEPS, SETTLED = 200, 1e-6
+
+
+class WeightedPlaco:
+    """Aim at the ball with the orientation of the start posture, turned to the goal's direction if it has one.
+
+    Steps of placo's program, each as LeRobot takes one in a tick, are taken until the posture settles. There is no
+    acceptance test, no restart, and no bound of what is left.
+
+    Args:
+        env: A reach environment.
+
+    Raises:
+        InstallationError: placo cannot be loaded.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any]) -> None:
+        placo: Any = load("placo")
+        world: Any = env.unwrapped
+        self._env, self._kin = world, world.kinematics
+        kin = self._kin
+        urdf, tip = skeleton(kin.arm.robot, kin.arm.tips[kin.tip])
+        self._robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), urdf)
+        for name, position in kin.arm.locked_joints.items():
+            self._robot.set_joint(name, position)
+        self._solver = placo.KinematicsSolver(self._robot)
+        self._solver.mask_fbase(True)
+        for name in kin.arm.locked_joints:
+            self._solver.mask_dof(name)
+        self._task = self._solver.add_frame_task(tip, np.eye(4))
+        self._task.configure("tip", "soft", POSITION, ORIENTATION)
+        self._q = self._seen = np.empty(0)
+        self.diagnostics: Mapping[str, float] = {}
+        self.reason = ""
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        self._q, self._seen = np.asarray(info["q"]), np.asarray(info["seen"])
+
+    def act(self, observation: Any) -> Any:
+        """Return the action of the posture that has settled; None if no camera found the ball."""
+        if not np.isfinite(self._seen).all():
+            self.reason = "no camera found the ball"
+            return None
+        kin, joints = self._kin, self._kin.arm.joints
+        self._task.T_world_frame = kin.T_world_base @ self._aim()
+        for name, angle in zip(joints, self._q, strict=True):
+            self._robot.set_joint(name, angle)
+        self._robot.update_kinematics()
+        q, steps, longest = self._q, 0, np.inf
+        while steps < MAX_STEPS and longest > SETTLED:
+            self._solver.solve(True)
+            self._robot.update_kinematics()
+            last, q = q, np.array([self._robot.get_joint(name) for name in joints])
+            steps, longest = steps + 1, float(np.abs(q - last).max())
+        self.diagnostics = {"iterations": steps}
+        return self._env.action_for(np.clip(q, *kin.sampling_limits))
+
+    def _aim(self) -> Floats:
+        """The pose that it aims at, in the base frame, shape (4, 4)."""
+        goal, T = self._env.ik_goal(self._seen), self._kin.fk(self._q)
+        if isinstance(goal, AxisGoal):
+            T[:3, :3] = _shortest_turn(T[:3, 2], goal.axis) @ T[:3, :3]
+        T[:3, 3] = goal.position
+        return np.asarray(T)
+
+
+def _shortest_turn(a: Floats, b: Floats) -> Floats:
+    """Return the rotation that takes one unit vector to another that is not opposite to it."""
+    v, c = np.cross(a, b), float(a @ b)
+    K = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return np.asarray(np.eye(3) + K + K @ K / max(1.0 + c, 1e-9))
