@@ -16,7 +16,7 @@ from rich.progress import Progress
 from kinreach._checks import Floats, check_path, printable
 from kinreach._files import write_text
 from kinreach._flags import may_be_degrees, numbers_of, pose_numbers_of, posture_of
-from kinreach._rotations import pose
+from kinreach._rotations import pose, pose_error
 from kinreach._tables import read_table
 from kinreach.cli import Parser, complain, print_notes
 from kinreach.deploy._remarks import tool_note, why_none
@@ -71,6 +71,10 @@ class Found(NamedTuple):
     kind: str = ""
     collides: str = ""
     to_seed: str = "nearest to"
+
+
+#: The kind of a posture that has another orientation than the seed's, because that collides.
+TURNED = "turned, free"
 
 
 class NearestAxisGoal(AxisGoal):
@@ -142,6 +146,8 @@ class Answers:
         minima = solutions.minima
         rows = zip(minima.q, minima.branch.tolist(), minima.left.tolist(), minima.kind, strict=True)
         found = [Found(*row) for row in rows]
+        if isinstance(goal, PositionGoal) and found and self.checker is not None and not self.checker.free(found[0].q):
+            found = [*self._turned(kin, goal), *found]
         if not found or not isinstance(goal, PoseGoal | AxisGoal) or isinstance(goal, NearestAxisGoal):
             return found, why_none(kin, goal.frame(), solutions.reason)
         exact = [each for each in found if each.left <= Tolerance().orientation]
@@ -149,6 +155,14 @@ class Answers:
         what = "direction" if isinstance(goal, AxisGoal) else "orientation"
         reason = f"{kin.n} joints leave {least:.3g} rad ({degrees_of(least):.1f} degrees) of the {what} at this point"
         return exact, "" if exact else f"{reason}; --nearest-orientation takes that"
+
+    def _turned(self, kin: FiveAxisKinematics, goal: PositionGoal) -> list[Found]:
+        """The free posture nearest to the seed at a point where the seed's orientation collides."""
+        result = kin.solve(goal, self.seed, accept=None if self.checker is None else self.checker.free)
+        if not result.success:
+            return []
+        _, left = pose_error(kin.fk(self.seed), kin.fk(result.q))
+        return [Found(result.q, -1, left, TURNED, to_seed="nearest without a collision to")]
 
     def all(self, goal: Goal) -> tuple[list[Found], str]:
         """Return every posture for a goal with what collides; and why there is none.
@@ -254,7 +268,7 @@ def _one(answers: Answers, goal: Goal, *, degrees: bool) -> int:
         f"{angle:.{3 if factor == 1.0 else 1}f}" for angle, factor in zip(scale * answers.seed, scale, strict=True)
     )
     said = found[nearest or 0].to_seed
-    if remains:
+    if remains and found[nearest or 0].kind != TURNED:
         whose = "the seed's" if isinstance(goal, PositionGoal) else "the"
         said = f"leaves least of {whose} orientation, and is nearest to"
     print("every posture collides" if nearest is None else f"* {said} the seed {seed}")

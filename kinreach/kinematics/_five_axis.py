@@ -232,9 +232,10 @@ class FiveAxisKinematics(ClosedFormKinematics):
         return self._exactly(self._along(goal, start, True, TOLERANCE), start, accept)
 
     def _solve_position(self, goal: PositionGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
-        found = self.nearest(goal.position, seed, accept=accept)
-        if accept is not None and found.status is Status.REJECTED:
-            found = self._in_any_direction(goal, self.as_posture("seed", seed), accept) or found
+        start = self.as_posture("seed", seed)
+        found = self.nearest(goal.position, start)
+        if found.success and accept is not None and not accept(found.q.copy()):
+            found = self._in_any_direction(goal, start, accept) or self.nearest(goal.position, start, accept=accept)
         return IKResult.of(self, goal, found.q, branch=found.branch) if found.success else found
 
     def _in_any_direction(self, goal: PositionGoal, seed: Floats, accept: Accept) -> IKResult | None:

@@ -377,6 +377,15 @@ def test_a_point_and_a_direction(capsys):
     assert ik("--arm", "so101", "--point", "0.25,0.1,0.05") == 0
     rows, _ = table(capsys.readouterr().out.splitlines())
     np.testing.assert_allclose(kin.positions(rows[:, 1:6]), np.tile([0.25, 0.1, 0.05], (len(rows), 1)), atol=1e-4)
+    assert ik("--arm", "so101", "--point", "0.2,0.05,0.03") == 0  # with the seed's orientation the wrist is in the way
+    said = capsys.readouterr().out
+    rows, _ = table(said.splitlines())
+    best = np.array(rows)[0, 1:6]
+    assert "turned, free" in said
+    assert "* nearest without a collision to the seed" in said
+    assert np.abs(best).max() < 1.7  # not with the roll at its limit
+    np.testing.assert_allclose(kin.positions(best), [0.2, 0.05, 0.03], atol=1e-4)
+    assert CollisionChecker(kin).free(best)
     point = ["--arm", "so101", "--point", "0.25,0.0,0.1", "--axis", "0,1,0"]
     assert ik(*point) == 1
     assert "of the direction at this point; --nearest-orientation takes that" in capsys.readouterr().out
