@@ -13,6 +13,8 @@ from kinreach._engines import load
 from kinreach.kinematics import AxisGoal
 from kinreach.robots.inside import skeleton
 
+pin: Any = load("pinocchio")
+
 #: LeRobot's weights of the squared errors [1/m^2, 1/rad^2].
 POSITION, ORIENTATION = 1.0, 0.01
 #: Most steps, and the longest step of a joint of a posture that has settled [rad].
@@ -66,7 +68,10 @@ class WeightedPlaco:
         self._robot.update_kinematics()
         q, steps, longest = self._q, 0, np.inf
         while steps < MAX_STEPS and longest > SETTLED:
-            self._solver.solve(True)
+            try:
+                self._solver.solve(True)
+            except RuntimeError:  # rarely, placo finds NaN in what its program gives
+                break
             self._robot.update_kinematics()
             last, q = q, np.array([self._robot.get_joint(name) for name in joints])
             steps, longest = steps + 1, float(np.abs(q - last).max())
@@ -77,13 +82,6 @@ class WeightedPlaco:
         """The pose that it aims at, in the base frame, shape (4, 4)."""
         goal, T = self._env.ik_goal(self._seen), self._kin.fk(self._q)
         if isinstance(goal, AxisGoal):
-            T[:3, :3] = _shortest_turn(T[:3, 2], goal.axis) @ T[:3, :3]
+            T[:3, :3] = pin.Quaternion.FromTwoVectors(T[:3, 2], goal.axis).toRotationMatrix() @ T[:3, :3]
         T[:3, 3] = goal.position
         return np.asarray(T)
-
-
-def _shortest_turn(a: Floats, b: Floats) -> Floats:
-    """Return the rotation that takes one unit vector to another that is not opposite to it."""
-    v, c = np.cross(a, b), float(a @ b)
-    K = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return np.asarray(np.eye(3) + K + K @ K / max(1.0 + c, 1e-9))

@@ -77,8 +77,8 @@ class SpaceOptions(ReachOptions):
         arm = get_arm(self.arm)
         if len(arm.joints) < JOINTS and not hasattr(ArmKinematics.of(arm), "axis_solutions"):
             raise InputError(
-                f"a tool with a direction takes six joints, or four or five that turn; arm {arm.name!r} has other "
-                f"{len(arm.joints)}"
+                f"a tool with a direction takes six joints, or four or five that turn; the {len(arm.joints)} of arm "
+                f"{arm.name!r} are none of these"
             )
         if not isinstance(arm.workcell.goals, BoxRegion):
             raise InputError(f"goals in a volume need a BoxRegion in the work cell, arm {arm.name!r} has none")
