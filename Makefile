@@ -23,9 +23,11 @@ CODE_IN_C := hatch_build.py $(wildcard kinreach/kinematics/_core/*.[ch])
 NEWEST_VENV ?= build/venv-newest
 CLIENTS_VENV ?= build/venv-clients
 CLIENTS := $(CLIENTS_VENV)/.installed
+UR_CLIENTS_VENV ?= build/venv-ur-clients
+UR_CLIENTS := $(UR_CLIENTS_VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare view examples test test-all newest lint bench clients wheels core-check digest endurance notebooks docs clean
+.PHONY: help setup compare view examples test test-all newest lint bench clients ur-clients wheels core-check digest endurance notebooks docs clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -65,6 +67,9 @@ bench: $(BENCH) ## Speed beside other packages, for example ARGS="--suite ik-sin
 clients: $(CLIENTS) ## Train with stable-baselines3, rl-zoo3, CleanRL, Tianshou and TorchRL, each a little
 	@for script in $(or $(ARGS),$(sort $(wildcard tools/clients/*.py))); do \
 	    echo "$$script"; OMP_NUM_THREADS=1 $(CLIENTS_VENV)/bin/python -W ignore $$script || exit 1; done
+
+ur-clients: $(CORE) $(UR_CLIENTS) ## Try ur_rtde and urx on simulate-ur, and write docs/reference/ur_clients.md; ARGS="--check" compares
+	$(BIN)/python -m tools.ur_clients --python $(UR_CLIENTS_VENV)/bin/python $(or $(ARGS),--write)
 
 digest: $(CORE) ## Compare fixed results with tools/digest.txt, for example PYTHON=python3.13 VENV=build/venv-3.13
 	$(BIN)/python -m tools.digest --check $(ARGS)
@@ -116,6 +121,11 @@ $(CLIENTS): pyproject.toml tools/clients/requirements.txt
 	$(call install_torch,$(CLIENTS_VENV))
 	$(CLIENTS_VENV)/bin/pip install --disable-pip-version-check -r tools/clients/requirements.txt -e .
 	$(CLIENTS_VENV)/bin/pip install --disable-pip-version-check --no-deps --ignore-requires-python cleanrl==1.2.0
+	@touch $@
+
+$(UR_CLIENTS): tools/ur_clients/requirements.txt
+	$(PYTHON) -m venv $(UR_CLIENTS_VENV)
+	$(UR_CLIENTS_VENV)/bin/pip install --disable-pip-version-check -r tools/ur_clients/requirements.txt
 	@touch $@
 
 $(DOCS): $(CORE)

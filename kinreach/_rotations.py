@@ -181,6 +181,23 @@ def pose_vector(T: ArrayLike) -> Floats:
     return np.concatenate([T[..., :3, 3], turned], axis=-1)
 
 
+def quick_pose_vector(T: Floats) -> list[float]:
+    """Return the six numbers of one pose (4, 4), as `pose_vector` does, without checks."""
+    (a, b, c, x), (d, e, f, y), (g, h, i, z), _ = T.tolist()
+    if (trace := a + e + i) > max(a, e, i):  # a quaternion by its largest entry
+        quaternion = (1.0 + trace, h - f, c - g, d - b)
+    elif a >= max(e, i):
+        quaternion = (h - f, 1.0 + a - e - i, b + d, c + g)
+    elif e >= i:
+        quaternion = (c - g, b + d, 1.0 - a + e - i, f + h)
+    else:
+        quaternion = (d - b, c + g, f + h, 1.0 - a - e + i)
+    w, *axis = quaternion if quaternion[0] >= 0.0 else (-entry for entry in quaternion)
+    sine = math.hypot(*axis)
+    scale = 2.0 * math.atan2(sine, w) / sine if sine > 0.0 else 0.0
+    return [x, y, z, *(scale * entry for entry in axis)]
+
+
 def pose_error(T_wanted: Floats, T: Floats) -> tuple[float, float]:
     """Return the distance [m] and the angle [rad] between two poses, shape (4, 4)."""
     position = math.dist(T_wanted[:3, 3].tolist(), T[:3, 3].tolist())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kinreach._checks import Floats, shown
-from kinreach.deploy._motion import Arc, BlendedMotion, JointSpeed, Segment, Servo, ToolSpeed, segment_to
+from kinreach.deploy._motion import Arc, BlendedMotion, JointSpeed, LineError, Segment, Servo, ToolSpeed, segment_to
 from kinreach.deploy._script_functions import (
     SETTINGS,
     Pose,
@@ -18,8 +18,8 @@ from kinreach.deploy._script_functions import (
     number,
     numbers,
     pose_of,
+    some_numbers,
     text_of,
-    three,
     whole,
 )
 from kinreach.deploy._script_tree import Place, ScriptError, is_number
@@ -229,24 +229,31 @@ class Commands:
     def _set_payload(self, values: Mapping[str, Any]) -> None:
         self._ur.payload = number(values["m"])
         centre = values["cog"]
-        self._ur.centre_of_mass = tuple(self._ur.tcp[:3, 3].tolist()) if centre is None else three(centre)
+        self._ur.centre_of_mass = tuple(self._ur.tcp[:3, 3].tolist()) if centre is None else some_numbers(centre, 3)
+        self._ur.inertia = (0.0,) * 6
 
     def _set_target_payload(self, values: Mapping[str, Any]) -> None:
         self._set_payload({"m": values["m"], "cog": (0.0, 0.0, 0.0) if values["cog"] is None else values["cog"]})
+        if values["inertia"] is not None:
+            self._ur.inertia = some_numbers(values["inertia"], 6)
 
     def _set_payload_mass(self, values: Mapping[str, Any]) -> None:
         self._ur.payload = number(values["m"])
 
     def _set_payload_cog(self, values: Mapping[str, Any]) -> None:
-        self._ur.centre_of_mass = three(values["CoG"])
+        self._ur.centre_of_mass = some_numbers(values["CoG"], 3)
 
     def _set_gravity(self, values: Mapping[str, Any]) -> None:
-        self._ur.gravity = three(values["d"])
+        self._ur.gravity = some_numbers(values["d"], 3)
 
     def _set_tool_voltage(self, values: Mapping[str, Any]) -> None:
         if whole(values["voltage"]) not in (0, 12, 24):
             raise ValueProblem(f"the tool's voltage is 0, 12 or 24, got {shown(values['voltage'])}")
         self._ur.io.tool_voltage = whole(values["voltage"])
+
+    def _protective_stop_motion(self, values: Mapping[str, Any], place: Place) -> Waiting:
+        yield
+        raise LineError(f"line {place.line} of the program asked for it")
 
     def _powerdown(self, values: Mapping[str, Any]) -> Waiting:
         self._ur.power_off()
@@ -262,6 +269,10 @@ class Commands:
 
     def _get_actual_joint_positions(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         return tuple(self._ur.actual_q.tolist())
+
+    def _get_actual_joint_positions_history(self, values: Mapping[str, Any]) -> tuple[float, ...]:
+        history = self._ur.history
+        return tuple(history[-1 - _place(values["steps"], len(history), "steps")].tolist())
 
     def _get_actual_joint_speeds(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         return tuple(self._ur.actual_qd.tolist())
@@ -298,6 +309,9 @@ class Commands:
 
     def _get_target_payload_cog(self, values: Mapping[str, Any]) -> tuple[float, ...]:
         return self._ur.centre_of_mass
+
+    def _get_target_payload_inertia(self, values: Mapping[str, Any]) -> tuple[float, ...]:
+        return self._ur.inertia
 
     def _get_steptime(self, values: Mapping[str, Any]) -> float:
         return self._ur.cycle

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from kinreach._checks import Floats, printable
+from kinreach._rotations import quick_pose_vector
 from kinreach.deploy._commands import Commands
 from kinreach.deploy._interpreter import Machine
 from kinreach.deploy._motion import BlendedMotion, JointSpeed, LineError, Servo, ToolSpeed
@@ -16,7 +19,7 @@ from kinreach.deploy._rtde import RobotMode, RuntimeState, SafetyMode
 from kinreach.deploy._script_tree import ScriptError
 from kinreach.deploy._urscript import grammar, parsing
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, Trajectory, pose_vector
+from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, Trajectory
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import FLANGE, JOINTS, TOOL_BODY, origin_of, ur_model
 from kinreach.sim import ArmSimulation
@@ -32,6 +35,8 @@ BRAKING = 10.0
 SLIDER_RATE = 4.0
 #: How far a joint may be from its target before the controller stops [rad].
 MAX_DEVIATION = 0.1
+#: Control cycles that `get_actual_joint_positions_history` remembers.
+REMEMBERED = 500
 #: Register for the progress of a program of kinreach, and its values; register for the number of its run.
 REGISTER, BEGUN, FINISHED, NOT_AT_START, OTHER_ARM = 24, 1, 2, 3, 4
 RUN_REGISTER = 25
@@ -119,7 +124,9 @@ class Controller:
         target_q, target_qd, target_qdd: Commands of the joints [rad], [rad/s], [rad/s^2], shape (6,).
         motion, servo, speed: What moves the arm: moves, `servoj`, or `speedj` and its like; the last two may be None.
         braking: Deceleration of joints that nothing moves [rad/s^2].
-        payload, centre_of_mass, gravity: As programs set them [kg], [m] on the flange, [m/s^2].
+        payload, centre_of_mass, inertia, gravity: As programs set them [kg], [m] on the flange, [kg m^2], [m/s^2].
+        history: Measured postures at the begin of the last cycles.
+        stopped_at: Time of the last protective stop [s].
         io: In- and outputs, and registers.
         registers: Integers that programs wrote.
         is_fresh: Whether the program has had no control cycle yet.
@@ -142,7 +149,12 @@ class Controller:
         self.cycle = 1.0 / rate_of(arm)
         start = np.array(arm.home if q is None else q, dtype=np.float64)
         self.tcp: Floats = tcp_of(arm)
-        self.payload, self.centre_of_mass, self.gravity = 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 9.82)
+        self.payload = 0.0
+        self.centre_of_mass: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self.gravity: tuple[float, ...] = (0.0, 0.0, 9.82)
+        self.inertia: tuple[float, ...] = (0.0,) * 6
+        self.history: deque[Floats] = deque(maxlen=REMEMBERED)
+        self.stopped_at = -math.inf
         self.io, self.rng = InputsOutputs(), np.random.default_rng(0)
         self._drive = _Drive(self.simulation)
         self.speed_slider = self._scaling = 1.0
@@ -165,6 +177,7 @@ class Controller:
     def place(self, q: Floats) -> None:
         """Put the arm at rest into a posture [rad], shape (6,), without moving."""
         self.simulation.reset(q)
+        self.history.clear()
         self.motion = BlendedMotion(self.tool_position, q)
         self.servo: tuple[Servo, Floats, float, float] | None = None
         self.speed: JointSpeed | ToolSpeed | None = None
@@ -193,13 +206,14 @@ class Controller:
 
     def tcp_pose(self, q: Floats) -> Floats:
         """Return the tool centre point in `base`, `[x, y, z, rx, ry, rz]`, shape (6,)."""
-        return pose_vector(self.kinematics.fk(q) @ self.tcp)
+        return np.array(quick_pose_vector(self.kinematics.fk(q) @ self.tcp))
 
     def tcp_speed(self, q: Floats, qd: Floats) -> Floats:
         """Return the speed of the tool centre point in `base` [m/s, rad/s], shape (6,)."""
         flange = self.kinematics.fk(q)
         speed = self.kinematics.jacobian(q) @ qd
-        speed[:3] += np.cross(speed[3:], (flange @ self.tcp)[:3, 3] - flange[:3, 3])
+        (x, y, z), (a, b, c) = (flange[:3, :3] @ self.tcp[:3, 3]).tolist(), speed[3:].tolist()
+        speed[:3] += [b * z - c * y, c * x - a * z, a * y - b * x]
         return speed
 
     def tool_position(self, q: Floats) -> Floats:
@@ -257,13 +271,27 @@ class Controller:
         if self.safety_mode is not SafetyMode.NORMAL:
             raise InputError(f"the program is not run: {_STOPS[self.safety_mode]} ({self.reason})")
         if self.robot_mode is not RobotMode.RUNNING:
-            raise InputError("the program is not run: the power of the arm is off")
+            what = "the power of the arm is off" if self.robot_mode is RobotMode.POWER_OFF else "its brakes are closed"
+            raise InputError(f"the program is not run: {what}")
 
     def power_off(self) -> None:
-        """Take the arm's power until `release`: the program ends."""
+        """Take the arm's power until `release` or `power_on`: the program ends."""
         self.end_program()
         self.robot_mode = RobotMode.POWER_OFF
         self.say("the power of the arm is off")
+
+    def power_on(self) -> None:
+        """Give the arm its power; its brakes stay closed."""
+        if self.robot_mode is RobotMode.POWER_OFF and self.safety_mode is SafetyMode.NORMAL:
+            self.robot_mode = RobotMode.IDLE
+            self.say("the power of the arm is on")
+
+    def release_brakes(self) -> None:
+        """Open the brakes, with power if it is off."""
+        self.power_on()
+        if self.robot_mode is RobotMode.IDLE:
+            self.robot_mode = RobotMode.RUNNING
+            self.say("the brakes are released")
 
     def end_program(self) -> None:
         """Stop the program that runs, as on the pendant: the arm brakes."""
@@ -304,6 +332,7 @@ class Controller:
             self.say("program is resumed")
 
     def tick(self) -> None:
+        self.history.append(self.actual_q)
         self._scale_time()
         if self.safety_mode is SafetyMode.NORMAL and self.runtime_state is not RuntimeState.PAUSED:
             self._advance_program()
@@ -433,7 +462,7 @@ class Controller:
         began = self._began
         self._end_program()
         self._began = began
-        self.reason, self.safety_mode = reason, SafetyMode.PROTECTIVE_STOP
+        self.reason, self.safety_mode, self.stopped_at = reason, SafetyMode.PROTECTIVE_STOP, self.time
         self.target_q, self.target_qd, self.target_qdd = self.actual_q, np.zeros(6), np.zeros(6)
         self.say(f"protective stop: {reason}")
 

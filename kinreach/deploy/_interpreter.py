@@ -264,7 +264,7 @@ class Machine:
     def __init__(self, code: Code, robot: Robot) -> None:
         self.robot, self.variables = robot, dict[str, Any]()
         self.critical: Thread | None = None
-        self._main = Thread(self, code, self.variables, 0)
+        self._main = Thread(self, code, self.variables, -1)  # programs set a handle to 0 while they have no thread
         self._threads = [self._main]
         self._made = 0
         self.has_halted = False

@@ -1,14 +1,14 @@
 """The primary interface: what a controller sends on the ports that take scripts, for server and client.
 
 A package is a big-endian header, its size as `int32` and its kind as `uint8`, and a payload. Kinds and layouts are
-those of Universal Robots' client interfaces; two kinds are read here: messages, and the state of the robot, which has
-the figures of its kinematics.
+those of Universal Robots' client interfaces. Of the two kinds that are sent, the client reads the messages, and in the
+state of the robot the figures of its kinematics.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +16,11 @@ import numpy as np
 from kinreach.deploy._model import DhFigures
 
 PRIMARY_PORT = 30001
-#: Kinds of packages; kinds of messages; the part of the state that has the kinematics.
+#: Kinds of packages; kinds of messages; kinds of the parts of a state.
 ROBOT_STATE, ROBOT_MESSAGE = 16, 20
 KEY, RUNTIME_EXCEPTION = 7, 10
-KINEMATICS = 5
+_PARTS = {"mode": 0, "joints": 1, "tool": 2, "masterboard": 3, "cartesian": 4, "kinematics": 5, "force": 7,
+          "additional": 8}  # fmt: skip
 #: Titles of the messages by which a controller announces a program, whose text is its name.
 STARTED, STOPPED = "PROGRAM_XXX_STARTED", "PROGRAM_XXX_STOPPED"
 #: Longest package of a robot [bytes], far above those of real ones.
@@ -28,6 +29,12 @@ _HEADER, _PART = struct.Struct(">iB"), struct.Struct(">IB")
 #: Of a message: time stamp, source, kind. Of a key message: code, argument, length of its title. Of the kinematics:
 #: checksums, theta, a, d, alpha, and whether it is calibrated.
 _MESSAGE, _TITLE, _KINEMATICS = struct.Struct(">QbB"), struct.Struct(">iiB"), struct.Struct(">6I24dI")
+#: Of the other parts of a state.
+STATE_PARTS: Mapping[str, struct.Struct] = {
+    "mode": struct.Struct(">Q7?BBdddB"), "joints": struct.Struct(">" + 6 * "3d4fB"),
+    "tool": struct.Struct(">BBddfBffB"), "masterboard": struct.Struct(">IIBBddBBddffffBBBI"),
+    "cartesian": struct.Struct(">12d"), "force": struct.Struct(">7d"), "additional": struct.Struct(">B??B"),
+}  # fmt: skip
 
 
 class Message(NamedTuple):
@@ -54,9 +61,13 @@ def message_package(message: Message, time: float, *, line: int = 1) -> bytes:
 def figures_package(figures: DhFigures) -> bytes:
     """Return the figures of an arm as a package."""
     numbers = np.concatenate([figures.theta, figures.a, figures.d, figures.alpha]).tolist()
-    body = _KINEMATICS.pack(*[0] * 6, *numbers, 1)
-    part = _PART.pack(_PART.size + len(body), KINEMATICS) + body
-    return _HEADER.pack(_HEADER.size + len(part), ROBOT_STATE) + part
+    return state_package([("kinematics", _KINEMATICS.pack(*[0] * 6, *numbers, 1))])
+
+
+def state_package(parts: Iterable[tuple[str, bytes]]) -> bytes:
+    """Return parts of a state, by their names, as a package."""
+    body = b"".join(_PART.pack(_PART.size + len(part), _PARTS[name]) + part for name, part in parts)
+    return _HEADER.pack(_HEADER.size + len(body), ROBOT_STATE) + body
 
 
 def news_in(buffer: bytearray) -> Iterator[Message | DhFigures]:
@@ -94,7 +105,7 @@ def _figures(body: bytes) -> Iterator[DhFigures]:
         size, kind = _PART.unpack_from(body)
         if not _PART.size <= size <= len(body):
             return
-        if kind == KINEMATICS and size == _PART.size + _KINEMATICS.size:
+        if kind == _PARTS["kinematics"] and size == _PART.size + _KINEMATICS.size:
             numbers = np.array(_KINEMATICS.unpack_from(body, _PART.size)[6:30])
             if np.isfinite(numbers).all():
                 yield DhFigures(*numbers.reshape(4, 6))

@@ -14,8 +14,10 @@ from enum import IntEnum
 from kinreach.errors import InputError
 
 #: Ports of a UR controller.
-RTDE_PORT, SCRIPT_PORT = 30004, 30002
+RTDE_PORT, SCRIPT_PORT, REAL_TIME_PORT = 30004, 30002, 30003
 PROTOCOL = 2
+#: Versions of a CB3 and an e-Series controller, by their control cycles per second.
+VERSIONS = {125: (3, 15, 8, 0), 500: (5, 12, 0, 0)}
 #: Largest list of variables that a controller takes [bytes].
 MAX_NAMES = 2048
 HEADER = struct.Struct(">HB")
@@ -36,7 +38,7 @@ class Kind(IntEnum):
 
 
 class RobotMode(IntEnum):
-    """Values of `robot_mode`; the simulated controller reports two, POWER_OFF and RUNNING."""
+    """Values of `robot_mode`; the simulated controller reports three, POWER_OFF, IDLE and RUNNING."""
 
     NO_CONTROLLER = -1
     DISCONNECTED = 0
@@ -48,6 +50,10 @@ class RobotMode(IntEnum):
     BACKDRIVE = 6
     RUNNING = 7
     UPDATING_FIRMWARE = 8
+
+
+#: `joint_mode` in the modes of a robot.
+JOINT_MODES = {RobotMode.POWER_OFF: 239, RobotMode.IDLE: 255, RobotMode.RUNNING: 253}
 
 
 class SafetyMode(IntEnum):

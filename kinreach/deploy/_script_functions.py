@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from kinreach._checks import shown
-from kinreach._rotations import PoseLine
+from kinreach._rotations import PoseLine, quick_pose_vector
 from kinreach.deploy._script_tree import Constant, Expression, Place, ScriptError, is_number
-from kinreach.kinematics import pose, pose_vector
+from kinreach.kinematics import pose
 
 #: Longest text, and most numbers in a list with the lists in it.
 MAX_TEXT, MAX_ENTRIES = 10_000, 10_000
@@ -66,6 +66,8 @@ def _motions(**functions: Mapping[str, Default]) -> dict[str, Function]:
 _TURN: Mapping[str, Default] = {"f": R}
 #: Settings that are taken and change nothing here.
 SETTINGS: Mapping[str, Function] = _orders(
+    force_mode_set_damping={"damping": R},
+    force_mode_set_gain_scaling={"scaling": R},
     set_analog_inputrange={"port": R, "range": R},
     set_analog_outputdomain={"port": R, "domain": R},
     set_configurable_digital_input_action={"n": R, "action": R},
@@ -98,6 +100,7 @@ FUNCTIONS: Mapping[str, Function] = {
         movel={"pose": R, "a": 1.2, "v": 0.25, "t": 0.0, "r": 0.0},
         movep={"pose": R, "a": 1.2, "v": 0.25, "r": 0.0},
         servoj={"q": R, "a": 0.0, "v": 0.0, "t": 0.002, "lookahead_time": 0.1, "gain": 300.0},
+        protective_stop={},
         speedj={"qd": R, "a": 40.0, "t": None},
         speedl={"xd": R, "a": 1.2, "t": None, "aRot": None},
         stopj={"a": R},
@@ -130,6 +133,7 @@ FUNCTIONS: Mapping[str, Function] = {
     **SETTINGS,
     **_values(
         get_actual_joint_positions={},
+        get_actual_joint_positions_history={"steps": 0.0},
         get_actual_joint_speeds={},
         get_actual_tcp_pose={},
         get_actual_tcp_speed={},
@@ -156,6 +160,7 @@ FUNCTIONS: Mapping[str, Function] = {
         get_target_joint_speeds={},
         get_target_payload={},
         get_target_payload_cog={},
+        get_target_payload_inertia={},
         get_target_tcp_pose={},
         get_target_tcp_speed={},
         get_target_waypoint={},
@@ -211,7 +216,8 @@ LACKING: Mapping[str, str] = {
                     "has no field bus and no remote calls"),
     **dict.fromkeys(
         ("force", "end_force_mode", "zero_ftsensor", "get_tcp_force", "get_actual_joint_torques", "get_joint_torques",
-         "get_target_joint_moments", "tool_contact", "ft_rtde_input_enable", "torque_command", "direct_torque",
+         "get_target_joint_moments", "tool_contact", "ft_rtde_input_enable", "enable_external_ft_sensor",
+         "torque_command", "direct_torque",
          "get_actual_tool_wrench", "get_actual_tcp_wrench"),
         "has no force control and measures no forces"),
     **dict.fromkeys(("freedrive_mode", "end_freedrive_mode", "freedrive", "teach_mode", "end_teach_mode",
@@ -279,10 +285,12 @@ def numbers(value: object) -> tuple[float, ...]:
     return tuple(number(entry) for entry in value)
 
 
-def three(value: object) -> tuple[float, float, float]:
+def some_numbers(value: object, count: int) -> tuple[float, ...]:
+    """Return so many numbers; a client that writes (x,y,z) sends them as a list."""
     found = numbers(value)
-    if len(found) != 3:
-        raise ValueProblem(f"a list of three numbers is needed, got {shown(list(found))}")
+    if len(found) != count:
+        listed = list(value) if isinstance(value, tuple) else value
+        raise ValueProblem(f"a list of {count} numbers is needed, got {shown(listed)}")
     return found
 
 
@@ -305,7 +313,7 @@ def a_truth(value: object) -> bool:
 
 
 def pose_of(T: np.ndarray) -> Pose:
-    return Pose(pose_vector(T).tolist())
+    return Pose(quick_pose_vector(T))
 
 
 def _norm(a: object) -> float:
@@ -365,13 +373,13 @@ def _to_num(text: object) -> float:
 def _roll_pitch_yaw(vector: object) -> tuple[float, ...]:
     from scipy.spatial.transform import Rotation
 
-    return tuple(Rotation.from_rotvec(three(vector)).as_euler("xyz").tolist())
+    return tuple(Rotation.from_rotvec(some_numbers(vector, 3)).as_euler("xyz").tolist())
 
 
 def _rotation_vector(angles: object) -> tuple[float, ...]:
     from scipy.spatial.transform import Rotation
 
-    return tuple(Rotation.from_euler("xyz", three(angles)).as_rotvec().tolist())
+    return tuple(Rotation.from_euler("xyz", some_numbers(angles, 3)).as_rotvec().tolist())
 
 
 def _length(value: object) -> float:

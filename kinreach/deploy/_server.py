@@ -1,4 +1,4 @@
-"""A simulated UR on this machine: RTDE and the script ports of a simulated controller.
+"""A simulated UR on this machine: RTDE, the dashboard and the script ports of a simulated controller.
 
 One thread reads from the clients, lets a control cycle pass when it is due, and sends. No client can keep it waiting:
 no socket blocks, what clients want is done in small parts between the cycles, and what waits for a client or from it is
@@ -18,13 +18,16 @@ import struct
 import threading
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
+from functools import cache
 from time import monotonic
 from typing import Any, Self
 
 import numpy as np
 
-from kinreach._checks import check_count, check_number, shown
+from kinreach._checks import check_count, check_number, printable, shown
+from kinreach._rotations import quick_pose_vector
 from kinreach.deploy._controller import MAX_DEVIATION, Controller
+from kinreach.deploy._dashboard import DASHBOARD_PORT, FAREWELLS, GREETING, answer, not_understood
 from kinreach.deploy._model import DhFigures
 from kinreach.deploy._primary import (
     KEY,
@@ -36,14 +39,18 @@ from kinreach.deploy._primary import (
     figures_package,
     message_package,
 )
+from kinreach.deploy._robot_state import STATE_PERIOD, real_time_state, state
 from kinreach.deploy._rtde import (
     HEADER,
     IN_USE,
+    JOINT_MODES,
     MAX_NAMES,
     NOT_FOUND,
     PROTOCOL,
+    REAL_TIME_PORT,
     RTDE_PORT,
     SCRIPT_PORT,
+    VERSIONS,
     Kind,
     RobotMode,
     RtdeRecipe,
@@ -58,7 +65,6 @@ from kinreach.deploy._rtde import (
 from kinreach.deploy._script_tree import ScriptError
 from kinreach.deploy._urscript import MAX_CHARACTERS, MAX_LINE
 from kinreach.errors import InputError
-from kinreach.kinematics import pose_vector
 from kinreach.robots import ArmDescription, get_arm
 
 #: Clients of a port, bytes that may wait for one, and unfinished programs of all of them [bytes].
@@ -68,14 +74,12 @@ READ, PACKAGES, LINES = 2**14, 16, 100
 #: How long a program or a package may be unfinished, how long a client may be silent where others wait for its place,
 #: and the time between two looks for such clients [s].
 UNFINISHED, SILENT, SWEEP = 30.0, 5.0, 0.1
+#: Longest command of the dashboard [bytes].
+MAX_COMMAND = 1000
 #: Lines of the log that are a client's.
 MAX_SAYINGS = 20
 #: Largest delay behind real time that the simulation catches up with [s].
 PATIENCE = 0.2
-#: Versions that a CB3 and an e-Series controller answer with.
-VERSIONS = {125: (3, 15, 8, 0), 500: (5, 12, 0, 0)}
-#: `joint_mode` of a joint that runs, and of one without power.
-JOINT_RUNNING, JOINT_POWER_OFF = 253, 239
 #: Bits of `safety_status_bits`.
 _SAFETY_BITS = {
     SafetyMode.NORMAL: 1, SafetyMode.PROTECTIVE_STOP: 1 << 2 | 1 << 10,
@@ -113,9 +117,10 @@ _OUTPUTS: Mapping[str, Callable[[Controller], Sequence[float]]] = {
     "actual_TCP_speed": lambda ur: ur.tcp_speed(ur.actual_q, ur.actual_qd).tolist(),
     "target_TCP_pose": lambda ur: ur.tcp_pose(ur.target_q).tolist(),
     "target_TCP_speed": lambda ur: ur.tcp_speed(ur.target_q, ur.target_qd).tolist(),
-    "tcp_offset": lambda ur: pose_vector(ur.tcp).tolist(),
+    "tcp_offset": lambda ur: quick_pose_vector(ur.tcp),
     "payload": lambda ur: (ur.payload,),
     "payload_cog": lambda ur: ur.centre_of_mass,
+    "payload_inertia": lambda ur: ur.inertia,
     "target_gravity": lambda ur: ur.gravity,
     "control_step": lambda ur: (round(ur.time / ur.cycle),),
     "joint_position_deviation_ratio": lambda ur: (deviation(ur),),
@@ -125,7 +130,7 @@ _OUTPUTS: Mapping[str, Callable[[Controller], Sequence[float]]] = {
     "standard_analog_output1": lambda ur: (ur.io.analog[1],),
     "tool_output_voltage": lambda ur: (ur.io.tool_voltage,),
     "robot_mode": lambda ur: (ur.robot_mode,),
-    "joint_mode": lambda ur: (JOINT_RUNNING if ur.robot_mode is RobotMode.RUNNING else JOINT_POWER_OFF,) * 6,
+    "joint_mode": lambda ur: (JOINT_MODES[ur.robot_mode],) * 6,
     "safety_mode": lambda ur: (ur.safety_mode,),
     "safety_status": lambda ur: (ur.safety_mode,),
     "safety_status_bits": lambda ur: (_SAFETY_BITS[ur.safety_mode],),
@@ -141,9 +146,9 @@ _OUTPUTS: Mapping[str, Callable[[Controller], Sequence[float]]] = {
 class SimulatedUR:
     """A UR that is simulated in MuJoCo and answers on the ports of a real one, on this machine only.
 
-    It is not URSim: RTDE (protocol 2) and the script port are served, not the dashboard; programs are URScript
-    without sockets and forces. `ur_rtde`'s receive and I/O interfaces read it; its control interface needs a real robot
-    or URSim.
+    It is not URSim: programs are URScript without sockets and forces, and the dashboard has no program to load.
+    `ur_rtde`'s interfaces read and control it: start it in a process of its own, as `kinreach simulate-ur`, because
+    they hold Python's lock while they connect.
 
     It runs in its own thread within `with`, or in the calling thread by `serve`.
 
@@ -152,13 +157,14 @@ class SimulatedUR:
         q: Start posture [rad], shape (6,); the arm's home by default.
         address: A loopback address, such as 127.0.0.2 for a second robot.
         rtde_port: 0 for a free one.
-        script_port: As `rtde_port`. With 30002 port 30001 takes scripts, too.
+        script_port: As `rtde_port`. With 30002 ports 30001 and 30003 take scripts, too, and the dashboard is on 29999;
+            with another one the dashboard and the real-time interface are on free ports.
         speed: How many times faster than real time.
         log: Called with each line of the controller's log, in the thread that serves: it must return at once.
 
     Attributes:
         arm, address: As given.
-        rtde_port, script_port: In use.
+        rtde_port, script_port, dashboard_port, real_time_port: In use.
         controller: The simulated controller. While the robot runs, only its thread may use it.
 
     Raises:
@@ -186,6 +192,7 @@ class SimulatedUR:
         self._announced: str | None = None
         figures = DhFigures.of(self.controller.kinematics)
         self.greeting = b"" if figures is None else figures_package(figures)
+        self._next_state = 0.0
         self._selector = selectors.DefaultSelector()
         self._clients: list[_Client] = []
         self._stopping = threading.Event()
@@ -199,8 +206,11 @@ class SimulatedUR:
         try:
             self.rtde_port = self._listen(rtde_port, _RtdeClient)
             self.script_port = self._listen(script_port, _ScriptClient)
-            if script_port == SCRIPT_PORT:
+            are_usual = script_port == SCRIPT_PORT
+            if are_usual:
                 self._listen(PRIMARY_PORT, _ScriptClient)
+            self.real_time_port = self._listen(REAL_TIME_PORT if are_usual else 0, _RealTimeClient)
+            self.dashboard_port = self._listen(DASHBOARD_PORT if are_usual else 0, _DashboardClient)
         except BaseException:
             self.close()
             raise
@@ -394,7 +404,7 @@ class SimulatedUR:
     def _tell_clients(self, message: Message, *, line: int = 1) -> None:
         data = message_package(message, self.controller.time, line=line)
         for client in list(self._clients):
-            if isinstance(client, _ScriptClient):
+            if type(client) is _ScriptClient:
                 client.send(data)
 
     def _listen(self, port: int, kind: type[_Client]) -> int:
@@ -438,7 +448,7 @@ class SimulatedUR:
 
     def _has_room(self, kind: type[_Client]) -> bool:
         """Return whether another client may come, if need be instead of the last one that only keeps a place."""
-        clients = [client for client in self._clients if isinstance(client, kind)]
+        clients = [client for client in self._clients if type(client) is kind]
         if len(clients) < MAX_CLIENTS:
             return True
         silent = [client for client in clients if not client.has_spoken and monotonic() - client.since > SILENT]
@@ -455,6 +465,19 @@ class SimulatedUR:
                     values[name] = output(ur, name)
         for client in due:
             client.send(package(Kind.DATA, bytes([1]) + client.outputs.pack(values)))
+        if (now := monotonic()) >= self._next_state:  # in real time: clients wait for a state for half a second
+            self._next_state = now + STATE_PERIOD
+            self._stream(_ScriptClient, state)
+        self._stream(_RealTimeClient, real_time_state)
+
+    def _stream(self, kind: type[_ScriptClient], state_of: Callable[[Controller], bytes]) -> None:
+        """Send the state to the clients of a port that have read all that they got, as far as this is known here."""
+        if clients := [
+            client for client in self._clients if type(client) is kind and not (client.waiting or client.has_gone)
+        ]:
+            data = state_of(self.controller)
+            for client in clients:
+                client.send(data)
 
 
 def output(ur: Controller, name: str) -> Sequence[float]:
@@ -468,11 +491,17 @@ def deviation(ur: Controller) -> float:
     return float(np.abs(ur.target_q - ur.actual_q).max()) / MAX_DEVIATION
 
 
+@cache
+def _register_parts(name: str) -> tuple[Any, ...]:
+    """Return what the name of a register says; only names that RTDE has come here."""
+    return found.groups() if (found := _REGISTER.fullmatch(name)) else ()
+
+
 def register(ur: Controller, name: str) -> Sequence[float]:
     """Return the value of a general purpose register, nothing for another name."""
-    if not (found := _REGISTER.fullmatch(name)):
+    if not (found := _register_parts(name)):
         return ()
-    way, kind, first, number = found.groups()
+    way, kind, first, number = found
     if kind == "bit" and first is not None:  # 32 of them
         bits = ur.io.booleans if way == "output" else ur.io.given_booleans
         return (sum(bits.get(int(first) + bit, False) << bit for bit in range(32)),)
@@ -486,9 +515,9 @@ def register(ur: Controller, name: str) -> Sequence[float]:
 
 def set_register(ur: Controller, name: str, value: float) -> None:
     """Set a general purpose input register that a client writes; other names are left alone."""
-    if not (found := _REGISTER.fullmatch(name)):
+    if not (found := _register_parts(name)):
         return
-    _, kind, first, number = found.groups()
+    _, kind, first, number = found
     if first is not None:
         ur.io.given_booleans.update({int(first) + bit: bool(int(value) >> bit & 1) for bit in range(32)})
     elif kind == "bit":
@@ -505,6 +534,7 @@ class _Client:
     Attributes:
         since: When it was made [s].
         has_spoken: Whether it has sent something complete.
+        has_gone: Whether nothing can be sent to it any more.
         unfinished_since: When it began with what is not complete yet [s]; infinity if there is no such thing.
     """
 
@@ -512,7 +542,7 @@ class _Client:
         self.robot, self.socket = robot, connection
         self.received, self.waiting = bytearray(), bytearray()
         self.since, self.unfinished_since = monotonic(), math.inf
-        self.has_spoken = False
+        self.has_spoken, self.has_gone, self.sayings = False, False, 0
 
     def greet(self) -> None:
         """Send what a client gets on connecting."""
@@ -549,7 +579,12 @@ class _Client:
         self.robot.mark(self, busy=more)
 
     def send(self, data: bytes) -> None:
-        """Send now or later; disconnect a client that does not read."""
+        """Send now or later; disconnect a client that does not read.
+
+        One that has closed its connection is read to the end first: many send a program and close.
+        """
+        if self.has_gone:
+            return
         had = bool(self.waiting)
         self.waiting += data
         try:
@@ -557,8 +592,8 @@ class _Client:
         except BlockingIOError:
             pass
         except OSError:
-            self.robot.drop(self)
-            return
+            self.has_gone = True
+            self.waiting.clear()
         if len(self.waiting) > MAX_WAITING:
             self.robot._log("a client is disconnected: it does not read")
             self.robot.drop(self)
@@ -583,6 +618,14 @@ class _Client:
         """Return the last message to the client."""
         raise NotImplementedError
 
+    def hear(self, text: str) -> None:
+        """Put a text of the client into the log, unless there are many of them."""
+        self.sayings += 1
+        if self.sayings <= MAX_SAYINGS:
+            self.robot._log(f"a client says: {shown(text)}")
+        elif self.sayings == MAX_SAYINGS + 1:
+            self.robot._log("a client says more, which is left out")
+
 
 class _RtdeClient(_Client):
     def __init__(self, robot: SimulatedUR, connection: socket.socket) -> None:
@@ -591,7 +634,6 @@ class _RtdeClient(_Client):
         self.outputs = RtdeRecipe((), ())
         self.period, self.due = math.inf, math.inf
         self.inputs: list[RtdeRecipe] = []
-        self.sayings = 0
 
     def is_due(self, now: float) -> bool:
         if now < self.due - 1e-9:
@@ -632,13 +674,6 @@ class _RtdeClient(_Client):
             accepted = bool(self.outputs.names) or bool(self.inputs) or kind == Kind.PAUSE
             self.due = -math.inf if kind == Kind.START and self.outputs.names else math.inf
             self.send(package(Kind(kind), bytes([accepted])))
-
-    def hear(self, text: str) -> None:
-        self.sayings += 1
-        if self.sayings <= MAX_SAYINGS:
-            self.robot._log(f"a client says: {shown(text)}")
-        elif self.sayings == MAX_SAYINGS + 1:
-            self.robot._log("a client says more, which is left out")
 
     def set_up_outputs(self, payload: bytes) -> None:
         most = round(1.0 / self.robot.controller.cycle)
@@ -743,6 +778,56 @@ class _ScriptClient(_Client):
         if called is not None:
             return b"\nend\n" in self.program and line.startswith(called[1] + b"(")
         return not self.program.lstrip().startswith(_DEFINITIONS)
+
+
+class _RealTimeClient(_ScriptClient):
+    """A client of the real-time interface: it hears the state in every control cycle, and no messages."""
+
+    def farewell(self, why: str) -> bytes:
+        return b""
+
+    def greet(self) -> None:
+        """It begins with the next state."""
+
+
+class _DashboardClient(_Client):
+    """A client of the dashboard. If its first line is no command, its connection ends, as on the script ports."""
+
+    def greet(self) -> None:
+        self.tell(GREETING)
+
+    def tell(self, text: str) -> None:
+        self.send(f"{text}\n".encode())
+
+    def farewell(self, why: str) -> bytes:
+        return f"{why}\n".encode()
+
+    def take(self) -> bool:
+        for _ in range(LINES):
+            end = self.received.find(b"\n")
+            if max(end, len(self.received) if end < 0 else 0) > MAX_COMMAND:
+                raise InputError(f"a command may have {MAX_COMMAND} bytes")
+            if end < 0:
+                return False
+            line = bytes(self.received[:end]).strip()
+            del self.received[: end + 1]
+            if line and self.take_command(line):
+                return False
+        return True
+
+    def take_command(self, line: bytes) -> bool:
+        """Do what a line says; return whether the connection has ended."""
+        command = printable(line.decode("utf-8", "replace"))
+        said = answer(self.robot.controller, command)
+        if said is None and not self.has_spoken:
+            raise InputError(f"what it sends is no command of the dashboard: {shown(command[:40])}")
+        self.has_spoken, self.unfinished_since = True, math.inf
+        if command.startswith(("popup ", "addToLog ")):
+            self.hear(command.partition(" ")[2])
+        self.tell(not_understood(command) if said is None else said)
+        if has_ended := command in FAREWELLS:
+            self.robot.drop(self)
+        return has_ended or self not in self.robot._clients
 
 
 def _unpacked(form: str, payload: bytes) -> tuple[Any, ...]:

@@ -22,7 +22,7 @@ from kinreach.robots.inside import ArmFlags
 
 _ABOUT = (
     "This is not URSim: it runs URScript, without sockets and forces.\n"
-    "ur_rtde's receive and I/O interfaces read it; its control interface needs URSim or a robot."
+    "ur_rtde reads and controls it; the dashboard has no program to load."
 )
 #: Lines of the log that may wait to be printed, and how long they are waited for at the end [s].
 MAX_LINES, PATIENCE = 1000, 1.0
@@ -46,7 +46,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         arm, q=start, address=arguments.address, rtde_port=arguments.rtde_port, script_port=arguments.script_port,
         speed=speed, log=log.add,
     )  # fmt: skip
-    say(f"{robot.address}: RTDE {robot.rtde_port}, script port {robot.script_port}, {rate_of(arm)} Hz")
+    ports = f"RTDE {robot.rtde_port}, script port {robot.script_port}, dashboard {robot.dashboard_port}"
+    say(f"{robot.address}: {ports}, {rate_of(arm)} Hz")
     say(arm.title)
     print(_ABOUT, flush=True)
     if sys.stdin is not None and sys.stdin.isatty():
@@ -122,7 +123,7 @@ def _parser(prog: str) -> Parser:
         type=int,
         default=SCRIPT_PORT,
         metavar="N",
-        help="port that takes programs, 0 for a free one (%(default)s, and 30001 with it)",
+        help="port that takes programs, 0 for a free one (%(default)s, and 30001, 30003 and 29999 with it)",
     )
     parser.add_argument(
         "--speed", type=float, default=1.0, metavar="X", help="times faster than real time (%(default)s)"

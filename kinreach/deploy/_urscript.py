@@ -1,8 +1,9 @@
 r"""The grammar of URScript, and its reader: from a text to a tree. Nothing is evaluated by Python.
 
-A statement is a line, and so is each of "def", "if", "elif", "else:", "while", "thread" and "end". `$` begins the label
-of a program line, which does nothing, nor does `set real`. Names, functions and their arguments are checked when a text
-is read, before anything moves, as a controller checks them.
+A statement is a line, and so is each of "def", "if", "elif", "else:", "while", "thread" and "end". A value may begin in
+the line after its "=", and "global" or "local" may follow in the same line: ur_rtde's control script is written so.
+`$` begins the label of a program line, which does nothing, nor does `set real`. Names, functions and their arguments
+are checked when a text is read, before anything moves, as a controller checks them.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from kinreach._checks import shown
 from kinreach.deploy._script_code import Code, compiling
-from kinreach.deploy._script_functions import FUNCTIONS, Required, bound, lack_of
+from kinreach.deploy._script_functions import FUNCTIONS, Required, bound
 from kinreach.deploy._script_tree import (
     Assignment,
     Call,
@@ -48,10 +49,11 @@ EMPTY_LINES, WORDS = 100, 16
 _GRAMMAR = r"""
 start: _NL* _line*
 block: _NL+ _line*
-_line: statement _NL+
-?statement: NAME "=" _value -> assigned
-    | (GLOBAL | LOCAL) NAME "=" _value -> assigned_in
-    | NAME _index+ "=" _value -> assigned_element
+_line: statement scoped* _NL+
+?statement: NAME "=" _NL* _value -> assigned
+    | scoped
+    | NAME _index+ "=" _NL* _value -> assigned_element
+    | (POSE | POSE_BEGIN _value "]") _index* "=" _NL* _value -> assigned_element_of_p
     | call
     | (DEF | THREAD | SEC) NAME "(" [parameters] ")" COLON block END -> definition
     | IF _value COLON block (ELIF _value COLON block)* [ELSE COLON block] END -> choice
@@ -60,6 +62,7 @@ _line: statement _NL+
     | (RETURN | BREAK | CONTINUE | HALT | ENTER_CRITICAL | EXIT_CRITICAL) -> order
     | RUN NAME "(" ")" -> started
     | (LABEL | MODE) -> label
+?scoped: (GLOBAL | LOCAL) NAME "=" _NL* _value -> assigned_in
 parameters: parameter ("," parameter)*
 parameter: NAME ["=" _value]
 _index: LSQB _value "]"
@@ -267,6 +270,8 @@ class _Bounds:
         if kind == "_NL":
             self._statements += self._before not in ("_NL", "COLON", "END")
             self._operations = 0
+        elif kind in ("GLOBAL", "LOCAL"):
+            self._statements += self._before not in ("_NL", "COLON")  # the second one of a line
         elif kind in ("DEF", "THREAD", "SEC", "IF", "WHILE"):
             self._blocks += 1
         elif kind == "END":
@@ -315,6 +320,16 @@ class _Builder:
     def assigned_element(self, parts: list[Any]) -> Assignment:
         name, *indices, value = parts
         return Assignment(_own(name), value, _place(name), indices=tuple(indices[1::2]))
+
+    def assigned_element_of_p(self, parts: list[Any]) -> Assignment:
+        """An element of a variable p: its name and bracket are those of a pose."""
+        begin, *indices, value = parts
+        if begin.type == "POSE":  # with its number
+            entries = self.numbers([begin]).entries
+            if len(entries) != 1:
+                raise ScriptError(_place(begin), f"syntax error: {shown(str(begin))} cannot be set")
+            indices = [entries[0], *indices]
+        return Assignment("p", value, _place(begin), indices=tuple(indices[::2]))
 
     def definition(self, parts: list[Any]) -> Definition:
         kind, name, parameters, _, body, _ = parts
@@ -378,7 +393,7 @@ class _Builder:
     def name(self, parts: list[Any]) -> Name:
         return Name(str(parts[0]), _place(parts[0]))
 
-    def numbers(self, parts: list[Any]) -> Expression:
+    def numbers(self, parts: list[Any]) -> Numbers:
         """A list or a pose of which all entries are numbers, which is one word: trajectories are made of these."""
         token = parts[0]
         is_pose = token.startswith("p")
@@ -443,7 +458,7 @@ def _place(token: Token) -> Place:
 
 def _own(token: Token) -> str:
     """Return a name that a program may give."""
-    if token in FUNCTIONS or lack_of(token):
+    if token in FUNCTIONS:
         raise ScriptError(_place(token), f"compile error: {shown(str(token))} cannot be a variable or a function of a "
                           "program: the robot has a function of that name")  # fmt: skip
     return str(token)

@@ -78,10 +78,18 @@ FOR_ONE_PORT = {
             *((65535, kind) for kind in Kind))},
         **{f"kind {kind}": HEADER.pack(3, kind) for kind in sorted(set(range(256)) - set(Kind))[::15]},
     },
+    "dashboard": {
+        "an endless command": b"popup " + b"1" * 200_000,
+        "a long command": b"popup " + b"1" * _server.MAX_COMMAND + b"\n" + b"shutdown\n",
+        "RTDE": HELLO + b"\nshutdown\n",
+        "a script of one line": MOVE,
+        "a script": b"def f():\n" + MOVE + b"end\n",
+    },
 }  # fmt: skip
+FOR_ONE_PORT["real_time"] = FOR_ONE_PORT["script"]
 
 
-@pytest.mark.parametrize("port", ["script", "rtde"])
+@pytest.mark.parametrize("port", list(FOR_ONE_PORT))
 def test_what_is_not_for_a_port_is_not_read(robot, port):
     """One line of the log for each, no motion, and whoever listens hears on."""
     attacks = {**ANYWHERE, **FOR_ONE_PORT[port]}
@@ -135,8 +143,11 @@ def test_programs_as_people_send_them_are_read(robot):
 
 
 class TestSlowClients:
-    @pytest.mark.parametrize(("port", "part"), [("script", b"def f():\n"), ("script", b"x"), ("rtde", b"\0"),
-                                                ("rtde", HEADER.pack(2000, Kind.SETUP_OUTPUTS))])  # fmt: skip
+    @pytest.mark.parametrize(
+        ("port", "part"),
+        [("script", b"def f():\n"), ("script", b"x"), ("rtde", b"\0"), ("dashboard", b"popup"),
+         ("rtde", HEADER.pack(2000, Kind.SETUP_OUTPUTS))],
+    )  # fmt: skip
     def test_what_never_comes_to_an_end_is_ended(self, robot, port, part, monkeypatch):
         """Silent, or with another byte again and again; who has sent something complete stays."""
         with connected(robot, "script") as idle, connected(robot, port) as still, connected(robot, port) as slow:
@@ -192,12 +203,12 @@ class TestSlowClients:
         assert most <= _server.MAX_WAITING + 1000
         assert robot.log == ["a client is disconnected: it does not read"]
 
-    @pytest.mark.parametrize("port", ["script", "rtde"])
+    @pytest.mark.parametrize("port", ["script", "rtde", "dashboard", "real_time"])
     def test_half_closed_connections_are_closed(self, robot, port):
         with ExitStack() as stack:
             for how in (socket.SHUT_WR, socket.SHUT_RDWR) * 5:
                 client = stack.enter_context(connected(robot, port))
-                client.sendall(MOVE[:20] if port == "script" else HELLO)
+                client.sendall(HELLO if port == "rtde" else MOVE[:20])
                 client.shutdown(how)
                 until_closed(client)
             assert alive(robot)
@@ -308,7 +319,7 @@ class TestLongPrograms:
 
 
 def test_seeded_noise_harms_nobody(robot):
-    """Random bytes, and packages and programs with some bytes changed, cut or repeated, at both ports."""
+    """Random bytes, and packages, programs and commands with some bytes changed, cut or repeated, at their ports."""
     rng = np.random.default_rng(12)
     good = {
         "rtde": HELLO + package(Kind.SETUP_OUTPUTS, struct.pack(">d", 125.0) + b"timestamp,actual_q")
@@ -316,12 +327,13 @@ def test_seeded_noise_harms_nobody(robot):
         + package(Kind.DATA, b"\1" + struct.pack(">Id", 1, 0.5)) + package(Kind.PAUSE),
         "script": b"def f():\n  q = get_actual_joint_positions()\n  if norm(q[0]) > 9:\n    sleep(1)\n  end\n"
         b"  textmsg(\"a\")\nend\nset_tcp(p[0, 0, 0.1, 0, 0, 0])\n",
+        "dashboard": b"robotmode\nprogramState\npopup a\npause\nplay\nstop\nPolyscopeVersion\nload a.urp\nquit\n",
     }  # fmt: skip
     ended = dict.fromkeys(good, 0)
     with Client(robot) as bystander:
         bystander.begin(["timestamp"], 500.0)
         for case in range(300):
-            port = list(good)[case % 2]
+            port = list(good)[case % 3]
             data = bytearray(good[port])
             if case % 5 == 0:
                 data = bytearray(rng.bytes(int(rng.integers(1, 3000))))
@@ -345,7 +357,7 @@ def test_seeded_noise_harms_nobody(robot):
                 ended[port] += 1
             bystander.buffer.clear()
             bystander.next(Kind.DATA)
-    assert ended == {"rtde": 150, "script": 150}
+    assert ended == dict.fromkeys(good, 100)
     assert alive(robot)
     assert robot.controller.safety_mode == 1
 

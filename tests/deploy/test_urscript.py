@@ -200,6 +200,10 @@ textmsg("joined")
 """
         assert said(ur, text) == ["moved", "slow", "joined"]
 
+    def test_a_handle_of_0_is_no_thread(self, ur):
+        """Programs set a handle to 0 before they run a thread, and kill it in any case."""
+        assert said(ur, "t = 0\nkill t\njoin t\ntextmsg(1)") == ["1"]
+
     def test_two_cannot_move_the_arm(self, ur):
         text = f"thread t():\n  movej({listed(HOME + 0.2)})\nend\nh = run t()\nmovej({listed(HOME - 0.2)})\n"
         assert "another thread is already controlling the robot" in ur.run(program(text)).reason
@@ -209,6 +213,27 @@ textmsg("joined")
         assert ur.run(program(text)).reason == ""
         assert not ur.target_qd.any()
         assert 0.02 < ur.target_q[0] - HOME[0] < 0.4
+
+
+def test_a_value_in_the_next_line_and_two_assignments_in_one(ur):
+    """As ur_rtde's control script has them, and variables whose names begin as functions that the robot lacks."""
+    body = "global a = # a comment\n\n3    global force_mode_type =\n4\nlocal c = 5 global d = 6\n"
+    assert said(ur, body + 'textmsg(a + force_mode_type, "")\ntextmsg(c, d)') == ["7", "56"]
+    inner = "def scaled(p, factor):\np[0] = p[0] * factor\np[1 + 1] = p[1]\nreturn p\nend\n"
+    assert said(ur, inner + "textmsg(scaled(p[1, 2, 3, 0, 0, 0], 2))") == ["p[2, 2, 2, 0, 0, 0]"]
+    for wrong in ("a = 1 b = 2", "p[1, 2] = 3", "p[1]"):
+        with pytest.raises(ScriptError, match="syntax error"):
+            parse(f"def f():\n p = [1, 2]\n {wrong}\nend")
+
+
+def test_the_robot_remembers_where_it_was(ur):
+    body = "speedj([0.2, 0, 0, 0, 0, 0], 1, 0.3)\nnow = get_actual_joint_positions()\n"
+    for steps in (0, 1, 40):
+        end = "write_output_float_register(0, now[0])\nwrite_output_float_register(1, past[0])"
+        done = ur.run(program(f"{body}past = get_actual_joint_positions_history({steps})\n{end}"))
+        ((row,),) = np.nonzero(done.measured.q[:, 0] == ur.io.floats[0])
+        assert done.measured.q[row - steps, 0] == ur.io.floats[1]
+    assert "steps must be from 0 to" in ur.run(program("q = get_actual_joint_positions_history(500)")).reason
 
 
 @pytest.mark.parametrize("loop", ["while True:\n  x = 1\nend", "def f():\n  while True:\n  end\nend\nf()",
