@@ -13,7 +13,7 @@ RULES = {
     # models of the arm
     "#003F66": ("closed-form", "analytic", "interception", "look-again"),
     "#0072B2": ("placo", "last-sight", "registered", "sac-*", "button-report", "button-report-actuation"),
-    "#56B4E9": ("lm", "identified", "button-report-demonstrated-press"),
+    "#56B4E9": ("lm", "identified", "button-report-demonstrated-press", "scenarios"),
     "#8CCBEB": ("qp", "identified-joints"),
     "#CC79A7": ("hybrid", "residual", "path-to-one", "td3-*", "button-report-both"),
     # paths around obstacles
