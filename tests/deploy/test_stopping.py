@@ -122,7 +122,7 @@ def test_ctrl_c_stops_within_a_cycle_of_the_arrival(robot, client):
         client.run(far, watch=interrupt)
     speeds = np.array([state.target_qd[0] for state in states])
     falling = int(np.flatnonzero(np.diff(speeds) < -1e-4)[0])
-    # from full speed, in even steps of 4 rad/s^2, to rest: no cycle between; a busy robot brakes while it reads the program
+    # from full speed, in even steps of 4 rad/s^2, to rest: no cycle between; a busy robot brakes while it reads
     steps = np.diff(speeds)[falling : falling + 100] / 0.002
     reading = int(np.argmax(np.isclose(steps, -4.0, atol=0.05)))
     np.testing.assert_allclose(steps[:reading], -BRAKING, atol=0.05)
