@@ -158,7 +158,8 @@ def test_numbers_of_any_kind_go_through_the_self_motion_of_seven_axes():
         A = np.zeros_like(rows) if k % 40 == 1 else np.tile(np.eye(4)[:3], (8, 1, 1)) if k % 40 == 2 else rows
         if k % 3:
             A, T, q = (spoiled(rng, each) if rng.random() < 0.5 else np.array(each) for each in (A, T, q))
-        arm, pose = doubles(A), doubles(T)
+        slides = np.zeros(7) if k % 5 else spoiled(rng, rng.uniform(-1.0, 1.0, 7))
+        arm, pose = doubles(np.append(A, slides)), doubles(T)
         lib.kr_shortest_steps(arm, pose, 12, count, doubles(q), doubles(off))
         starts = q[np.argsort(q[:, 0])]
         if k % 3 != 1:
