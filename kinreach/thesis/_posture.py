@@ -116,8 +116,8 @@ def posture_error(q: ArrayLike) -> Floats:
         \end{cases}
 
     The first part is how far wrist_2 is from where the gripper points down in a natural posture. The second is
-    |j1 + j2 + j3 + pi/2| on branch A and |j1 + j2 + j3 + 3 pi/2| on B: with wrist_2 at the branch's ∓pi/2, the tilt of
-    the tool axis from straight down, plus whole turns.
+    ``|j1 + j2 + j3 + pi/2|`` on branch A and ``|j1 + j2 + j3 + 3 pi/2|`` on B: with wrist_2 at the branch's ∓pi/2, the
+    tilt of the tool axis from straight down, plus whole turns.
 
     Args:
         q: Postures [rad], shape (..., 6).
