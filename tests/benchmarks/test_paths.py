@@ -74,6 +74,8 @@ def test_a_planner_that_collides_is_found_out_and_results_are_kept(tmp_path, mon
         "kinreach": planners.kinreach, "kinreach, each alone": planners.each_alone, "straight": straight,
     })  # fmt: skip
     monkeypatch.setattr(planners, "PLANNERS", cli.PLANNERS)
+    monkeypatch.setattr(planners, "ALONE", 30.0)  # on the clock: a busy machine finds what an idle one does
+    monkeypatch.setattr(cli, "RIVALS_PATIENCE", 60.0)
     assert not call("--problems", "3", "--out", str(tmp_path))
     page = (tmp_path / "paths.md").read_text(encoding="utf-8")
     rows = [json.loads(line) for line in (tmp_path / "rows.jsonl").read_text(encoding="utf-8").splitlines()]
