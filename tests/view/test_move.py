@@ -154,7 +154,8 @@ def test_the_chart_has_the_speeds_over_the_time_and_a_press_on_it_goes_there(tab
     tab.set("goal", f"{GOAL}; {NEAR}")
     shown, panel = planned(tab), tab.page.shown
     commanded = shown.motion.done.commanded
-    (chart,) = (text for text in [panel._chart.content] if text in tab.text)
+    chart = panel._chart.content
+    wait_for(lambda: chart in tab.text)
     top = float(re.search(r"<span>([\d.]+) %", chart)[1]) / 100
     lines = re.findall('<polyline points="([^"]*)"', chart)
     assert len(lines) == 6
