@@ -35,7 +35,7 @@ import pinocchio as pin
 from benchmarks.ik_arms.child import forked
 from kinreach._checks import Floats
 from kinreach._files import decoded, write_text
-from kinreach._rotations import wrapped
+from kinreach._rotations import joints_apart
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, SevenAxisKinematics, SixAxisKinematics, URKinematics
@@ -218,7 +218,7 @@ def judged(file: Path) -> Row:
 
 def _is_found(kin: Any, q: Floats) -> bool:
     found = kin.all_solutions(kin.fk(q)).q
-    return bool(len(found)) and float(np.abs(wrapped(found - q)).max(axis=1).min()) < FOUND
+    return bool(len(found)) and float(joints_apart(found, q).min()) < FOUND
 
 
 def _kind(kin: ArmKinematics) -> str:

@@ -59,8 +59,7 @@ def drawn_balls(world: moving.MovingEpisodes, rng: np.random.Generator, count: i
     half = np.array([kinds[i % len(kinds)](rng, speed, times, *inside) for i, speed in enumerate(speeds)])
     mirrored = half * [1.0, -1.0] + [0.0, low[1] + high[1]]
     rolls = np.concatenate([half, mirrored])[:count]
-    away = ((rolls < low) | (rolls > high)).any(axis=2)
-    return Balls(rolls, np.where(away.any(axis=1), away.argmax(axis=1), len(times) - 1))
+    return Balls(rolls, moving.last_part(rolls, world.area))
 
 
 class EpisodeGradient(SimulatorGradient):

@@ -146,7 +146,8 @@ class Controller:
         self.arm, self._log = arm, log
         self.simulation = ArmSimulation(arm, timestep=TIMESTEP)
         self.kinematics = ArmKinematics(arm, tip=FLANGE, base="base")
-        self.cycle = 1.0 / rate_of(arm)
+        self.rate = rate_of(arm)
+        self.cycle = 1.0 / self.rate
         start = np.array(arm.home if q is None else q, dtype=np.float64)
         self.tcp: Floats = tcp_of(arm)
         self.payload = 0.0

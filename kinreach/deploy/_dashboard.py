@@ -7,13 +7,10 @@ over the ports that take scripts, so that there are none to load.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
+from kinreach.deploy._controller import Controller
 from kinreach.deploy._rtde import VERSIONS, RuntimeState, SafetyMode
 from kinreach.robots.inside import ur_model
-
-if TYPE_CHECKING:
-    from kinreach.deploy._controller import Controller
 
 DASHBOARD_PORT = 29999
 GREETING = "Connected: Universal Robots Dashboard Server"
@@ -39,24 +36,14 @@ def _pause(ur: Controller) -> str:
     return "Pausing program"
 
 
-def _stop(ur: Controller) -> str:
-    ur.end_program()
-    return "Stopped"
+def _after(act: Callable[[Controller], None], said: str) -> Callable[[Controller], str]:
+    """Return a command that lets the controller do something, and its answer."""
 
+    def command(ur: Controller) -> str:
+        act(ur)
+        return said
 
-def _power_off(ur: Controller) -> str:
-    ur.power_off()
-    return "Powering off"
-
-
-def _power_on(ur: Controller) -> str:
-    ur.power_on()
-    return "Powering on"
-
-
-def _brake_release(ur: Controller) -> str:
-    ur.release_brakes()
-    return "Brake releasing"
+    return command
 
 
 def _unlock(ur: Controller) -> str:
@@ -71,7 +58,7 @@ def _unlock(ur: Controller) -> str:
 
 
 def _version(ur: Controller) -> str:
-    return ".".join(map(str, VERSIONS[round(1.0 / ur.cycle)]))
+    return ".".join(map(str, VERSIONS[ur.rate]))
 
 
 def _running(ur: Controller) -> str:
@@ -81,7 +68,7 @@ def _running(ur: Controller) -> str:
 _COMMANDS: Mapping[str, Callable[[Controller], str]] = {
     "play": _play,
     "pause": _pause,
-    "stop": _stop,
+    "stop": _after(Controller.end_program, "Stopped"),
     "running": _running,
     "robotmode": lambda ur: f"Robotmode: {ur.robot_mode.name}",
     "safetymode": lambda ur: f"Safetymode: {ur.safety_mode.name}",
@@ -91,9 +78,9 @@ _COMMANDS: Mapping[str, Callable[[Controller], str]] = {
     "close popup": lambda ur: "closing popup",
     "close safety popup": lambda ur: "closing safety popup",
     "restart safety": lambda ur: "Restarting safety",
-    "power on": _power_on,
-    "power off": _power_off,
-    "brake release": _brake_release,
+    "power on": _after(Controller.power_on, "Powering on"),
+    "power off": _after(Controller.power_off, "Powering off"),
+    "brake release": _after(Controller.release_brakes, "Brake releasing"),
     "unlock protective stop": _unlock,
     "PolyscopeVersion": lambda ur: f"URSoftware {_version(ur)} (simulated)",
     "get serial number": lambda ur: "20000000000",
@@ -127,7 +114,7 @@ def answer(ur: Controller, command: str) -> str | None:
         if command == "shutdown":  # of the arm; the simulation itself goes on
             ur.power_off()
         return FAREWELLS[command]
-    others = _OF_CB3 if round(1.0 / ur.cycle) == 125 else _OF_E_SERIES
+    others = _OF_CB3 if ur.rate == 125 else _OF_E_SERIES
     if (act := _COMMANDS.get(command) or others.get(command)) is not None:
         return act(ur)
     for start, said in _WITH_TEXT.items():

@@ -145,7 +145,8 @@ class Answers:
             solutions = kin.all_solutions(T, seed=self.seed)
         minima = solutions.minima
         rows = zip(minima.q, minima.branch.tolist(), minima.left.tolist(), minima.kind, strict=True)
-        found = [Found(*row) for row in rows]
+        whose = "the seed's" if isinstance(goal, PositionGoal) else "the"
+        found = [Found(*row, to_seed=f"leaves least of {whose} orientation, and is nearest to") for row in rows]
         if isinstance(goal, PositionGoal) and found and self.checker is not None and not self.checker.free(found[0].q):
             found = [*self._turned(kin, goal), *found]
         if not found or not isinstance(goal, PoseGoal | AxisGoal) or isinstance(goal, NearestAxisGoal):
@@ -267,11 +268,7 @@ def _one(answers: Answers, goal: Goal, *, degrees: bool) -> int:
     seed = ", ".join(
         f"{angle:.{3 if factor == 1.0 else 1}f}" for angle, factor in zip(scale * answers.seed, scale, strict=True)
     )
-    said = found[nearest or 0].to_seed
-    if remains and found[nearest or 0].kind != TURNED:
-        whose = "the seed's" if isinstance(goal, PositionGoal) else "the"
-        said = f"leaves least of {whose} orientation, and is nearest to"
-    print("every posture collides" if nearest is None else f"* {said} the seed {seed}")
+    print("every posture collides" if nearest is None else f"* {found[nearest].to_seed} the seed {seed}")
     if answers.note:
         print(answers.note)
     return NONE_FOUND if nearest is None else 0

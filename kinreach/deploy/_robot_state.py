@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 #: Time between two states on ports 30001 and 30002 [s].
 STATE_PERIOD = 0.1
 _NONE6 = (0.0,) * 6
-#: Numbers after the time stamp of a CB3 and of an e-Series controller on port 30003.
-_REAL_TIME = {125: struct.Struct(">i139d"), 500: struct.Struct(">i152d")}
+#: Numbers that a CB3 and an e-Series controller send on port 30003, by their control cycles per second.
+_REAL_TIME = {125: 139, 500: 152}
 
 
 def state(ur: Controller) -> bytes:
@@ -50,7 +50,7 @@ def state(ur: Controller) -> bytes:
         "additional": (0, False, False, 0),
     }  # fmt: skip
     packed = {name: STATE_PARTS[name].pack(*values) for name, values in parts.items()}
-    if round(1.0 / ur.cycle) == 500:  # operational mode, enabling device and a byte that is not documented
+    if ur.rate == 500:  # operational mode, enabling device and a byte that is not documented
         packed["masterboard"] += bytes(3)
     return state_package(packed.items())
 
@@ -58,15 +58,15 @@ def state(ur: Controller) -> bytes:
 def real_time_state(ur: Controller) -> bytes:
     """Return the state of the robot, in the package of the real-time interface."""
     q, qd, target, speed = ur.actual_q, ur.actual_qd, ur.target_q, ur.target_qd
-    form = _REAL_TIME[round(1.0 / ur.cycle)]
+    form = struct.Struct(f">i{_REAL_TIME[ur.rate]}d")
     numbers = [
         ur.time, *target.tolist(), *speed.tolist(), *ur.target_qdd.tolist(), *_NONE6, *_NONE6,
         *q.tolist(), *qd.tolist(), *_NONE6, *_NONE6,
         *ur.tcp_pose(q).tolist(), *ur.tcp_speed(q, qd).tolist(), *_NONE6,
         *ur.tcp_pose(target).tolist(), *ur.tcp_speed(target, speed).tolist(),
         0.0, *_NONE6, 0.0, 0.0, ur.robot_mode, *(JOINT_MODES[ur.robot_mode],) * 6, ur.safety_mode,
-        *_NONE6, 0.0, 0.0, 0.0, *_NONE6, ur.speed_scaling, *(0.0,) * 6, *_NONE6,
+        *_NONE6, 0.0, 0.0, 0.0, *_NONE6, ur.speed_scaling, *_NONE6, *_NONE6,
         ur.io.digital, ur.runtime_state, *_NONE6, ur.safety_mode,
         0.0, 0.0, 0.0, ur.payload, *ur.centre_of_mass, *ur.inertia,
     ]  # fmt: skip
-    return form.pack(form.size, *numbers[: 152 if form.size > 1116 else 139])
+    return form.pack(form.size, *numbers[: _REAL_TIME[ur.rate]])

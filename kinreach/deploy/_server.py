@@ -658,8 +658,8 @@ class _RtdeClient(_Client):
             self.protocol = PROTOCOL if wanted == PROTOCOL else self.protocol
             self.send(package(Kind.PROTOCOL_VERSION, bytes([wanted == PROTOCOL])))
         elif kind == Kind.CONTROLLER_VERSION:
-            rate = round(1.0 / self.robot.controller.cycle)
-            self.send(package(Kind.CONTROLLER_VERSION, struct.pack(">4I", *VERSIONS[rate])))
+            version = VERSIONS[self.robot.controller.rate]
+            self.send(package(Kind.CONTROLLER_VERSION, struct.pack(">4I", *version)))
         elif kind == Kind.TEXT_MESSAGE:
             self.hear(payload[1:-1].decode("ascii", "replace"))
         elif self.protocol != PROTOCOL:
@@ -676,7 +676,7 @@ class _RtdeClient(_Client):
             self.send(package(Kind(kind), bytes([accepted])))
 
     def set_up_outputs(self, payload: bytes) -> None:
-        most = round(1.0 / self.robot.controller.cycle)
+        most = self.robot.controller.rate
         (frequency,) = _unpacked(">d", payload[:8])
         if not 1.0 <= frequency <= most:
             raise InputError(f"the frequency of RTDE must be from 1 to {most} Hz, got {frequency:g}")
@@ -825,9 +825,9 @@ class _DashboardClient(_Client):
         if command.startswith(("popup ", "addToLog ")):
             self.hear(command.partition(" ")[2])
         self.tell(not_understood(command) if said is None else said)
-        if has_ended := command in FAREWELLS:
+        if command in FAREWELLS:
             self.robot.drop(self)
-        return has_ended or self not in self.robot._clients
+        return self not in self.robot._clients
 
 
 def _unpacked(form: str, payload: bytes) -> tuple[Any, ...]:

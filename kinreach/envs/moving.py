@@ -247,8 +247,7 @@ class MovingEpisodes(Episodes):
             speed = float(speed if start.speeds is None else start.speeds[row])
             path = path if start.paths is None else str(start.paths[row])
             places = PATHS[path](rng, speed, self._times, self.area[0] + INSIDE, self.area[1] - INSIDE)
-            away = np.flatnonzero(((places < self.area[0]) | (places > self.area[1])).any(axis=1))
-            end = int(away[0]) if len(away) else len(places) - 1
+            end = int(last_part(places, self.area))
             self.rolls[index, :, :2], self.rolls[index, :, 2] = places, self.height
             noise = rng.normal(0.0, self.noise, self._sights.shape[1:])
             self._sights[index] = self.rolls[index, np.minimum(self.taken, end)] + noise
@@ -449,6 +448,23 @@ def moved(q: Any, v: Any, target: Any, dt: float, *, speed: Any, acceleration: A
     return q + dt * v, v
 
 
+def last_part(places: Floats, area: tuple[Floats, Floats]) -> NDArray[np.intp]:
+    """Return the part of a frame in which balls leave the area, or the last, of places (..., parts, 2), shape (...)."""
+    away = ((places < area[0]) | (places > area[1])).any(axis=-1)
+    return np.asarray(np.where(away.any(axis=-1), away.argmax(axis=-1), away.shape[-1] - 1))
+
+
+def pushed(q: Any, v: Any, side: float, time: Any, *, speed: Any, acceleration: Any) -> tuple[Any, Any]:
+    """Return angles and speeds after a time [s] in which joints go down (side -1) or up (1) as fast as they can.
+
+    Nothing beyond can be reached by then. Arrays or tensors; the other arguments are as of `moved`.
+    """
+    xp = namespace(v)
+    end = xp.clip(v + side * acceleration * time, -speed, speed)
+    ramp = xp.abs(end - v) / acceleration
+    return q + (v + end) / 2.0 * ramp + end * (time - ramp), end
+
+
 def steered(q: Any, v: Any, share: Any, *, speed: float, acceleration: float) -> Any:
     """Return the targets at which joints move by a share of what they can in the next frame.
 
@@ -464,9 +480,7 @@ def steered(q: Any, v: Any, share: Any, *, speed: float, acceleration: float) ->
     frame, brake = 1.0 / FRAMES, acceleration / (FRAMES * PARTS)
     xp, ends = namespace(v), []
     for side in (-1.0, 1.0):
-        end = xp.clip(v + side * acceleration * frame, -speed, speed)
-        ramp = xp.abs(end - v) / acceleration
-        there = q + (v + end) / 2.0 * ramp + end * (frame - ramp)
+        there, end = pushed(q, v, side, frame, speed=speed, acceleration=acceleration)
         stop = end * (xp.abs(end) + brake) / (2.0 * acceleration)
         ends.append(there + BEYOND_STOP * stop + LEAST_WAY * side)
     return ends[0] + (ends[1] - ends[0]) * (share + 1.0) / 2.0

@@ -81,9 +81,10 @@ class Chain:
     @cached_property
     def _halves(self) -> list[Floats]:
         """Coefficients of `_half` for joints 1 to 3, shape (27, 34), and for the others, (27, 34) or (81, 40)."""
-        ends = slice(None, 3), slice(3, None)
-        parts = self.placements[:4], self.placements[4:]
-        return [self._half(parts[after], self.pitches[ends[after]], after=bool(after)) for after in (0, 1)]
+        return [
+            self._half(self.placements[:4], self.pitches[:3], after=False),
+            self._half(self.placements[4:], self.pitches[3:], after=True),
+        ]
 
     def fk(self, q: Floats) -> Floats:
         """Upper rows of the tip's poses, shape (m, 3, 4), for postures (m, n)."""

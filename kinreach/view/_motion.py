@@ -58,13 +58,16 @@ class ShownMotion:
     @cached_property
     def shares(self) -> Floats:
         """Speeds of the frames by the joints' limits, 0 to 1, shape (k, 6)."""
-        return np.abs(self.motion.done.commanded.at(self.times)[1]) / self.motion.kinematics.velocity_limit
+        return self._shares_at(self.times)
 
     @cached_property
     def speeds(self) -> tuple[Floats, Floats]:
         """Times [s], shape (k,), at which the joints' speeds by their limits, shape (k, 6), are drawn."""
         times = np.linspace(0.0, self.motion.done.commanded.duration, DRAWN)
-        return times, np.abs(self.motion.done.commanded.at(times)[1]) / self.motion.kinematics.velocity_limit
+        return times, self._shares_at(times)
+
+    def _shares_at(self, times: Floats) -> Floats:
+        return np.abs(self.motion.done.commanded.at(times)[1]) / self.motion.kinematics.velocity_limit
 
     def along(self, count: int) -> Floats:
         """Postures at even distances along the way, without its ends [rad], shape (count, 6)."""

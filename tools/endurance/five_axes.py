@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kinreach._rotations import wrapped
+from kinreach._rotations import joints_apart
 from kinreach.kinematics import FiveAxisKinematics
 from tests.kinematics.five_axis_arms import (
     FIGURES,
@@ -44,7 +44,7 @@ def at_pose(folder: Path, index: int) -> tuple[int, int]:
     found = kin.all_solutions(T, limits=False)
     demand(len(found) and found.residual[:, 0].max() < 1e-9, f"pose {index}: missed its point")
     q = Oracle(kin, T).stationary(rng, STARTS)[0]
-    return len(q), sum(np.abs(wrapped(found.q - each)).max(axis=1).min() > SAME for each in q)
+    return len(q), sum(joints_apart(found.q, each).min() > SAME for each in q)
 
 
 def _arm(folder: Path, index: int, rng: np.random.Generator) -> FiveAxisKinematics:

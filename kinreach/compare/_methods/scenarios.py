@@ -103,13 +103,10 @@ class Scenarios(Interception):
         Returns:
             Shape (m, k, n).
         """
-        speed, most, t = self._limits["speed"], self._limits["acceleration"], times[:, None]
-        ends = []
-        for side in (-1.0, 1.0):
-            end = np.clip(v[:, None] + side * most * t, -speed, speed)
-            ramp = np.abs(end - v[:, None]) / most
-            ends.append(q[:, None] + (v[:, None] + end) / 2.0 * ramp + end * (t - ramp))
-        within = np.minimum(goals - ends[0][:, None], ends[1][:, None] - goals)
+        low, high = (
+            ball.pushed(q[:, None], v[:, None], side, times[:, None], **self._limits)[0] for side in (-1.0, 1.0)
+        )
+        within = np.minimum(goals - low[:, None], high[:, None] - goals)
         return np.asarray(np.where(np.isfinite(within), within, -np.inf).min(axis=3))
 
     def _met_on_the_way(self, xy: Floats, there: Any, frames: Any) -> Any:

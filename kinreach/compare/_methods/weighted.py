@@ -11,7 +11,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach._engines import load
 from kinreach.kinematics import AxisGoal
-from kinreach.robots.inside import skeleton
+from kinreach.kinematics.inside import placo_program, placo_robot
 
 pin: Any = load("pinocchio")
 
@@ -35,18 +35,10 @@ class WeightedPlaco:
     """
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
-        placo: Any = load("placo")
         world: Any = env.unwrapped
         self._env, self._kin = world, world.kinematics
-        kin = self._kin
-        urdf, tip = skeleton(kin.arm.robot, kin.arm.tips[kin.tip])
-        self._robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), urdf)
-        for name, position in kin.arm.locked_joints.items():
-            self._robot.set_joint(name, position)
-        self._solver = placo.KinematicsSolver(self._robot)
-        self._solver.mask_fbase(True)
-        for name in kin.arm.locked_joints:
-            self._solver.mask_dof(name)
+        self._robot, tip = placo_robot(self._kin)
+        self._solver = placo_program(self._kin, self._robot)
         self._task = self._solver.add_frame_task(tip, np.eye(4))
         self._task.configure("tip", "soft", POSITION, ORIENTATION)
         self._q = self._seen = np.empty(0)

@@ -174,7 +174,7 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
     def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         check_accept(accept)
         start = self.as_posture("seed", seed)
-        unit = np.where(self.slides, self.length, 1.0)
+        unit = self._tracer.unit
         q = self._tracer.with_held(poses_about(goal.position, goal.axis, TURNS), start / unit) * unit
         wound, within = nearest_windings(q.T, start[:, None], self.lower, self.upper, turns=~self.slides)
         found = wound.T[within]

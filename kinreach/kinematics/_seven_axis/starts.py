@@ -150,15 +150,15 @@ class Starts:
     def __init__(self, loop: Chain) -> None:
         A = loop.placements
         self.loop = loop
-        slides = loop.slides.tolist()
+        slides, turns_alone = loop.slides, not loop.slides.any()
         others = {JOINTS - 1: A[:JOINTS], 0: A[1:]}
-        methods = [(held, method_of(A)) for held, A in others.items() if any(slides) <= slides[held]]
+        methods = [(held, method_of(A)) for held, A in others.items() if turns_alone or slides[held]]
         ends = [HeldEnd(held, loop, method) for held, method in methods if not isinstance(method, float)]
         self.ends = sorted(ends, key=lambda end: -end.method.rank)
-        known = {end.held: end for end in self.ends if end.method.starts_all or any(slides)}
+        known = {end.held: end for end in self.ends if end.method.starts_all or not turns_alone}
         self._held: list[HeldEnd | HeldBetween] = [
             *known.values(),
-            *(HeldBetween(held, A) for held in range(JOINTS) if ends and held not in known and not any(slides)),
+            *(HeldBetween(held, A) for held in range(JOINTS) if ends and held not in known and turns_alone),
         ]
         self.values, self.halvings = VALUES, HALVINGS
 

@@ -101,25 +101,30 @@ class Places(NamedTuple):
 
 
 class SelfMotionTracer:
-    """All self-motion curves of a seven-axis arm."""
+    """All self-motion curves of a seven-axis arm.
+
+    Attributes:
+        reach: Sum of the distances from each joint to the next, and to the tip [m].
+        unit: What counts as 1 rad [rad, m], shape (7,): of a slide the reach.
+    """
 
     def __init__(self, chain: SerialChain) -> None:
         A, slides = chain.placements, chain.slides
         self.reach = float(np.linalg.norm(A[1:, :3, 3], axis=1).sum())
+        self.unit: Floats = np.where(slides, self.reach, 1.0)
         self._loop = Chain(A, np.where(slides, self.reach, 0.0))
         self._starts = Starts(self._loop)
 
     def placed(self, T: Floats, lower: Floats, upper: Floats) -> Places:
         """What the joints are for a pose (4, 4) of the tip, within limits (7,) [rad, m]."""
         slides, A = self._loop.slides, self._loop.placements
-        T, moved, unit, origin = T.copy(), T.copy(), np.ones(JOINTS), np.zeros(JOINTS)
+        T, moved, origin = T.copy(), T.copy(), np.zeros(JOINTS)
         for joint in np.flatnonzero(slides):  # the first or the last
-            unit[joint] = self.reach
             end = A[0] if joint == 0 else T @ np.linalg.inv(A[JOINTS])
             between = (T if joint == 0 else end)[:3, 3] - A[0, :3, 3]
             origin[joint] = end[:3, 2] @ between
             moved[:3, 3] -= origin[joint] * end[:3, 2]
-        return Places(T, moved, lower, upper, slides, unit, origin)
+        return Places(T, moved, lower, upper, slides, self.unit, origin)
 
     @property
     def _A(self) -> Any:

@@ -119,15 +119,31 @@ class PlacoSolver(SteppingSolver):
         return descend
 
 
+def placo_robot(kin: ArmKinematics) -> tuple[Any, str]:
+    """Return placo's robot for an arm, with the joints that are held in their places, and the frame of its tip."""
+    placo: Any = load("placo")  # here, and not above: without placo the other solvers still work
+    urdf, tip = skeleton(kin.arm.robot, kin.arm.tips[kin.tip])
+    robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), urdf)
+    for name, position in kin.arm.locked_joints.items():
+        robot.set_joint(name, position)
+    return robot, tip
+
+
+def placo_program(kin: ArmKinematics, robot: Any) -> Any:
+    """Return a solver of placo for that robot, which moves neither its base nor the joints that are held."""
+    placo: Any = load("placo")
+    solver = placo.KinematicsSolver(robot)
+    solver.mask_fbase(True)
+    for name in kin.arm.locked_joints:
+        solver.mask_dof(name)
+    return solver
+
+
 class _WorkSpace(threading.local):
     """placo's objects for one arm, those of one thread."""
 
     def __init__(self, kin: ArmKinematics, tolerance: Tolerance, dt: float, free: Sequence[str]) -> None:
-        placo: Any = load("placo")  # here, and not above: without placo the other solvers still work
-        urdf, self.tip = skeleton(kin.arm.robot, kin.arm.tips[kin.tip])
-        self.robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), urdf)
-        for name, position in kin.arm.locked_joints.items():
-            self.robot.set_joint(name, position)
+        self.robot, self.tip = placo_robot(kin)
         # Base, then all joints of the URDF. A copy, because state.q is a view of memory that placo replaces.
         self.configuration: Floats = self.robot.state.q.copy()
         self.entries = [self.robot.get_joint_offset(name) for name in kin.arm.joints]
@@ -143,10 +159,7 @@ class _WorkSpace(threading.local):
             self.robot.set_joint_limits(name, -NO_LIMIT, NO_LIMIT)
         self.problems: dict[type[Goal], _Problem] = {}
         for kind in (PoseGoal, AxisGoal, PositionGoal):
-            solver = placo.KinematicsSolver(self.robot)
-            solver.mask_fbase(True)
-            for name in kin.arm.locked_joints:
-                solver.mask_dof(name)
+            solver = placo_program(kin, self.robot)
             solver.enable_joint_limits(True)
             solver.enable_velocity_limits(True)
             solver.dt = dt
