@@ -4,8 +4,9 @@ Joints, their signs and limits, and the frame between the jaws are those of `so1
 0 in the middle of its range, with right angles written out; masses are those of its links. The shapes are primitives
 from lengths and servo sizes.
 
-Its servos are Feetech's STS3215 at 7.4 V. The data sheet gives a stall torque of 19.5 kg cm, which is 1.91 N m, and
-0.222 s for 60 degrees without load, which is 4.7 rad/s. Moves use 3 rad/s and 10 rad/s^2.
+Its servos are Feetech's STS3215 at 7.4 V. A stall torque of 19.5 kg cm, which is 1.91 N m, and 0.222 s for 60 degrees
+without load, which is 4.7 rad/s, are what is said of its data sheet, which we have not read. Moves use 3 rad/s and
+10 rad/s^2.
 """
 
 from __future__ import annotations
