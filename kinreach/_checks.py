@@ -135,6 +135,18 @@ def check_path(name: str, value: Any) -> Path:
     return path
 
 
+def check_out_file(name: str, value: Any) -> Path:
+    """Check for the path of a file that can be written: its folder exists, and it is no folder itself.
+
+    Raises:
+        InputError: It is not; or not a path.
+    """
+    path = check_path(name, value)
+    if path.is_dir() or not path.parent.is_dir():
+        raise InputError(f"{name} must be a file in a folder that exists, got {path}")
+    return path
+
+
 #: How far a matrix may be from a rotation before it is refused (float32 poses pass).
 ROTATION_TOLERANCE = 1e-5
 #: Bounds of a joint angle [rad] and of a coordinate [m]: far beyond any arm, and small enough for exact sines (1e-10).

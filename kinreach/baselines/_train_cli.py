@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from kinreach._checks import MAX_THREADS, check_count, check_known, check_path
+from kinreach._checks import MAX_THREADS, check_count, check_known, check_out_file, check_path
+from kinreach._files import replacing
 from kinreach._jobs import SERIAL, Engine, add_options, open_engine
 from kinreach._terminal import Console
 from kinreach.baselines._evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
+from kinreach.baselines._learning_curve import read_curve
 from kinreach.baselines._policies import LearnedPolicy
 from kinreach.baselines._recipes import RECIPES, Recipe, get_recipe
 from kinreach.cli import Parser, quoted
@@ -48,23 +50,39 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if not arguments.out:
         raise InputError("--out must name a folder, got ''")
     out = check_path("--out", arguments.out)
+    picture = None if arguments.picture is None else check_out_file("--picture", arguments.picture)
     console = Console(width=TABLE_WIDTH)
     seeds = range(arguments.seed, arguments.seed + arguments.seeds)
     folders = {seed: out / recipe.name / f"seed-{seed}" for seed in seeds}
-    policies = {}
+    policies, curves = {}, {}
     with open_engine(arguments.engine, arguments.address) as engine:
         for run in _runs(recipe, folders, engine, arguments, prog):
             words = f"{run.folder}: {run.seconds:.0f} s, {run.cpu_seconds:.0f} s of processor time"
             words += "; model.zip is there too" if arguments.export else ""
             console.print(words, soft_wrap=True)
             policies[run.card.seed] = run.policy
+            curves[f"seed {run.card.seed}"] = read_curve(run.folder / "curve.csv")
         judge = partial(_judge, arguments.recipe, arguments.split)
         found = sorted(engine.map(judge, [policies[seed] for seed in seeds]), key=itemgetter(0))
     evaluations = {f"seed {seeds[number]}": summary for number, summary in found}
     console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} {arguments.split} goals"))
+    if picture is not None:
+        _draw(recipe, dict(sorted(curves.items())), picture)
+        console.print(f"picture: {picture}", soft_wrap=True)
     again = f"kinreach evaluate {quoted(str(out / recipe.name))}/seed-*/policy.safetensors"
     console.note(f"On held-out goals: {again}")
     return 0
+
+
+def _draw(recipe: Recipe, curves: Mapping[str, Mapping[str, Any]], picture: Path) -> None:
+    """Write the learning curves as figures 5.1 to 5.4 of the thesis."""
+    from kinreach.plots import draw_training  # matplotlib takes a second to import
+    from kinreach.plots.inside import name_label
+
+    title = f"{name_label(recipe.name)}, {len(curves)} {'seed' if len(curves) == 1 else 'seeds'}"
+    figure = draw_training(curves, environment=recipe.environment, title=title)
+    with replacing(picture) as temporary:
+        figure.savefig(temporary, facecolor="white", format="png")
 
 
 @contextmanager
@@ -133,6 +151,7 @@ def _again(arguments: argparse.Namespace) -> list[str]:
     for name, default in defaults.items():
         value = getattr(arguments, name)
         words += [] if value == default else [f"--{name}", str(value)]
+    words += ["--picture", str(arguments.picture)] if arguments.picture is not None else []
     words += ["--export"] if arguments.export else []
     return [*words, "--out", str(arguments.out), "--resume"]
 
@@ -170,6 +189,12 @@ def _parser(prog: str) -> Parser:
         "--export",
         action="store_true",
         help="write stable-baselines3's own model.zip too",
+    )
+    parser.add_argument(
+        "--picture",
+        metavar="FILE.png",
+        help="draw rewards and goals reached of all seeds, as the thesis's figures 5.1 to 5.4; with --resume also of "
+        "trainings that are finished",
     )
     parser.add_argument(
         "--split",

@@ -8,7 +8,7 @@ from time import monotonic
 
 import numpy as np
 
-from kinreach._checks import Floats, check_count, check_path, printable
+from kinreach._checks import Floats, check_count, check_out_file, check_path, printable
 from kinreach._files import replacing
 from kinreach._flags import numbers_of
 from kinreach.cli import Parser, complain, in_flags, say
@@ -32,12 +32,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     """Find a calibration, say what it is worth, and write it."""
     arguments = _parser(prog).parse_args(argv)
     out, picture = (
-        None if text is None else check_path(flag, text)
+        None if text is None else check_out_file(flag, text)
         for flag, text in (("--out", arguments.out), ("--picture", arguments.picture))
     )
-    for flag, path in (("--out", out), ("--picture", picture)):
-        if path is not None and (path.is_dir() or not path.parent.is_dir()):
-            raise InputError(f"{flag} must be a file in a folder that exists, got {path}")
     tool = None if arguments.tool is None else numbers_of("--tool", arguments.tool, 6)
     sources = [check_path("SOURCE", source) for source in arguments.source]
     for flag, path in (("--out", out), ("--picture", picture)):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinreach._checks import Floats, check_count, check_path, printable
+from kinreach._checks import Floats, check_count, check_out_file, printable
 from kinreach._files import replacing
 from kinreach._rotations import listed_pose
 from kinreach.cli import Parser, print_notes
@@ -65,9 +65,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     arguments = _parser(prog).parse_args(argv)
     poses = check_count("--poses", arguments.poses, most=100_000)
     seed = check_count("--seed", arguments.seed, least=0, most=2**31)
-    path = None if arguments.picture is None else check_path("--picture", arguments.picture)
-    if path is not None and (path.is_dir() or not path.parent.is_dir()):
-        raise InputError(f"--picture must be a file in a folder that is there, got {path}")
+    path = None if arguments.picture is None else check_out_file("--picture", arguments.picture)
     subject = _subject(arguments)
     lines = report(subject, poses=poses, seed=seed) if arguments.log is None else _explained(subject, arguments)
     for line in lines:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kinreach._checks import Floats, check_path, printable
+from kinreach._checks import Floats, check_out_file, printable
 from kinreach._files import replacing, write_text
 from kinreach._flags import numbers_of
 from kinreach.cli import Parser, print_notes, say, subcommand
@@ -44,7 +44,10 @@ FIGURES_TIMEOUT = 1.0
 def main(argv: Sequence[str], *, prog: str) -> int:
     """Plan, try, show, and write or send a motion; return 1 if the user does not agree to send it."""
     arguments = _parser(prog).parse_args(argv)
-    script, picture = _output("--script", arguments.script), _output("--picture", arguments.picture)
+    script, picture = (
+        None if text is None else check_out_file(flag, text)
+        for flag, text in (("--script", arguments.script), ("--picture", arguments.picture))
+    )
     if arguments.robot is not None and arguments.start is not None:
         raise InputError("with --robot the motion begins where the robot stands; leave out --from")
     if arguments.robot is not None and arguments.show and arguments.yes:
@@ -83,13 +86,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
                 say("nothing was sent")
                 return 1
             return _moved(robot, motion, comparison)
-
-
-def _output(flag: str, text: str | None) -> Path | None:
-    path = None if text is None else check_path(flag, text)
-    if path is not None and (path.is_dir() or not path.parent.is_dir()):
-        raise InputError(f"{flag} must be a file in a folder that exists, got {path}")
-    return path
 
 
 def _report(motion: TriedMotion, script: Path | None, picture: Path | None) -> None:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import XAxis, YAxis
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
@@ -28,6 +28,8 @@ GridLines = Literal["x", "y", "both", "none"]
 BORDER = 0.15
 #: Of names beside their data [points], and the colour of strokes that lead to them.
 FONT_SIZE, LEADER = 9.0, "#9a9a9a"
+#: Around words, so that lines may pass behind them.
+HALO: list[AbstractPathEffect] = [withStroke(linewidth=2.5, foreground="white")]
 #: Default resolution [dots per inch].
 DPI = 100
 #: Longest name that a figure has room for [characters].
@@ -167,7 +169,24 @@ def label_ends(axes: Axes, ends: Mapping[str, ArrayLike], colours: Mapping[str, 
                 annotation_clip=False,
             )
             if not at_border:  # other lines may pass behind it
-                text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+                text.set_path_effects(HALO)
+
+
+def mark_points(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
+    """Draw results that others have reported, as diamonds with words at their left.
+
+    Args:
+        axes: The axes, with limits.
+        points: Words -> where the result is, (x, y) in data coordinates. Beside the left border words
+            stand at the right.
+    """
+    left, right = axes.get_xlim()
+    for text, (x, y) in points.items():
+        beside = 1 if x < left + (right - left) / 8 else -1
+        axes.plot(x, y, marker="D", ms=7, mfc="white", mec=INK, mew=1.6, ls="", clip_on=False, zorder=5)
+        axes.annotate(verbatim(text), (x, y), xytext=(9 * beside, 5), textcoords="offset points", fontsize=8.5,
+                      ha="left" if beside > 0 else "right", color=INK, weight="bold", path_effects=HALO,
+                      zorder=5)  # fmt: skip
 
 
 def spread(positions: Sequence[float], *, gap: float) -> list[float]:

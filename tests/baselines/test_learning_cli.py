@@ -8,8 +8,10 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 from kinreach import _provenance as provenance
+from kinreach import plots
 from kinreach.baselines import HELD_OUT, VALIDATION, evaluate, load_policy
 from kinreach.baselines import _evaluate_cli as evaluate_cli
 from kinreach.baselines import _train_cli as train_cli
@@ -45,6 +47,22 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
     assert main(["evaluate", policies[0], "--goals", "3", "--backend", "kinematic"]) == 0
 
 
+def test_finished_trainings_are_drawn_without_training_again(trained, capsys, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(plots, "draw_training", lambda curves, **words: drawn.append((curves, words)) or Figure())
+    monkeypatch.setattr(train_cli, "GOALS", 2)
+    picture = tmp_path / "mine.png"
+    arguments = ["train", "ranked-single", "--steps", "4096", "--seeds", "2", "--out", str(trained), "--resume"]
+    assert main([*arguments, "--picture", str(picture)]) == 0
+    assert f"picture: {picture}" in capsys.readouterr().out
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    ((curves, words),) = drawn
+    assert list(curves) == ["seed 0", "seed 1"]
+    for seed, curve in enumerate(curves.values()):
+        assert (trained / f"ranked-single/seed-{seed}/curve.csv").read_text().count("\n") == len(curve["steps"]) + 1
+    assert words == {"environment": "kinreach/UR5SingleStep-v0", "title": "ranked-single, 2 seeds"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -75,6 +93,10 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
         (["evaluate", "ranked-single", "--env", "chess"], "unknown environment 'chess'; available: "),
         (["train", "ranked-single", "--split", "test"], "unknown split 'test'; available: held-out, validation"),
         (["train", "ranked-single", "--resume", "--fresh"], "--resume goes on with a run, --fresh replaces it"),
+        (
+            ["train", "ranked-single", "--picture", "no/folder/x.png"],
+            "--picture must be a file in a folder that exists",
+        ),
         (["train", "ranked-single", "--out", ""], "--out must name a folder, got ''"),
         (
             ["train", "ranked-single", "--seed", "2147483647", "--seeds", "2"],

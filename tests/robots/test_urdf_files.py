@@ -472,7 +472,7 @@ def test_a_picture_without_a_folder_is_refused_before_the_work(tmp_path, capsys)
         assert cli.main(["check", "arm3", "--picture", str(path)]) == 2
         out, err = capsys.readouterr()
         assert not out
-        assert "--picture must be a file in a folder that is there" in err
+        assert "--picture must be a file in a folder that exists" in err
 
 
 def test_the_closed_form_of_an_arm_without_one_is_refused_at_once(kin):
