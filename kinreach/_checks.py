@@ -45,8 +45,8 @@ def printable(text: str) -> str:
 
 
 def listed(words: Sequence[str]) -> str:
-    """Return words with commas between them, and "and" before the last."""
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+    """Return words with commas between them, and "and" before the last; of none nothing."""
+    return " and ".join(part for part in (", ".join(words[:-1]), *words[-1:]) if part)
 
 
 def check_count(name: str, value: object, *, least: int = 1, most: int | None = None) -> int:

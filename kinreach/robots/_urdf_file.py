@@ -152,7 +152,7 @@ def read_arm(
             )
     holding = _Holding(robot, arm, held, grippers, gripper)
     holding.hold()
-    notes += [*holding.notes, *_many_turns(arm), *_couple(robot, arm)]
+    notes += [*holding.notes, *_many_turns(robot, arm), *_couple(robot, arm)]
     if arm.passed_over:
         rest = [link for link in arm.tips if link not in (arm.tip, arm.passed_over)]
         also = f", or {listed_names(rest)}" if rest else ""
@@ -342,12 +342,13 @@ def _stuck(robot: ET.Element) -> list[str]:
     return [name for name, joint in ends.items() if limits_of(joint)[0] == limits_of(joint)[1] != 0.0]
 
 
-def _many_turns(arm: UrdfArm) -> list[str]:
+def _many_turns(robot: ET.Element, arm: UrdfArm) -> list[str]:
     """A note on limits that may be degrees."""
+    turning = {joint.get("name") for joint in robot.findall("joint") if joint.get("type") in TURNING}
     many = [
         name
         for name, ends in zip(arm.joints, arm.limits, strict=True)
-        if math.inf > max(map(abs, ends)) > MOST_TURNS * math.tau
+        if name in turning and math.inf > max(map(abs, ends)) > MOST_TURNS * math.tau
     ]
     which = "joints" if len(many) > 1 else "joint"
     said = (

@@ -192,12 +192,13 @@ def test_a_signal_anywhere_stops_the_robot(robot, client, sigterm_elsewhere):
         def watch(state, seen=seen):
             seen[0] += 1
 
+        before = sys.gettrace()
         sys.settrace(call)
         try:
             with pytest.raises(KeyboardInterrupt):
                 client.run(LONG, watch=watch)
         finally:
-            sys.settrace(None)
+            sys.settrace(before)
         assert signal.getsignal(signal.SIGTERM) is sigterm_elsewhere
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
         assert stands(robot)

@@ -289,6 +289,83 @@ def test_what_the_simulated_robot_lacks_is_refused_where_it_would_be_called():
     )
 
 
+RUN_TO = {
+    "get_forward_kin(p[0, 0, 0, 0, 0, 0])": "get_forward_kin takes a list of six joint angles, got [0.0, 0.0, 0.0, 0.0",
+    "get_forward_kin([1, 2])": "get_forward_kin takes a list of six joint angles, got [1.0, 2.0]",
+    "get_inverse_kin(get_actual_tcp_pose(), qnear=[1])": "qnear is a list of six joint angles, got [1.0]",
+    "get_inverse_kin([1, 2, 3, 4, 5, 6])": "a pose p[...] is needed, got ",
+    "set_standard_analog_out(0, 1.01)": "an analog output is from 0 to 1, got 1.01",
+    "set_standard_analog_out(0, -0.01)": "an analog output is from 0 to 1, got -0.01",
+    "write_output_integer_register(0, 2147483648)": "value of a register must be from -2^31 to 2^31 - 1, got ",
+    "write_output_integer_register(0, -2147483649)": "value of a register must be from -2^31 to 2^31 - 1, got ",
+    'str_at("abc", 0.5)': "a whole number is needed, got 0.5",
+    "set_target_payload(1, [1, 2])": "a list of 3 numbers is needed, got [1.0, 2.0]",
+    "norm([True])": "a number is needed, got True",
+    "binary_list_to_integer([1])": "1.0 is neither true nor false",
+    "binary_list_to_integer(3)": "a list of at most 32 truth values is needed, got 3",
+    'str_sub("abc", 4)': "the text has no sign 4",
+    'str_sub("abc", -1)': "the text has no sign -1",
+    "str_sub(1, 0)": "a text is needed, got 1",
+    'to_num("x")': "'x' is not a number",
+    "x = [1]\nx[1] = 2": "x has no entry 1",
+    "x = [1]\ny = x[-1]": "x has no entry -1",
+    "def f():\n  sleep(0)\nend\nx = [1]\nx[0] = f()": "an entry of x is set to the value of a function that",
+    "def f():\n  sleep(0)\nend\nx = f()": "x is set to the value of a function that returns none",
+    "def f():\n  sleep(0)\nend\nx = [f()]": "a list has values, and at most 10000",
+    "x = p[1, 2]": "a pose has six numbers, got 2",
+    'x = "a"\nwhile True:\n  x = x + x\nend': "a text may have 10000 signs",
+    "x = 1 / 0": "1 / 0 has no value",
+    "if 1:\n  halt\nend": "1.0 is neither true nor false",
+    "x = True and 1": "and is for truth values, got 1.0",
+    "x = 0 or True": "or is for truth values, got 0.0",
+    "x = not 1": "1.0 is neither true nor false",
+    "x = 1 < True": "a number is needed, got True",
+}
+
+
+@pytest.mark.parametrize("text", RUN_TO)
+def test_what_a_statement_cannot_do_ends_the_program_with_its_reason(ur, text):
+    done = ur.run(program(text)).reason
+    assert RUN_TO[text] in done
+    assert re.match(r"line \d+, column \d+: runtime error: ", done)
+
+
+def test_bounds_themselves_are_allowed(ur):
+    text = "set_standard_analog_out(0, 1)\nset_standard_analog_out(1, 0)\nwrite_output_integer_register(0, 2147483647)"
+    text += '\nwrite_output_integer_register(1, -2147483648)\ntextmsg(str_sub("abc", 3))'
+    text += '\ntextmsg(str_sub("abcd", 1, 2))\ntextmsg(str_sub("abc", 1, -1))'
+    text += "\ntextmsg(binary_list_to_integer([True, False, True]))\ntextmsg(integer_to_binary_list(6)[1])"
+    text += '\ntextmsg(norm([3, 4]))\ntextmsg(norm(-2))\ntextmsg("a" + "b")\ntextmsg(1 == True)\ntextmsg(1 != 1)'
+    text += "\ntextmsg(is_within_safety_limits(get_actual_tcp_pose()))\ntextmsg(is_within_safety_limits([0,0,9,0,0,0]))"
+    text += "\ntextmsg(is_within_safety_limits(p[9, 0, 0, 0, 0, 0]))\ntextmsg(is_within_safety_limits([0,0,1,0,0,0]))"
+    expected = ["", "bc", "bc", "5", "True", "5", "2", "ab", "False", "False", "True", "False", "False", "True"]
+    assert said(ur, text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    {
+        "sec": (program("sec f():\n  halt\nend"), "a secondary program within another program"),
+        "arguments": (program("def f(a, a):\n  return a\nend"), "two arguments are called 'a'"),
+        "twice": (program("def f():\n  halt\nend\ndef f():\n  halt\nend"), "f is defined twice"),
+        "function": (program("def f():\n  halt\nend\nf = 1"), "'f' is a function, and cannot be a variable"),
+        "thread": ("thread t():\n  halt\nend\n", "a thread belongs into a program"),
+        "statements": ("textmsg(1)\ntextmsg(2)\n", "nothing more is expected after a statement"),
+        "after": (program("halt") + "halt\n", "nothing more is expected after the end of a program"),
+        "not called": ("def f(a):\n  textmsg(a)\nend\n", "f has arguments, and nothing calls it"),
+        "nothing": ("\n", "the program ends where a statement is expected"),
+        "many": (program("sleep()"), "sleep needs the argument t"),
+        "more": (program("sleep(1, 2)"), "sleep has 1 arguments, got 2"),
+        "none": (program("x = sleep(1)"), "sleep returns no value"),
+        "other": (program("sleep(s=1)"), "sleep has no free argument 's'; it has: t"),
+    }.values(),
+)  # fmt: skip
+def test_what_is_no_program_is_refused_before_it_begins(ur, text, reason):
+    with pytest.raises(ScriptError, match=rf"(compile|syntax) error.*{re.escape(reason)}"):
+        parse(text)
+    assert ur.log == []
+
+
 def test_outputs_and_registers_are_seen_by_rtde(ur):
     text = """
 set_digital_out(2, True)

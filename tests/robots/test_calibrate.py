@@ -9,7 +9,8 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.robots import PosePairs, calibrate, get_arm, read_calibration
+from kinreach.robots import PosePairs, _calibration, _calibration_fit, calibrate, get_arm, read_calibration
+from kinreach.robots._urdf import MAX_CHARACTERS
 from kinreach.robots.inside import UR_LENGTHS, frames_of, moved_frames
 from tests.cases import slow
 
@@ -250,6 +251,8 @@ def test_programs_of_several_robots_say_which(tmp_path):
             "",
             "six numbers",
         ),
+        ([urp(figures_of("ur5e", 1), ["A"]).replace('a value="', 'a value="0,,')], "", "six numbers"),
+        ([urp(figures_of("ur5e", 1), ["A"]).replace("<alpha ", "<beta ")], "", "a block of kinematics lacks alpha"),
         (["<a>" * 600], "", "nested deeper"),
         (["<a>"], "", "damaged"),
     ],
@@ -261,7 +264,7 @@ def test_programs_without_figures_are_refused_in_words(tmp_path, parts, head, sa
 
 def test_a_bomb_and_a_torn_file_are_refused(tmp_path):
     file = tmp_path / "bomb.urp"
-    file.write_bytes(gzip.compress(b"<URProgram>" + b" " * 2**27))
+    file.write_bytes(gzip.compress(b"<URProgram>" + b" " * 2**26, 1))
     with pytest.raises(InputError, match="more than 64 MiB"):
         calibrate(file)
     file.write_bytes(b"<URProgram>" + b" " * (2**26 + 1))
@@ -272,6 +275,9 @@ def test_a_bomb_and_a_torn_file_are_refused(tmp_path):
         file.write_bytes(whole[:cut])
         with pytest.raises(InputError, match="damaged"):
             calibrate(file)
+    file.write_bytes(whole[:30] + bytes(20) + whole[50:])
+    with pytest.raises(InputError, match=r"bomb\.urp is a damaged \.urp: gzip: "):
+        calibrate(file)
 
 
 def test_figures_of_the_data_sheet_are_said_to_be_no_calibration(tmp_path):
@@ -547,6 +553,161 @@ def test_tables_that_cannot_be_read_name_the_line(tmp_path, change, said):
 
 
 def test_models_that_rows_do_not_tell_apart_are_named():
-    true, q = made_up("ur5e", 10), postures(20, 10, turn=0.01)
-    said = refused(pairs_of(true, q, known=False))
-    assert "do not tell" in said or "no model" in said or "posture" in said
+    """A UR5 and a UR5e differ by their shoulders' heights, which a tracker beside the base does not see."""
+    true, q = made_up("ur5e", 10), postures(20, 10, turn=0.02)
+    pairs = pairs_of(true, q, known=False, noise=(1e-3, 1e-2))
+    assert "do not tell a" in refused(pairs)
+    assert "add rows in which the joints differ more" in refused(pairs)
+
+
+def test_a_statement_is_a_line_each(tmp_path):
+    """Digits apart, which another machine may round otherwise."""
+    true, q = made_up("ur10e", 0), postures(60, 0)
+    torn = q.copy()
+    torn[:12] += 1e-2
+    result = calibrate(replace(pairs_of(true, q), q=torn))
+    statement = "\n".join(result.statement())
+    assert "rows         48 used, 12 dropped\n             line 2: " in statement
+    assert "\n             line 9: " in statement
+    assert "\n             and 4 more\n" in statement
+    assert re.sub(r"(?<![\w.])-?\d[-.\de]*", "#", statement).splitlines() == [
+        "arm          ur10e or ur12e",
+        "tool         #,#,#,#,#,#",
+        "rows         # used, # dropped",
+        *["             line #: # mm off the others"] * 8,
+        "             and # more",
+        "error, mm    median / largest",
+        "             # / #  data sheet, at the rows",
+        "             # / #  calibrated, at the rows",
+        "             # / #  calibrated, at rows left out of the fit",
+        "             # / #  correction, over the workspace",
+        "             # / #  expected error, over the workspace",
+    ]
+    few = calibrate(pairs_of(true, postures(3, 2), known=False, noise=(1e-5, 1e-4)), arm="ur10e")
+    assert few.statement()[1].endswith(", fitted")
+    assert few.statement()[-2:] == [f"note         {few.notes[-1]}", f"undetermined {few.missing}"]
+    read = calibrate(saved(tmp_path, urp(nominal_dh("ur3"), ["A"])))
+    assert read.statement()[2:] == ["figures      read, nothing is fitted", f"note         {read.notes[0]}"]
+
+
+def test_sources_that_do_not_go_together_are_refused(tmp_path):
+    true, q = made_up("ur5e", 3), postures(20, 3)
+    pairs = pairs_of(true, q)
+    program, typed, panda = (
+        saved(tmp_path, urp(figures_of("ur5e", 1), ["A"])),
+        tmp_path / "typed.csv",
+        tmp_path / "p.urdf",
+    )
+    typed.write_text(table(q, frames_of(true, q)[-1], PLAIN))
+    panda.write_text(get_arm("panda").urdf)
+    assert "a source is needed: a .urp" in refused([])
+    assert "program.urp carries the figures themselves: give it alone" in refused([typed, program])
+    assert re.search("program.urp carries the figures of a UR, not of p(anda)?$", refused(program, arm=panda))
+    assert "not those of a ur10: they fit ur5e and ur7e" in refused(program, arm="ur10")
+    saved(tmp_path, urp(nominal_dh("ur5e") + 0.1, ["A"]))
+    assert refused(program) == "the figures of program.urp fit no model of UR"
+    assert "not those of a ur5e: they fit no UR" in refused(program, arm="ur5e")
+    wide = replace(pairs, q=np.column_stack([q, q[:, 0]]))
+    assert "a UR has six joints, made_up.csv has 7" in refused(wide)
+    assert "made_up.csv and made_up.csv do not have the same number of joints" in refused_to_join(pairs, wide)
+    points = replace(pairs, seen=pairs.positions)
+    np.testing.assert_array_equal(points.positions, pairs.positions)
+    assert "do not have the same number of numbers a pose" in refused_to_join(points, pairs)
+    assert "arm 'panda' has 7 joints, made_up.csv has 6" in refused(pairs, arm="panda")
+    q7 = np.column_stack([q, q[:, 2] / 2]) + np.array([0, 1.4, -1.6, 0, 1.5, 1.5, 0])
+    seen = ArmKinematics.of("panda").fk(q7)
+    mirrored = PosePairs("mirrored.csv", q7 * [1, -1, 1, 1, 1, 1, 1], seen)
+    assert re.search(
+        r"mirrored.csv do not fit panda: \d+ mm are left .*or of another sign", refused(mirrored, arm="panda")
+    )
+
+
+def refused_to_join(one, other):
+    with pytest.raises(InputError) as error:
+        one.joined(other)
+    return str(error.value)
+
+
+def test_several_tools_and_robots_of_a_program(tmp_path):
+    figures = figures_of("ur5e", 1)
+    two = calibrate(saved(tmp_path, urp(figures, ["A"]), urp(figures, ["B"], tcp="0, 0, 0.2, 0, 0, 0")))
+    assert two.tcp is None
+    assert two.notes == ("the waypoints have 2 tool centre points",)
+    beside = urp(nominal_dh("ur5e"), ["C"], valid="false")
+    assert "has the data sheet's figures beside: " in calibrate(saved(tmp_path, urp(figures, ["A"]), beside)).notes[0]
+    alone = re.sub("</?Waypoint[^>]*>", "", urp(figures_of("ur5e", 2), ["A"]))
+    file = saved(tmp_path, urp(figures, ["A", "B", "C", "D"]), alone)
+    assert "(1: 4 waypoints, A, B, C, ...; 2: the program itself)" in refused(file)
+    assert "robot must be" in refused(file, robot=3)
+    with pytest.raises(InputError, match=r"program.urp has the figures of 2 robots: .*kinreach calibrate --robot N"):
+        get_arm("ur5e").calibrated(file)
+    with pytest.raises(InputError, match=r"mm from where a ur10 .*it fits .*ur5e"):
+        get_arm("ur10").calibrated(saved(tmp_path, urp(figures, ["A"])))
+    with pytest.raises(InputError, match=r"program.urp has no calibration: its kinematics is NOT_INITIALIZED"):
+        get_arm("ur5e").calibrated(saved(tmp_path, urp(figures, ["A"], status="NOT_INITIALIZED")))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (lambda q, T: "a\0b", "is no text: it must be a .urp, a .script or a table"),
+        (lambda q, T: "def x():\n  movej([0,0,0,0,0,0])\nend", "has no waypoint with joint angles and a pose"),
+        (lambda q, T: table(np.column_stack([q, q[:, 0]]), T, [*PLAIN[:6], "q1", *PLAIN[6:]]), "has 2 columns q1"),
+        (lambda q, T: table(np.column_stack([q, q[:, :1]]), T), "has no header and 13 columns; needed are 6 joint"),
+    ],
+)
+def test_files_that_are_no_source_say_why(tmp_path, text, said):
+    q = postures(20, 3)
+    file = tmp_path / "source"
+    file.write_text(text(q, frames_of(made_up("ur5e", 3), q)[-1]))
+    assert said in refused(file)
+
+
+def test_positions_alone_have_a_tool_too(tmp_path):
+    """A tracker sees a point; its columns may be called as a tool's."""
+    true, q = made_up("ur5e", 3), postures(60, 3)
+    F = frames_of(true, q)[-1]
+    seen = (F @ TCP)[:, :3, 3]
+    point = PosePairs("", q, seen).tool_on(F)
+    np.testing.assert_allclose(point, pose([*TCP[:3, 3], 0.0, 0.0, 0.0]), atol=1e-9)
+    rows = [",".join(map(repr, row)) for row in np.hstack([q, seen]).tolist()]
+    (tmp_path / "seen.csv").write_text("\n".join([",".join([*PLAIN[:6], "tcp_x", "tcp_y", "tcp_z"]), *rows]))
+    pairs = PosePairs.read(tmp_path / "seen.csv")
+    assert pairs.tcp is None
+    np.testing.assert_array_equal(pairs.positions, seen)
+    assert "fit no model of UR" in refused(replace(pairs, q=q + np.random.default_rng(0).normal(size=q.shape)))
+
+
+def test_rows_of_a_long_recording_are_taken_from_all_of_it():
+    q = postures(1, 0) + np.arange(1000)[:, None] * 0.03
+    pairs = PosePairs("long.csv", q, np.tile(np.eye(4), (1000, 1, 1)))
+    kept = _calibration_fit._thinned(pairs)
+    assert len(kept) == _calibration_fit.MAX_ROWS
+    np.testing.assert_array_equal(kept.q[[0, -1]], q[[0, -1]])
+    assert np.diff(kept.q[:, 0]).max() < 0.1
+    still = _calibration_fit._thinned(replace(pairs, q=np.where(np.arange(1000)[:, None] < 900, q[0], q)))
+    assert len(still) == 101
+
+
+def test_what_a_kind_of_file_cannot_say_is_refused(tmp_path):
+    result = calibrate(pairs_of(nominal_placements("ur5e"), postures(12, 3)), arm="ur5e")
+    result.save(tmp_path / "nominal.conf")  # whose axes are parallel: the data sheet says where their normals are
+    again = read_calibration(tmp_path / "nominal.conf", "ur5e")
+    np.testing.assert_allclose(again.placements, result.calibration.placements, atol=1e-8)
+    for place, endings, said in (
+        (6, (".conf", ".yaml"), "tool0 .* off the axis of wrist_3"),
+        (0, (".conf",), "base's z"),
+    ):
+        for axis in range(2):
+            for shift in (pose([*np.eye(3)[axis] * 1e-8, 0, 0, 0]), pose([0, 0, 0, *np.eye(3)[axis] * 1e-8])):
+                placements = result.calibration.placements.copy()
+                placements[place] = placements[place] @ shift
+                off = replace(result, calibration=replace(result.calibration, placements=placements))
+                for ending in endings:
+                    with pytest.raises(InputError, match=said):
+                        off.save(tmp_path / f"off{ending}")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["nominal.conf"]
+    with pytest.raises(InputError, match=rf"large.yaml: it has {MAX_CHARACTERS + 1} bytes, too many for one"):
+        _calibration.calibrations_in(b" " * (MAX_CHARACTERS + 1), tmp_path / "large.yaml")
+    with pytest.raises(InputError, match="the rows fit an arm that no ur5e is: "):
+        _calibration.calibration_of(made_up("ur5e", 1, spread=(0.05, 0.0)), "ur5e", tmp_path)

@@ -81,3 +81,14 @@ def test_joints_and_folders():
     ]
     assert ArmFlags.of(parsed("--tip", "tool0")).arm("ur5e").default_tip == "tool0"
     assert ArmFlags.of(parsed("--tool", CENTRE)).arm("ur5e").default_tip == "tool"
+
+
+def test_flags_are_typed_again_as_they_were():
+    words = ["--repair", "--joints", "a,b", "--hold", "rail=0.2", "--package-dir", "x", "--package-dir", "y"]
+    words += ["--tool", CENTRE, "--tool-mass", "1.5"]
+    again = ArmFlags.words(parsed(*words))
+    assert sorted(again) == sorted(words)
+    assert vars(parsed(*again)) == vars(parsed(*words))
+    assert ArmFlags.words(parsed()) == []
+    with pytest.raises(InputError, match="give --tip or --tool, not both"):
+        ArmFlags.of(parsed("--tip", "tool0", "--tool", CENTRE)).arm("ur5e")

@@ -324,6 +324,35 @@ def test_couplings(tmp_path):
         ArmDescription.from_file(file, tip="k2", joints=["one", "two", "o1", "o2"])
 
 
+def test_what_an_equality_holds_and_what_it_connects_to_the_world(tmp_path):
+    """A joint that is coupled to none, or not in proportion, is not the arm's; a body on a target moves freely."""
+    file = tmp_path / "a.xml"
+    site = '<site name="s"/><body name="d" pos="1 0 0"><joint name="three"/><geom size="0.1"/><site name="t"/></body>'
+    target = '<body name="goal" mocap="true"/></worldbody>'
+    for equal, joints in (
+        ('<joint joint1="three" polycoef="0.1 0 0 0 0"/>', ("one", "two")),
+        ('<joint joint1="three" joint2="one" polycoef="0 1 0.5 0 0"/>', ("one", "two")),
+        ('<joint joint1="three" polycoef="0.1 0 0 0 0" active="false"/>', ("one", "two", "three")),
+        ('<weld body1="d" body2="goal"/>', ("one", "two", "three")),
+        ('<connect body1="d" anchor="0 0 0"/>', ("one", "two", "three")),
+        ('<connect site1="s" site2="t"/>', ("one", "two")),
+    ):
+        text = TWO.format(site, f"<equality>{equal}</equality>").replace("</worldbody>", target)
+        file.write_text(text)
+        assert ArmDescription.from_file(file).joints == joints, equal
+
+
+def test_slides_without_limits_have_far_ones_and_that_is_said(tmp_path):
+    file = tmp_path / "rail.xml"
+    file.write_text(TWO.format("", "").replace('name="one"', 'name="one" type="slide" axis="1 0 0"'))
+    arm = ArmDescription.from_file(file)
+    assert ArmKinematics(arm).lower[0] == -100.0 == -ArmKinematics(arm).upper[0]
+    assert arm.notes == ("slides without limits are taken as ±100 m: one",)
+    file.write_text(file.read_text().replace('type="slide"', 'type="slide" range="0 2"'))
+    arm = ArmDescription.from_file(file)
+    assert (ArmKinematics(arm).lower[0], ArmKinematics(arm).upper[0], arm.notes) == (0.0, 2.0, ())
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     {
