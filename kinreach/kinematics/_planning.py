@@ -184,7 +184,9 @@ def _near_way(
             break
         steps, left = steps + taken, left - taken
         path = _shortened(motion, found, rng, step)
-        if not all(motion.motion_free(a, b) for a, b in pairwise(path)):
+        if not _proven(motion, path):  # where a shortcut touched, what was found is shortened by proven ones
+            path = _shortened(motion, found, rng, None)
+        if not _proven(motion, path):
             step /= 2.0
         elif travel(path) > most:
             continue
@@ -350,7 +352,7 @@ def _sampled_range(kin: ArmKinematics, start: Floats, goals: Floats, bound: floa
     return low - SLACK, high + SLACK
 
 
-def _shortened(motion: MotionCheck, path: Floats, rng: np.random.Generator, step: float) -> Floats:
+def _shortened(motion: MotionCheck, path: Floats, rng: np.random.Generator, step: float | None) -> Floats:
     """Shorten a path: leave out waypoints, replace random parts by straight lines, and leave out waypoints again.
 
     The ends of such lines may be next to another waypoint, and a robot would stop there.
@@ -370,7 +372,11 @@ def _shortened(motion: MotionCheck, path: Floats, rng: np.random.Generator, step
     return np.array(_left_out(motion, points, step))
 
 
-def _left_out(motion: MotionCheck, points: list[Floats], step: float) -> list[Floats]:
+def _proven(motion: MotionCheck, path: Floats) -> bool:
+    return all(motion.motion_free(a, b) for a, b in pairwise(path))
+
+
+def _left_out(motion: MotionCheck, points: list[Floats], step: float | None) -> list[Floats]:
     """Leave out waypoints between two that a free straight line connects."""
     first = 0
     while first < len(points) - 2:
