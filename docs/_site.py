@@ -1,7 +1,7 @@
 """What these pages need beside Sphinx's extensions.
 
-Formulas without a script, docstrings with Markdown in them, constants that a package re-exports, notebooks, and numbers
-in tables.
+Formulas without a script, docstrings with Markdown in them, constants that a package re-exports, notebooks, the code of
+examples, and numbers in tables.
 """
 
 from __future__ import annotations
@@ -60,6 +60,7 @@ def setup(app: Sphinx) -> dict[str, int]:
     app.connect("autodoc-process-docstring", _two_in_one, priority=600)  # after it
     app.connect("config-inited", _copy_notebooks)
     app.connect("source-read", _links_of_notebooks)
+    app.connect("source-read", _code_of_examples)
     version = zlib.crc32(Path(__file__).read_bytes())
     return {"env_version": version, "parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -155,6 +156,12 @@ def _links_of_notebooks(app: Sphinx, docname: str, source: list[str]) -> None:
     if docname.startswith("studies/notebooks/"):
         source[0] = re.sub(r"\]\(\.\./docs/", "](../../", source[0])
         source[0] = re.sub(r"\[([^\]\n]+)\]\((?:\.\./(?!\.\./)[^)\n]*|figures)\)", r"\1", source[0])
+
+
+def _code_of_examples(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Where the sources link to an example, the site has its code."""
+    shown = r"\1\n\n```{literalinclude} /../\2\n:language: python\n```"
+    source[0] = re.sub(r"^\[(`python examples/\w+\.py`)\]\((?:\.\./)+(.*?)\)$", shown, source[0], flags=re.MULTILINE)
 
 
 class Numbers(SphinxPostTransform):

@@ -1,8 +1,7 @@
-"""Put the code of examples, and what they print, into `docs/guides/examples.md`.
+"""Put what examples print into `docs/guides/examples.md`.
 
-    python docs/run_examples.py              # runs all of them
-    python docs/run_examples.py 09_seeing    # runs some; the code of all is put there
-    python docs/run_examples.py none         # runs none
+    python docs/run_examples.py              # of all of them
+    python docs/run_examples.py 09_seeing    # of some
 
 They run in a folder of their own; pictures that they write to `results` go to `docs/images`.
 """
@@ -38,27 +37,18 @@ def run(name: str) -> str:
 
 
 def main(names: list[str]) -> None:
-    """Replace the code of every example that the page shows, and the output of those that are named."""
+    """Replace the output of the examples that are named, or of all that the page shows."""
     page = PAGE.read_text(encoding="utf-8")
     shown = re.findall(r"`python examples/(\w+)\.py`", page)
-    for name in shown:
+    for name in [name for name in shown if name in (names or shown)]:
+        print(name, flush=True)
+        output = run(name)
         place = re.compile(
-            rf"(`python examples/{name}\.py`\n\n```python\n)(.*?)(^```\n\n```text\n)(.*?)(^```)",
-            re.DOTALL | re.MULTILINE,
+            rf"(^\[`python examples/{name}\.py`\]\(.*?\)\n\n```text\n).*?(^```)", re.DOTALL | re.MULTILINE
         )
-        code = (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8")
-        output = None
-        if name in (names or shown):
-            print(name, flush=True)
-            output = run(name)
-        page, found = place.subn(
-            lambda match, code=code, output=output: (
-                f"{match[1]}{code}{match[3]}{match[4] if output is None else output}{match[5]}"
-            ),
-            page,
-        )
+        page, found = place.subn(lambda match, output=output: match[1] + output + match[2], page)
         if not found:
-            raise SystemExit(f"{PAGE.name} has no blocks for the code and the output of {name} after its command")
+            raise SystemExit(f"{PAGE.name} has no block for the output of {name} after its command")
     PAGE.write_text(page, encoding="utf-8")
 
 

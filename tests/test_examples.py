@@ -22,7 +22,7 @@ TRAINED = ("03_own_policy", "06_own_algorithm", "07_stable_baselines3", "08_pyto
 def shown(name: str) -> str:
     """What the documentation says that an example prints."""
     (text,) = re.findall(
-        rf"`python examples/{name}\.py`\n\n```python\n.*?^```\n\n```text\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE
+        rf"^\[`python examples/{name}\.py`\]\(.*?\)\n\n```text\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE
     )
     return text
 
