@@ -76,7 +76,7 @@ def descriptions() -> Iterator[Any]:
 
 def scenes() -> Iterator[Any]:
     """The models that MuJoCo gets: bodies, shapes, joints, actuators, cameras, lights, and how they look."""
-    for name, visual in (("ur5e", True), ("arm3", True), ("panda", False), ("ur5-thesis", False)):
+    for name, visual in (("ur5e", False), ("arm3", True), ("panda", False), ("ur5-thesis", False)):
         model = scene_model(get_arm(name), visual=visual)
         yield from (getattr(model, each) for each in sorted(dir(model)) if each.startswith(PARTS))
         yield [model.opt.timestep, model.opt.integrator, model.opt.cone, model.opt.impratio, *model.opt.gravity]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.robots._description import ArmDescription
 from kinreach.robots._meshes import placed_parts
+from kinreach.robots._ur_figures import figure_of
 from kinreach.robots._urdf import origin_of
 
 #: Default colour.
@@ -41,6 +42,9 @@ class LinkShape:
 def link_shapes(arm: ArmDescription, kind: str = "visual", *, meshes_only: bool = False) -> list[LinkShape]:
     """Return the shapes of all links, as they are drawn or as they collide.
 
+    Links that are drawn by the cylinders of a UR without meshes have the figure that is made from these
+    (`kinreach.robots._ur_figures`), also with `meshes_only`, which leaves out boxes, cylinders and spheres.
+
     Returns:
         Link by link in the order of the URDF, one for each colour of a mesh; empty for an arm without shapes.
     """
@@ -49,14 +53,29 @@ def link_shapes(arm: ArmDescription, kind: str = "visual", *, meshes_only: bool 
     return [
         shape
         for link in robot.iter("link")
-        for element in link.iter(kind)
-        if not meshes_only or element.find("geometry/mesh") is not None
-        for shape in _shapes(link.get("name", ""), element, materials, arm)
+        for shape in _shapes_of(link, kind, materials, arm, meshes_only=meshes_only)
     ]
 
 
+def _shapes_of(
+    link: ET.Element,
+    kind: str,
+    materials: Mapping[str, tuple[float, ...] | None],
+    arm: ArmDescription,
+    *,
+    meshes_only: bool,
+) -> Iterator[LinkShape]:
+    name = link.get("name", "")
+    if kind == "visual" and (figure := figure_of(link)) is not None:
+        yield from (LinkShape(name, *part) for part in figure)
+        return
+    for element in link.iter(kind):
+        if not meshes_only or element.find("geometry/mesh") is not None:
+            yield from _shapes(name, element, materials, arm)
+
+
 def _shapes(
-    link: str, element: ET.Element, materials: dict[str, tuple[float, ...] | None], arm: ArmDescription
+    link: str, element: ET.Element, materials: Mapping[str, tuple[float, ...] | None], arm: ArmDescription
 ) -> Iterator[LinkShape]:
     import trimesh
 

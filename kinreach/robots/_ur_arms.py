@@ -2,8 +2,9 @@
 
 `ur3` to `ur30` are the maker's robots: lengths, limits and speeds are those of `_ur.UR_MODELS`, shapes the cylinders
 of `_ur.UR_SHAPES`. UR3, UR5 and UR10 are drawn by the meshes of example-robot-data, whose hulls are too coarse for
-collisions (`docs/reference/accuracy.md`). Each stands on a table, with a yaw of +90 degrees, so that its front is
-world +x (base_link -y). The frame `tcp` is 0.20 m along z from the flange `tool0`.
+collisions (`docs/reference/accuracy.md`), the others by figures made from their cylinders (`_ur_figures`). Each
+stands on a table, with a yaw of +90 degrees, so that its front is world +x (base_link -y). The frame `tcp` is 0.20 m
+along z from the flange `tool0`.
 
 `ur3-thesis`, `ur5-thesis` and `ur10-thesis` stand in the thesis's work cell: the joint-limited robots of
 example-robot-data (all joints within ±pi) with its parallel gripper, whose fingers end at `tcp`, and its cameras.

@@ -53,10 +53,10 @@ def build_scene(
 ) -> Any:
     """Return the scene of an arm, a `mujoco.MjSpec`, ready to compile or to edit further.
 
-    With `visual` it draws the links by the URDF's visual meshes, the table's legs and camera housings, without mass or
-    contact; otherwise links by their collision shapes, which is faster. With one of `objects`, free ones
-    (`kinreach.sim._free_objects`), the ball that marks a goal is hidden. `boxes` can be put elsewhere
-    (`kinreach.sim._movable_boxes`).
+    With `visual` it draws the links by the URDF's visual meshes or the figures of UR models, the table's legs and
+    camera housings, without mass or contact; otherwise links by their collision shapes, which is faster. With one of
+    `objects`, free ones (`kinreach.sim._free_objects`), the ball that marks a goal is hidden. `boxes` can be put
+    elsewhere (`kinreach.sim._movable_boxes`).
 
     Raises:
         InputError: An unusable or missing mesh, or an arm that MuJoCo refuses.

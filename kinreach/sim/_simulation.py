@@ -46,7 +46,7 @@ class ArmSimulation:
     Args:
         arm: Name of a registered arm, or a description.
         timestep: Step of the simulation [s].
-        visual: Draw visual meshes, see `build_scene`; takes about 1 s on first use and does not change the motion.
+        visual: Draw the links as `build_scene` says; takes about 1 s on first use and does not change the motion.
         tolerance: How far from its target a joint may come to rest [rad].
         imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
         objects: Number of free objects, up to two; `kinreach.sim._grasping` puts them somewhere and grasps them.

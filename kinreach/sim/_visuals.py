@@ -1,4 +1,4 @@
-"""Visuals of a scene: light, materials, cameras and their housings, the links' visual meshes.
+"""Visuals of a scene: light, materials, cameras and their housings, and how the links are drawn.
 
 None of it has mass or contact.
 """
@@ -153,7 +153,7 @@ def add_camera(spec: Any, mount: CameraMount, *, housing: bool) -> None:
 
 
 def add_visual_meshes(spec: Any, arm: ArmDescription) -> None:
-    """Draw links by their visual meshes, if they have any."""
+    """Draw links by their visual meshes or a UR's figure, if they have any."""
     shapes: dict[str, dict[tuple[float, ...], list[LinkShape]]] = defaultdict(lambda: defaultdict(list))
     for shape in link_shapes(arm, meshes_only=True):
         shapes[shape.link][tuple((np.array(shape.rgba) ** _GAMMA).tolist())].append(shape)
