@@ -75,6 +75,7 @@ html_theme = "furo"
 pygments_dark_style = "github-dark"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(ROOT / "docs" / "_search.js")
 html_logo = html_favicon = "_static/logo.svg"
 html_copy_source = html_show_copyright = False
 html_theme_options = {

@@ -121,7 +121,7 @@ def test_sentences_are_short():
 
 
 def test_pages_are_short():
-    """What is said without code and tables, by all pages and by those that are no measurements; and those with tables."""
+    """What they say without code and tables: all, and those that are no measurements; guides with their tables, too."""
     measured = re.findall(r"^(?:reference|studies)/[\w/]+$", read(DOCS / "measurements.md"), re.MULTILINE)
     measured = {DOCS / "measurements.md", *(DOCS / f"{name}.md" for name in measured)}
     assert len(measured) >= 20
