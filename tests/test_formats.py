@@ -42,7 +42,7 @@ def header(path: Path) -> list[str]:
 def test_files_of_a_training(run):
     (said,) = tables("Files of a training")
     written = {path.name + "/" * path.is_dir() for path in run.iterdir()}
-    assert written == said - {"checkpoint.pt"}
+    assert written == said
     assert tables("curve.csv") == [set(header(run / "curve.csv"))]
     assert tables("episode.csv") == [set(header(run / "episode.csv"))]
     assert tables("run.json") == [json.loads((run / "run.json").read_text(encoding="utf-8")).keys()]

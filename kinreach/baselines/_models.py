@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -11,10 +13,12 @@ from kinreach._objects import load_object, place_of
 from kinreach.baselines._algorithms import ALGORITHMS, Algorithm
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._learning_curve import LearningCurve
+from kinreach.baselines._policies import LearnedPolicy
 from kinreach.baselines._policy_file import Network
+from kinreach.baselines._ranked_ppo import AdaptiveRate
 from kinreach.baselines._recipes import Recipe
 from kinreach.baselines._rewards import training_reward
-from kinreach.baselines._sb3_export import check_export, check_trainable
+from kinreach.baselines._sb3_export import check_export, check_trainable, set_actor
 from kinreach.baselines._vec_envs import SB3VecEnv
 from kinreach.errors import InputError, KinreachError
 
@@ -34,12 +38,20 @@ class Trainee:
         return self.algorithm.exporter(self.model)
 
 
-def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
-    """Make a model and its environments; `seed` is of the networks, schedules refer to `steps` planned actions."""
+def build(recipe: Recipe, seed: int, *, steps: int, start: LearnedPolicy | None = None) -> Trainee:
+    """Make a model and its environments.
+
+    Args:
+        recipe: What to train.
+        seed: Of the networks.
+        steps: Planned actions, to which schedules refer.
+        start: Policy with whose weights the actor begins.
+    """
     check_known("algorithm", recipe.algorithm, ALGORITHMS)
     algorithm = ALGORITHMS[recipe.algorithm]
     reward = training_reward(recipe.reward)
     recipe = replace(recipe, settings={**algorithm.defaults, **recipe.settings})
+    recipe = recipe if start is None else replace(recipe, settings=_late(recipe.settings))
     make = load_object("algorithm", algorithm.model) if isinstance(algorithm.model, str) else algorithm.model
     batch = make_batch(recipe.environment, recipe.num_envs, recipe.options)
     try:
@@ -57,10 +69,36 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
             raise InputError(f"{recipe.algorithm} does not take the settings of {recipe.name}: {error}") from error
         trainee = Trainee(model, env, curve, algorithm)
         check_export(model, _exported(trainee), algorithm.name, seen=env.seen)
+        if start is not None:
+            _begin_with(trainee, start, recipe)
     except BaseException:
         batch.close()
         raise
     return trainee
+
+
+def _late(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings with schedules as late in a training; noise and steps of its beginning undo what a policy knows.
+
+    The adaptive rate begins at its lowest, and grows as long as updates change the actor little.
+    """
+    changed = dict(settings)
+    if exploration := settings.get("exploration"):
+        changed["exploration"] = {**exploration, "first": exploration["last"]}
+    if adaptive := settings.get("adaptive"):
+        changed["adaptive"] = {**adaptive, "first": adaptive.get("lowest", AdaptiveRate.lowest)}
+    return changed
+
+
+def _begin_with(trainee: Trainee, start: LearnedPolicy, recipe: Recipe) -> None:
+    model: Any = trainee.model
+    try:
+        for policy in (model.policy, getattr(model, "average", None)):
+            if policy is not None:
+                set_actor(model, policy, start.network)
+        check_export(model, trainee.network, trainee.algorithm.name, seen=trainee.env.seen)
+    except InputError as error:
+        raise InputError(f"{start.name} cannot begin the training of {recipe.name}: {error}") from None
 
 
 def _exported(trainee: Trainee) -> Network:

@@ -81,6 +81,15 @@ class TorchEye(nn.Module):
         weights = (self.sharpness * h).flatten(2).softmax(dim=2).view_as(h)
         return torch.stack([weights.sum(dim=2) @ across, weights.sum(dim=3) @ down], dim=2).flatten(1)
 
+    @torch.no_grad()
+    def take(self, eye: Eye) -> None:
+        """Take the weights of an exported eye with the same layers."""
+        for layer, (weight, bias) in zip(self.layers, eye.layers, strict=True):
+            parameters: dict[str, Tensor] = layer.state_dict()
+            parameters["weight"].copy_(torch.as_tensor(weight))
+            parameters["bias"].copy_(torch.as_tensor(bias))
+        self.sharpness.fill_(eye.sharpness)
+
     def exported(self) -> Eye:
         state = {name: value.numpy() for name, value in self.state_dict().items()}
         layers = [(state[f"layers.{i}.weight"], state[f"layers.{i}.bias"]) for i in range(len(self.layers))]

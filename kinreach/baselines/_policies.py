@@ -105,6 +105,14 @@ class LearnedPolicy:
         return half, middle
 
     @property
+    def digest(self) -> str:
+        """Its name, and a digest of its numbers."""
+        network = self.network
+        layers = [*network.layers, *(layer for eye in network.eyes for layer in eye.layers)]
+        numbers = [*(part for layer in layers for part in layer), network.mean, network.scale, network.gain]
+        return f"{self.name} {digest(b''.join(np.ascontiguousarray(part, dtype=float).tobytes() for part in numbers))}"
+
+    @property
     def name(self) -> str:
         """Name of the recipe that trained it."""
         return str(self.card.recipe.get("name") or "the policy")
@@ -252,10 +260,12 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
         with resources.as_file(resources.files("kinreach.baselines") / "pretrained" / f"{policy}{_SUFFIX}") as path:
             card, network = read_policy(path)
     elif (path := check_path("policy", policy)).suffix == ".zip":
+        beside = (folder / "vecnormalize.pkl" for folder in (path.parent, path.with_suffix("")))
+        found = next((f", normalize=VecNormalize.load('{file}', venv)" for file in beside if file.exists()), "")
         raise InputError(
             f"{path}: loading stable-baselines3's own files can run code in them, so kinreach reads none; if you trust "
             "it, load it in Python and write a policy file: kinreach.baselines.export_policy(PPO.load(...), "
-            "'policy.safetensors', environment=ID)"
+            f"'policy.safetensors', environment=ID{found})"
         )
     elif path.suffix or path.exists():
         card, network = read_policy(path)

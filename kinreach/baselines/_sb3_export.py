@@ -13,10 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.torch_layers import FlattenExtractor
+from stable_baselines3.common.vec_env import VecNormalize
 
 from kinreach._checks import check_path, shown
 from kinreach._files import make_writable
@@ -40,7 +42,12 @@ ACTORS = (
 
 
 def export_policy(
-    model: BaseAlgorithm, path: str | Path, *, environment: str, options: Mapping[str, Any] | None = None
+    model: BaseAlgorithm,
+    path: str | Path,
+    *,
+    environment: str,
+    options: Mapping[str, Any] | None = None,
+    normalize: VecNormalize | None = None,
 ) -> LearnedPolicy:
     """Write the actor of a stable-baselines3 model as a policy file, which carries no code.
 
@@ -52,13 +59,16 @@ def export_policy(
         path: Of the file, such as `policy.safetensors`; its folder is created, and it is replaced in one step.
         environment: Id of the environment that it acts in, such as `kinreach/Reach-v0`.
         options: Of that environment, as JSON values, as it was trained with them.
+        normalize: The `VecNormalize` that it was trained with, such as `VecNormalize.load("vecnormalize.pkl", venv)`;
+            that of the model's environment if None. Its mean and variance become part of the network; what it would
+            clip, 10 standard deviations away, is not clipped.
 
     Returns:
         The policy that was written.
 
     Raises:
-        InputError: The actor is no multilayer perceptron of these, its activation is none of `Networks`, or its
-            observations are normalised by `VecNormalize`, whose statistics are not in the model.
+        InputError: The actor is no multilayer perceptron of these, its activation is none of `Networks`, or it was
+            trained with a `VecNormalize` that is not there, or is of other observations.
         OutputError: The file cannot be written.
     """
     given: Any = model
@@ -68,11 +78,16 @@ def export_policy(
     if not isinstance(named, str) or not named:
         raise InputError(f"environment must be the id of one, such as kinreach/Reach-v0, got {shown(environment)}")
     path = check_path("path", path)
-    if model.get_vec_normalize_env() is not None or getattr(model, "_last_original_obs", None) is not None:
-        raise InputError("it was trained with VecNormalize, whose statistics are not in the model")
+    normalize = normalize or model.get_vec_normalize_env()
+    if normalize is None and getattr(model, "_last_original_obs", None) is not None:
+        raise InputError(
+            "it was trained with VecNormalize, whose statistics are in a file of their own: "
+            "export_policy(..., normalize=VecNormalize.load('vecnormalize.pkl', venv))"
+        )
     check_trainable(model.observation_space, model.action_space)
     network = actor_network(model)
     check_export(model, network, type(model).__name__)
+    network = network if normalize is None else _normalised(network, normalize)
     card = PolicyCard(
         environment=environment,
         meaning="preferences" if isinstance(model.action_space, spaces.Discrete) else "action",
@@ -86,6 +101,21 @@ def export_policy(
     make_writable(path.parent)
     save_policy(path, card, network)
     return LearnedPolicy(card, network)
+
+
+def _normalised(network: Network, normalize: VecNormalize) -> Network:
+    """Return a network that normalises observations as `VecNormalize` does, without clipping."""
+    given: Any = normalize
+    if not isinstance(given, VecNormalize):
+        raise InputError(f"normalize must be a VecNormalize of stable-baselines3, got {shown(given)}")
+    if not normalize.norm_obs:
+        return network
+    statistics: Any = normalize.obs_rms
+    count = len(network.mean)
+    if isinstance(statistics, dict) or statistics.mean.shape != (count,):
+        raise InputError(f"normalize must be of observations with {count} numbers, as the model")
+    spread = np.sqrt(statistics.var + normalize.epsilon)
+    return replace(network, mean=statistics.mean + spread * network.mean, scale=spread * network.scale)
 
 
 def averaged_actor(model: BaseAlgorithm) -> Network:
@@ -107,10 +137,7 @@ def actor_network(model: BaseAlgorithm, policy: Any = None) -> Network:
         names[policy.activation_fn],
         (space.low, space.high) if isinstance(space, spaces.Box) else None,
     )
-    owner = next(getattr(policy, name) for name in ("actor", "q_net", "action_net") if hasattr(policy, name))
-    features = (
-        policy.pi_features_extractor if owner is getattr(policy, "action_net", None) else owner.features_extractor
-    )
+    features = _features_extractor(policy)
     if isinstance(features, ObservationFeatures):
         constants = {name: getattr(features, name).numpy() for name in ("mean", "scale", "waves")}
         network = replace(network, **constants)
@@ -120,22 +147,15 @@ def actor_network(model: BaseAlgorithm, policy: Any = None) -> Network:
         network = replace(network, output="tanh", steering=features.exported())
     elif type(features) is not FlattenExtractor:
         raise InputError(f"the features extractor {type(features).__name__} cannot be exported")
-    if isinstance(owner, PostureHead):
-        network = replace(network, gain=owner.gain.numpy(), shift=owner.shift.numpy())
+    head = getattr(policy, "action_net", None)
+    if isinstance(head, PostureHead):
+        network = replace(network, gain=head.gain.numpy(), shift=head.shift.numpy())
     return network
 
 
 def _perceptron(tensors: Mapping[str, Array], activation: str, bounds: tuple[Array, Array] | None) -> Network:
     """Return the actor in the tensors of a policy, without normalisation; bounds have shape (m,), None if discrete."""
-    for actor in ACTORS:
-        prefix, last, _ = actor
-        found = {match[1] for name in tensors if (match := re.fullmatch(re.escape(prefix) + r"(\d+)\.weight", name))}
-        names = [f"{prefix}{number}" for number in sorted(found, key=int)] + ([last] if last else [])
-        if names and all(f"{name}.{part}" in tensors for name in names for part in ("weight", "bias")):
-            break
-    else:
-        raise InputError("its actor is not a multilayer perceptron of PPO, A2C, SAC, TQC, TD3, DDPG or DQN")
-    output = actor[2]
+    names, output = _actor_layers(tensors)
     layers = [(tensors[f"{name}.weight"], tensors[f"{name}.bias"]) for name in names]
     width = len(layers[-1][1])
     gain, shift, low, high = np.ones(width), np.zeros(width), None, None
@@ -148,6 +168,67 @@ def _perceptron(tensors: Mapping[str, Array], activation: str, bounds: tuple[Arr
     inputs = layers[0][0].shape[1]
     constants = np.zeros(inputs), np.ones(inputs), np.zeros(0)
     return Network(*constants, layers, activation, output, gain, shift, low, high)
+
+
+def _actor_layers(tensors: Mapping[str, Any]) -> tuple[list[str], str]:
+    """Return the names of the actor's layers among the tensors of a policy, and the function behind the last one."""
+    for prefix, last, output in ACTORS:
+        found = {match[1] for name in tensors if (match := re.fullmatch(re.escape(prefix) + r"(\d+)\.weight", name))}
+        names = [f"{prefix}{number}" for number in sorted(found, key=int)] + ([last] if last else [])
+        if names and all(f"{name}.{part}" in tensors for name in names for part in ("weight", "bias")):
+            return names, output
+    raise InputError("its actor is not a multilayer perceptron of PPO, A2C, SAC, TQC, TD3, DDPG or DQN")
+
+
+@torch.no_grad()
+def set_actor(model: BaseAlgorithm, policy: Any, network: Network) -> None:
+    """Give an actor, and its copy that targets are taken from, the weights of a network; the critic stays as it is.
+
+    Args:
+        model: As stable-baselines3 makes it, for its spaces.
+        policy: The model's, or one of the same kind.
+        network: The weights, with the constants around them.
+
+    Raises:
+        InputError: The actor has other layers, another activation, or constants around them that cannot be set.
+    """
+    now = actor_network(model, policy)
+    if _sizes(now) != _sizes(network):
+        raise InputError(f"its network is {_sizes(network)}, that of the recipe is {_sizes(now)}")
+    features: Any = _features_extractor(policy)
+    constants = {name: getattr(features, name) for name in ("mean", "scale", "waves") if hasattr(features, name)}
+    head = getattr(policy, "action_net", None)
+    if isinstance(head, PostureHead):
+        constants |= {"gain": head.gain, "shift": head.shift}
+    for name, constant in constants.items():
+        constant.copy_(torch.as_tensor(getattr(network, name)))
+    for mine, its in zip(features.eyes if network.eyes else (), network.eyes, strict=True):
+        mine.take(its)
+    tensors = policy.state_dict()
+    for name, (weight, bias) in zip(_actor_layers(tensors)[0], network.layers, strict=True):
+        for part, value in ((f"{name}.weight", weight), (f"{name}.bias", bias)):
+            copies = {re.sub(r"^(actor|q_net)\.", r"\1_target.", part), part} & set(tensors)
+            for copy in copies:
+                tensors[copy].copy_(torch.as_tensor(value))
+    now = actor_network(model, policy)
+    for name in ("mean", "scale", "waves", "gain", "shift", "low", "high"):
+        mine, its = getattr(now, name), getattr(network, name)
+        if (mine is None) != (its is None) or (mine is not None and not np.allclose(mine, its, rtol=1e-5, atol=1e-6)):
+            raise InputError(f"{name} around the layers of its network is not that of the recipe, and is fixed there")
+
+
+def _features_extractor(policy: Any) -> Any:
+    owner = next(getattr(policy, name) for name in ("actor", "q_net", "action_net") if hasattr(policy, name))
+    return policy.pi_features_extractor if owner is getattr(policy, "action_net", None) else owner.features_extractor
+
+
+def _sizes(network: Network) -> str:
+    """Return the numbers of inputs and outputs of a network's layers, such as "13-64-64-6, tanh"; eyes first."""
+    waves = f" with {len(network.waves)} waves" if len(network.waves) else ""
+    widths = [f"{len(network.mean)}{waves}", *(len(bias) for _, bias in network.layers)]
+    eyes = "".join(f"{'-'.join(str(len(bias)) for _, bias in eye.layers)} channels, " for eye in network.eyes)
+    steers = ", of one that steers" if network.steering is not None else ""
+    return f"{eyes}{'-'.join(map(str, widths))}, {network.activation}, {network.output}{steers}"
 
 
 def check_trainable(observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from kinreach._files import locked, make_writable, read_bytes, replacing
 from kinreach._jobs import Engine
+from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.baselines._recipes import Recipe, get_recipe
 from kinreach.baselines._training import (
     CHECKPOINT,
@@ -20,6 +21,7 @@ from kinreach.baselines._training import (
     clear,
     kept_run,
     make_folder,
+    new_folders,
     read_checkpoint,
     run_identity,
     segments,
@@ -32,6 +34,7 @@ class Training:
 
     Attributes:
         name: Of the recipe, or `module:attribute`, which is imported where the job runs.
+        begins: Policy with whose weights the actor begins, or None.
         export: As in `train`.
         checkpoint: Content of the checkpoint to resume, or None.
     """
@@ -39,6 +42,7 @@ class Training:
     name: str
     recipe: Recipe
     identity: Mapping[str, Any]
+    begins: LearnedPolicy | None
     export: bool
     checkpoint: bytes | None
 
@@ -64,6 +68,7 @@ def train_seeds(
     steps: int | None,
     resume: bool,
     fresh: bool,
+    start: str | Path | None,
     threads: int,
     export: bool,
     progress: Callable[[int, int], None],
@@ -79,11 +84,13 @@ def train_seeds(
     """
     recipe = get_recipe(name)
     recipe = recipe if steps is None else replace(recipe, steps=steps)
+    begins = None if start is None else load_policy(start)
     with ExitStack() as stack:
         jobs: list[Training] = []
         finished: list[Run] = []
         for seed, folder in folders.items():
-            identity = run_identity(recipe, seed, threads)
+            identity = run_identity(recipe, seed, threads, begins)
+            stack.enter_context(new_folders(folder))
             make_writable(folder)
             stack.enter_context(locked(folder, "a training"))
             if (run := kept_run(folder, identity, resume=resume, fresh=fresh, export=export)) is not None:
@@ -94,13 +101,13 @@ def train_seeds(
             if resume and (path := folder / CHECKPOINT).exists():
                 read_checkpoint(path, identity)  # refuses that of another run
                 checkpoint = read_bytes(path, "the checkpoint", most=MAX_CHECKPOINT)
-            jobs.append(Training(name, recipe, identity, export, checkpoint))
+            jobs.append(Training(name, recipe, identity, begins, export, checkpoint))
         yield from finished
         done = dict.fromkeys(range(len(jobs)), 0)
         for index, kept in engine.map(train_here, jobs, threads=threads):
             job = jobs[index]
             folder = folders[job.identity["seed"]]
-            _write(folder, kept.files)
+            _write(folder, kept.files, keep=job.checkpoint is not None)
             done[index] = kept.done
             progress(sum(done.values()) + recipe.steps * len(finished), recipe.steps * len(folders))
             for text in kept.notices:
@@ -120,7 +127,7 @@ def train_here(job: Training) -> Iterator[Kept]:
             (folder / CHECKPOINT).write_bytes(job.checkpoint)
         done = 0
         for policy in segments(
-            job.recipe, folder, job.identity, resume=True, export=job.export, notice=notices.append
+            job.recipe, folder, job.identity, resume=True, begins=job.begins, export=job.export, notice=notices.append
         ):  # fmt: skip
             done = policy.card.steps
             yield Kept(done, _contents(folder), tuple(notices))
@@ -133,9 +140,10 @@ def _contents(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
-def _write(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files, last the one that marks the run as finished."""
-    clear(folder)
+def _write(folder: Path, files: Mapping[str, bytes], *, keep: bool) -> None:
+    """Write files, last the one that marks the run as finished; a finished run stays until a longer one is."""
+    if RUN in files or not keep:
+        clear(folder)
     for name in sorted(files, key=lambda name: (name == RUN, name)):
         path = folder / name
         path.parent.mkdir(exist_ok=True)

@@ -108,7 +108,7 @@ def _runs(
         from kinreach.baselines._training import train
     errors = Console(stderr=True)
     common: dict[str, Any] = {
-        name: getattr(arguments, name) for name in ("steps", "resume", "fresh", "threads", "export")
+        name: getattr(arguments, name) for name in ("steps", "resume", "fresh", "start", "threads", "export")
     }
     common["notice"] = partial(errors.print, soft_wrap=True)
     columns = (
@@ -152,6 +152,7 @@ def _again(arguments: argparse.Namespace) -> list[str]:
         value = getattr(arguments, name)
         words += [] if value == default else [f"--{name}", str(value)]
     words += ["--picture", str(arguments.picture)] if arguments.picture is not None else []
+    words += ["--from", str(arguments.start)] if arguments.start is not None else []
     words += ["--export"] if arguments.export else []
     return [*words, "--out", str(arguments.out), "--resume"]
 
@@ -183,7 +184,17 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--out", metavar="DIR", default="results/train", help="runs go into DIR/RECIPE/seed-S (default: %(default)s)"
     )
-    parser.add_argument("--resume", action="store_true", help="go on from the last checkpoint; keep what is finished")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on from the last checkpoint; keep what is finished, unless --steps asks for more",
+    )
+    parser.add_argument(
+        "--from",
+        dest="start",
+        metavar="POLICY",
+        help="begin with the weights of a policy: the name of one that ships, or a file",
+    )
     parser.add_argument("--fresh", action="store_true", help="replace another run that is finished in the folder")
     parser.add_argument(
         "--export",

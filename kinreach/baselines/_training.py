@@ -2,7 +2,8 @@
 
 A run is a sequence of segments. Each begins with fresh episodes, and with generators seeded by the seed and the number
 of the segment, so that a resumed run gives the same policy as an uninterrupted one. A run's identity is its recipe,
-seed, threads and versions. A folder holds one run, which is finished when there is `run.json`, written last.
+seed, threads, versions, and the policy that it starts from. A folder holds one run, which is finished when there is
+`run.json`, written last. A finished run with fewer actions can go on: its checkpoint stays.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import random
 import time
 import warnings
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,6 +44,8 @@ from kinreach.errors import InputError, KinreachError, OutputError, TrainingErro
 
 CHECKPOINT, POLICY, CURVE = "checkpoint.pt", POLICY_FILE, "curve.csv"
 EPISODE, RUN, MODEL = "episode.csv", "run.json", "model.zip"
+#: Of a run that went on: numbers of actions after which it was finished before.
+LONGER_THAN = "longer_than"
 #: Folder of TensorBoard's logs, in that of the run.
 TENSORBOARD = "tensorboard"
 #: Sizes of what is read again [bytes]; a checkpoint has the replay buffer.
@@ -85,6 +88,7 @@ def train(
     steps: int | None = None,
     resume: bool = False,
     fresh: bool = False,
+    start: str | Path | None = None,
     threads: int = 1,
     export: bool = False,
     progress: TrainingProgress = lambda done, planned, row: None,
@@ -93,8 +97,8 @@ def train(
     """Train a policy.
 
     The folder gets `policy.safetensors`, `curve.csv`, `run.json` (recipe, seed, threads, versions, digests of the
-    code, times), TensorBoard's logs, and until the end `checkpoint.pt`. Without `resume` the training begins anew and
-    replaces the same run, or an interrupted one. Another finished run is an error, unless `fresh` is set.
+    code, times), TensorBoard's logs, and `checkpoint.pt`. Without `resume` the training begins anew and replaces the
+    same run, or an interrupted one. Another finished run is an error, unless `fresh` is set.
 
     Run one training at a time in a process: it seeds the generators of `random`, `numpy` and torch. Torch's number of
     threads is restored.
@@ -104,8 +108,11 @@ def train(
         folder: Created if it does not exist.
         seed: Of networks, exploration and training goals.
         steps: Actions instead of the recipe's.
-        resume: Continue from the checkpoint in the folder, if it can be read; keep the same run if it is finished.
+        resume: Continue from the checkpoint in the folder, if it can be read; keep the same run if it is finished. With
+            more `steps` a finished run goes on; schedules of the algorithm then refer to the new number.
         fresh: Replace any run in the folder.
+        start: Policy with whose weights the actor begins, by its name or its file, such as the one that the recipe
+            ships; its network must be the recipe's. Scheduled exploration stays at its last value.
         threads: Of torch. Another number gives another policy.
         export: Write stable-baselines3's own `model.zip` too. To load one with stable-baselines3 can run code: do so
             only with your own.
@@ -114,7 +121,8 @@ def train(
 
     Raises:
         OutputError: The folder cannot be written, or another training is writing there.
-        InputError: An argument is invalid, the model cannot be exported, or the folder holds another run.
+        InputError: An argument is invalid, the model cannot be exported, the start has another network than the recipe,
+            or the folder holds another run.
         TrainingError: A reward, an observation, a loss or a weight became NaN or infinite; the last checkpoint is kept.
     """
     if not isinstance(recipe, Recipe):
@@ -126,11 +134,13 @@ def train(
     if resume and fresh:
         raise InputError("resume goes on with a run, fresh replaces it: one of them")
     recipe = recipe if steps is None else replace(recipe, steps=steps)
-    identity = run_identity(recipe, seed, threads)
-    with _no_empty_folder(folder), _written(folder):
+    begins = None if start is None else load_policy(start)
+    identity = run_identity(recipe, seed, threads, begins)
+    with new_folders(folder), _written(folder):
         if (done := kept_run(folder, identity, resume=resume, fresh=fresh, export=export)) is not None:
             return done
-        for _ in segments(recipe, folder, identity, resume=resume, export=export, progress=progress, notice=notice):
+        common: dict[str, Any] = {"begins": begins, "export": export, "progress": progress, "notice": notice}
+        for _ in segments(recipe, folder, identity, resume=resume, **common):
             pass
         return _run_in(folder)
 
@@ -144,7 +154,7 @@ def _written(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _no_empty_folder(folder: Path) -> Iterator[None]:
+def new_folders(folder: Path) -> Iterator[None]:
     """Remove the folders that a refused training has made, as long as they are empty."""
     there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
     try:
@@ -158,12 +168,11 @@ def _no_empty_folder(folder: Path) -> Iterator[None]:
         raise
 
 
-def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
+def run_identity(recipe: Recipe, seed: int, threads: int, begins: LearnedPolicy | None = None) -> dict[str, Any]:
     """Return the identity of a run, as JSON values."""
+    facts = {"recipe": recipe.to_dict(), "seed": seed, "threads": threads, "versions": _versions()}
     try:
-        written = json.dumps(
-            {"recipe": recipe.to_dict(), "seed": seed, "threads": threads, "versions": _versions()}, allow_nan=False
-        )
+        written = json.dumps(facts | ({} if begins is None else {"start": begins.digest}), allow_nan=False)
     except (TypeError, ValueError) as error:
         raise InputError(
             f"settings and options of the recipe {recipe.name} must be JSON values: {error}; a reward of your own "
@@ -176,11 +185,10 @@ def kept_run(
     folder: Path, identity: Mapping[str, Any], *, resume: bool = True, fresh: bool = False, export: bool = False
 ) -> Run | None:
     """Return the run in a folder if it is finished and kept; `export` asks for stable-baselines3's own file as well."""
-    if fresh or not _holds(folder, identity) or not resume:
+    if fresh or not _holds(folder, identity, resume=resume) or not resume:
         return None
     if export and not (folder / MODEL).exists():
         raise InputError(f"{folder} holds this run finished without {MODEL}; train it again without --resume")
-    _remove(folder, (CHECKPOINT,))
     return _run_in(folder)
 
 
@@ -190,8 +198,8 @@ def _run_in(folder: Path) -> Run:
     return Run(folder, policy.card, policy, float(run["seconds"]), float(run["cpu_seconds"]))
 
 
-def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
-    """Return whether a folder holds this run, finished; refuse another finished run."""
+def _holds(folder: Path, identity: Mapping[str, Any], *, resume: bool) -> bool:
+    """Return whether a folder holds this run, finished; refuse another finished run, unless it can go on to this."""
     if not (folder / POLICY).exists() or (not (folder / RUN).exists() and (folder / CHECKPOINT).exists()):
         return False
     otherwise = "train into another folder, or replace it with --fresh (fresh=True)"
@@ -200,9 +208,26 @@ def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
         _ = float(run["seconds"]), float(run["cpu_seconds"])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(f"{folder} holds a policy, and no {RUN} with its recipe and seed; {otherwise}") from None
-    if differences := _differences(run, identity):
-        raise InputError(f"{folder} holds a finished run with {differences}; {otherwise}")
-    return True
+    if not (differences := _differences(run, identity)):
+        return True
+    if _is_shorter(run, identity):
+        if resume and (folder / CHECKPOINT).exists():
+            return False
+        if resume:
+            otherwise = f"it has no {CHECKPOINT} to go on with; begin with its policy, --from, in another folder"
+        else:
+            otherwise = f"go on with it with --resume (resume=True), {otherwise}"
+    raise InputError(f"{folder} holds a finished run with {differences}; {otherwise}")
+
+
+def _is_shorter(run: Mapping[str, Any], identity: Mapping[str, Any]) -> bool:
+    """Return whether a run is another with fewer actions."""
+    try:
+        steps = run["recipe"]["steps"]
+        other = {**run, "recipe": {**run["recipe"], "steps": identity["recipe"]["steps"]}}
+        return bool(steps < identity["recipe"]["steps"]) and not _differences(other, identity)
+    except (KeyError, TypeError):
+        return False
 
 
 def _differences(run: Mapping[str, Any], identity: Mapping[str, Any]) -> str:
@@ -232,6 +257,7 @@ def segments(
     identity: Mapping[str, Any],
     *,
     resume: bool,
+    begins: LearnedPolicy | None = None,
     export: bool = False,
     progress: TrainingProgress = lambda done, planned, row: None,
     notice: Callable[[str], None] = _warn,
@@ -243,7 +269,7 @@ def segments(
     others = torch.get_num_threads()
     torch.set_num_threads(identity["threads"])
     try:
-        yield from _segments(recipe, folder, identity, resume, export, progress, notice)
+        yield from _segments(recipe, folder, identity, resume, begins, export, progress, notice)
     finally:
         torch.set_num_threads(others)
 
@@ -264,6 +290,7 @@ def _segments(
     folder: Path,
     identity: Mapping[str, Any],
     resume: bool,
+    begins: LearnedPolicy | None,
     export: bool,
     progress: TrainingProgress,
     notice: Callable[[str], None],
@@ -274,15 +301,17 @@ def _segments(
     checkpoint = folder / CHECKPOINT
     going_on = resume and checkpoint.exists()
     state = read_checkpoint(checkpoint, identity) if going_on else None
-    trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
+    trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps, start=begins)
     first = 0
     sources: list[str] = []
+    ends: list[int] = []
     if state is not None:
         try:
             first, sources = restore(trainee, state)
+            ends = _ends(state["identity"], recipe.steps)
         except (LookupError, TypeError, AttributeError, RuntimeError, ValueError):
             trainee.env.close()
-            trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
+            trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps, start=begins)
     if going_on and not first:
         notice(f"{checkpoint} cannot be read: the training starts over")
     if sources and sources[-1] != source:
@@ -291,11 +320,14 @@ def _segments(
     sources = sources if sources[-1:] == [source] else [*sources, source]
     model = trainee.model
     model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
+    targets = _targets(recipe, model, ends)
+    identity = {**identity, LONGER_THAN: ends} if ends else identity
     try:
-        clear(folder)
+        if not ends:  # a run that goes on is a finished one until it is longer
+            clear(folder)
         if first:
             _write_curves(folder, trainee.curve)
-        for segment, target in enumerate(_targets(recipe, model)):
+        for segment, target in enumerate(targets):
             if segment < first:
                 continue
             _begin_segment(trainee, seed, segment)
@@ -305,14 +337,16 @@ def _segments(
                 kept = "the last checkpoint is kept" if segment else "there is no checkpoint yet"
                 raise TrainingError(f"{error} after {model.num_timesteps} actions; {kept}") from error
             _end_segment(trainee)
-            save_checkpoint(checkpoint, {**identity, "sources": sources}, segment, trainee)
+            last = segment + 1 == len(targets)
+            save_checkpoint(checkpoint, {**identity, "sources": sources}, segment, trainee, last)
             _write_curves(folder, trainee.curve)
-            yield LearnedPolicy(_card(recipe, identity, trainee), trainee.network)
+            yield LearnedPolicy(_card(recipe, identity, trainee, len(targets)), trainee.network)
     finally:
         trainee.env.close()
         model.logger.close()
     seconds, cpu_seconds = time.perf_counter() - clock, time.process_time() - cpu
-    save_policy(folder / POLICY, _card(recipe, identity, trainee), trainee.network)
+    _remove(folder, (RUN, MODEL))
+    save_policy(folder / POLICY, _card(recipe, identity, trainee, len(targets)), trainee.network)
     if export:
         archive = io.BytesIO()
         model.save(archive)
@@ -321,10 +355,9 @@ def _segments(
     run = {**identity, "sources": sources, "steps": model.num_timesteps, "seconds": seconds, "cpu_seconds": cpu_seconds,
            "resumed": first > 0, "machine": provenance.machine()}  # fmt: skip
     write_text(folder / RUN, json.dumps(run, indent=2) + "\n")
-    _remove(folder, (CHECKPOINT,))
 
 
-def _card(recipe: Recipe, identity: Mapping[str, Any], trainee: Trainee) -> PolicyCard:
+def _card(recipe: Recipe, identity: Mapping[str, Any], trainee: Trainee, segments: int) -> PolicyCard:
     model, network = trainee.model, trainee.network
     discrete = isinstance(model.action_space, spaces.Discrete)
     return PolicyCard(
@@ -333,11 +366,11 @@ def _card(recipe: Recipe, identity: Mapping[str, Any], trainee: Trainee) -> Poli
         activation=network.activation,
         output=network.output,
         algorithm=recipe.algorithm,
-        recipe=identity["recipe"],
+        recipe=identity["recipe"] | {name: identity[name] for name in ("start", LONGER_THAN) if name in identity},
         seed=identity["seed"],
         steps=model.num_timesteps,
         versions=identity["versions"],
-        goal_seeds=goal_seeds(identity["seed"], len(_targets(recipe, model))),
+        goal_seeds=goal_seeds(identity["seed"], segments),
     )
 
 
@@ -349,12 +382,15 @@ def _remove(folder: Path, names: Iterable[str]) -> None:
             raise OutputError(f"cannot remove {folder / name}: {error.strerror or error}") from error
 
 
-def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee: Trainee) -> None:
+def save_checkpoint(
+    path: Path, identity: dict[str, Any], segment: int, trainee: Trainee, finished: bool = False
+) -> None:
     """Write the state after a segment, whole or not at all; the identity has `sources`, digests of the code."""
     model, curve = trainee.model, trainee.curve
     state: dict[str, Any] = {
         "identity": identity,
         "segment": segment,
+        "finished": finished,
         "parameters": model.get_parameters(),
         "variables": {name: getattr(model, name).detach() for name in _variables(model)},
         "counters": {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)},
@@ -372,7 +408,10 @@ def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee:
 
 
 def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the state after the last segment, or None if it cannot be read; refuse that of another run."""
+    """Return the state after the last segment, or None if it cannot be read; refuse that of another run.
+
+    That of a finished run with fewer actions is one that this run goes on from.
+    """
     with open_input(path, "the checkpoint", most=MAX_CHECKPOINT) as file:
         try:
             if not zipfile.is_zipfile(file):  # torch would try it as a plain pickle, and warn before it refuses
@@ -382,7 +421,8 @@ def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] |
             other = dict(state["identity"])
         except (OSError, pickle.UnpicklingError, RuntimeError, LookupError, TypeError, EOFError, ValueError):
             return None
-    if differences := _differences(other, identity):
+    differences = _differences(other, identity)
+    if differences and not (state.get("finished") is True and _is_shorter(other, identity)):
         raise InputError(
             f"{path} belongs to a run with {differences}; train without --resume to begin anew, or into another folder"
         )
@@ -461,12 +501,23 @@ def _learn(trainee: Trainee, target: int, callback: BaseCallback) -> None:
                 raise TrainingError(f"the network's {name} became NaN or infinite")
 
 
-def _targets(recipe: Recipe, model: BaseAlgorithm) -> list[int]:
-    """Return the numbers of actions after each segment, in whole updates."""
+def _ends(identity: Mapping[str, Any], steps: int) -> list[int]:
+    """Return the numbers of actions after which the run of a checkpoint was finished, on its way to `steps`."""
+    ends, last = [int(end) for end in identity.get(LONGER_THAN, ())], int(identity["recipe"]["steps"])
+    return [*ends, last] if last < steps else ends
+
+
+def _targets(recipe: Recipe, model: BaseAlgorithm, ends: Sequence[int]) -> list[int]:
+    """Return the numbers of actions after each segment, in whole updates; the run was finished before after `ends`."""
     update = model.n_envs * (model.n_steps if isinstance(model, OnPolicyAlgorithm) else 1)
-    updates = math.ceil(recipe.steps / update)
-    segments = min(recipe.segments, updates)
-    return [update * (updates * (index + 1) // segments) for index in range(segments)]
+    targets: list[int] = []
+    done = 0
+    for end in (*ends, recipe.steps):
+        more = math.ceil(end / update) - done
+        segments = min(recipe.segments, more)
+        targets += [update * (done + more * (index + 1) // segments) for index in range(segments)]
+        done += more
+    return targets
 
 
 def _begin_segment(trainee: Trainee, seed: int, segment: int) -> None:

@@ -55,7 +55,6 @@ def test_going_on_gives_what_no_interruption_gives(name, kept, uninterrupted, tm
     np.testing.assert_array_equal(weights(tmp_path / "policy.safetensors"), weights(whole / "policy.safetensors"))
     assert (tmp_path / "curve.csv").read_text() == (whole / "curve.csv").read_text()
     assert json.loads((tmp_path / "run.json").read_text())["resumed"]
-    assert not (tmp_path / "checkpoint.pt").exists()
 
 
 def test_a_run_that_died_after_its_last_segment_is_finished_without_another(uninterrupted, tmp_path, monkeypatch):
@@ -102,9 +101,9 @@ def test_a_finished_run_is_a_policy_without_a_training_to_go_on_with(files, tmp_
     policy, run, checkpoint = files
     if policy and not run and not checkpoint:
         with pytest.raises(InputError, match="holds a policy, and no"):
-            training._holds(tmp_path, {})
+            training._holds(tmp_path, {}, resume=True)
     else:
-        assert training._holds(tmp_path, {}) == (policy and run)
+        assert training._holds(tmp_path, {}, resume=True) == (policy and run)
 
 
 def with_other_numpy(folder):
@@ -120,6 +119,8 @@ def with_damage(folder):
     ("change", "options", "message"),
     [
         (None, {"steps": 400}, "recipe.steps 768, not 400"),
+        (None, {"steps": 900, "seed": 5}, "recipe.steps 768, not 900; seed 4, not 5"),
+        (None, {"start": "ranked-single"}, "start None, not 'ranked-single "),
         (None, {"seed": 5}, "seed 4, not 5"),
         (None, {"threads": 2}, "threads 1, not 2"),
         (None, {"export": True}, "without model.zip"),
@@ -160,15 +161,40 @@ def test_without_resume_a_finished_run_is_replaced_by_one_with_more(uninterrupte
         assert contents(folder) == before
 
 
-def test_a_run_that_died_before_it_removed_its_checkpoint_is_finished(uninterrupted, tmp_path, monkeypatch):
-    folder = tmp_path / "run"
-    interrupted(small("ranked-single"), folder, 2)
-    for path in uninterrupted["ranked-single"].folder.iterdir():
-        if path.is_file():
-            shutil.copy(path, folder)
-    monkeypatch.setattr(training, "build", lambda *a, **k: pytest.fail("it trains again"))
-    train(small("ranked-single"), folder, seed=4, resume=True)
-    assert not (folder / "checkpoint.pt").exists()
+@pytest.mark.parametrize("name", ["ranked-single", *slow(*(name for name in SMALL if name != "ranked-single"))])
+def test_a_finished_run_goes_on_with_more_steps(name, uninterrupted, tmp_path):
+    """The same bits, interrupted or not; until it is longer the finished run stays; and it goes on again."""
+    finished, recipe = uninterrupted[name].folder, small(name)
+    longer = replace(recipe, steps=2 * recipe.steps)
+    for folder in ("whole", "again"):
+        shutil.copytree(finished, tmp_path / folder)
+    with pytest.raises(InputError, match=f"recipe.steps {recipe.steps}, not {longer.steps}; go on with it with --resu"):
+        train(longer, tmp_path / "whole", seed=4)
+    whole = train(longer, tmp_path / "whole", seed=4, resume=True)
+    before = (finished / "curve.csv").read_text()
+    curve = (tmp_path / "whole/curve.csv").read_text()
+    assert curve.startswith(before)
+    assert len(curve) > 1.5 * len(before)
+    assert whole.card.steps >= longer.steps
+    assert whole.card.recipe["longer_than"] == [recipe.steps]
+    assert len(whole.card.goal_seeds["training"]) == 6
+
+    interrupted(longer, tmp_path / "again", 1, resume=True)
+    assert train(recipe, tmp_path / "again", seed=4, resume=True).card.steps == uninterrupted[name].card.steps
+    again = train(longer, tmp_path / "again", seed=4, resume=True)
+    np.testing.assert_array_equal(weights(again.folder / "policy.safetensors"), weights(whole.folder / training.POLICY))
+    assert (tmp_path / "again/curve.csv").read_text() == curve
+    with pytest.raises(InputError, match="finished run with"):
+        train(recipe, tmp_path / "again", seed=4, resume=True)  # fewer
+    longest = replace(recipe, steps=3 * recipe.steps)
+    assert train(longest, tmp_path / "again", seed=4, resume=True).card.recipe["longer_than"] == [
+        recipe.steps,
+        longer.steps,
+    ]
+    (tmp_path / "whole/checkpoint.pt").unlink()
+    with pytest.raises(InputError, match=r"no checkpoint\.pt to go on with; begin with its policy, --from"):
+        train(longest, tmp_path / "whole", seed=4, resume=True)
+    assert train(longer, tmp_path / "whole", seed=4, resume=True).card.steps == whole.card.steps
 
 
 def test_a_second_training_in_a_folder_is_refused_and_the_first_is_safe(uninterrupted, tmp_path):

@@ -70,16 +70,35 @@ def test_what_cannot_be_exported_is_said(name, environment, settings, message, t
     assert list(tmp_path.iterdir()) == []
 
 
-def test_normalised_observations_are_refused(tmp_path):
+@pytest.mark.parametrize("name", ["PPO", "SAC"])
+def test_normalised_observations_are_those_of_the_environment_in_the_policy(name, tmp_path, capsys):
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import VecNormalize
 
-    made = model("PPO", VecNormalize(make_vec_env(PENDULUM)), n_steps=16, batch_size=16, n_epochs=1)
-    made.learn(16)
+    settings = {"n_steps": 16, "batch_size": 16, "n_epochs": 1} if name == "PPO" else {"learning_starts": 8}
+    made = model(name, VecNormalize(make_vec_env(PENDULUM)), **settings)
+    made.learn(200)
     made.save(tmp_path / "model.zip")
-    for each in (made, stable_baselines3.PPO.load(tmp_path / "model.zip")):
-        with pytest.raises(InputError, match="VecNormalize"):
-            export_policy(each, tmp_path / "p.safetensors", environment=PENDULUM)
+    made.get_vec_normalize_env().save(tmp_path / "vecnormalize.pkl")
+    normalize = VecNormalize.load(tmp_path / "vecnormalize.pkl", make_vec_env(PENDULUM))
+    loaded = getattr(stable_baselines3, name).load(tmp_path / "model.zip")
+    path, checked = tmp_path / "p.safetensors", 0
+    seen = normalize.obs_rms
+    observations = seen.mean + np.sqrt(seen.var) * np.random.default_rng(0).uniform(-9, 9, (500, 3))  # not clipped
+    expected = made.predict(normalize.normalize_obs(observations), deterministic=True)[0]
+    for each, given in ((made, None), (loaded, normalize)):
+        policy = export_policy(each, path, environment=PENDULUM, normalize=given)
+        np.testing.assert_allclose(policy.act(observations), expected, atol=1e-5)
+        np.testing.assert_allclose(load_policy(path).act(observations), expected, atol=1e-5)
+        checked += np.ptp(expected) > 0.01
+    assert checked == 2
+    with pytest.raises(InputError, match="normalize must be of observations with 3 numbers"):
+        export_policy(loaded, path, environment=PENDULUM, normalize=VecNormalize(make_vec_env(CARTPOLE)))
+    if getattr(loaded, "_last_original_obs", None) is not None:
+        with pytest.raises(InputError, match=r"normalize=VecNormalize.load\('vecnormalize.pkl', venv\)"):
+            export_policy(loaded, path, environment=PENDULUM)
+    assert main(["evaluate", str(tmp_path / "model.zip")]) == 2
+    assert f"normalize=VecNormalize.load('{tmp_path / 'vecnormalize.pkl'}', venv)" in capsys.readouterr().err
 
 
 def test_images_dictionaries_and_other_things_are_refused(tmp_path):

@@ -15,7 +15,7 @@ from tests.baselines.small_runs import SMALL, interrupted, small, weights
 
 STEPS = SMALL["ranked-single"]["steps"]
 #: The files of a finished run.
-FINISHED = {"curve.csv", "policy.safetensors", "run.json", "tensorboard"}
+FINISHED = {"checkpoint.pt", "curve.csv", "policy.safetensors", "run.json", "tensorboard"}
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def recipe(monkeypatch):
 
 def run(recipe, folders, **options):
     shown, notices = [], []
-    given = {"steps": None, "resume": False, "fresh": False, "threads": 1, "export": False, **options}
+    given = {"steps": None, "resume": False, "fresh": False, "start": None, "threads": 1, "export": False, **options}
     runs = list(seeds.train_seeds(recipe.name, folders, Serial(), **given,
                                   progress=lambda done, planned: shown.append((done, planned)),
                                   notice=notices.append))  # fmt: skip
@@ -66,3 +66,28 @@ def test_what_is_finished_stays_and_what_was_interrupted_goes_on(recipe, tmp_pat
     runs, shown, _ = run(recipe, {5: folders[5]}, fresh=True, steps=64)
     assert [each.card.steps for each in runs] == [64]
     assert shown[-1] == (64, 64)
+
+
+def test_finished_seeds_go_on_with_more_steps(recipe, tmp_path):
+    folders = {seed: tmp_path / f"seed-{seed}" for seed in (4, 5)}
+    run(recipe, folders, start="ranked-single")
+    seen = []
+    write = seeds._write
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            seeds, "_write", lambda folder, *a, **k: (write(folder, *a, **k), seen.append(set(folder.iterdir())))
+        )
+        runs, _, _ = run(recipe, folders, start="ranked-single", steps=2 * STEPS, resume=True)
+    assert len(seen) == 8
+    assert all({"run.json", "policy.safetensors"} <= {path.name for path in there} for there in seen)
+    alone = tmp_path / "alone"
+    train(recipe, alone, seed=4, start="ranked-single")
+    train(recipe, alone, seed=4, start="ranked-single", steps=2 * STEPS, resume=True)
+    assert [each.card.recipe["longer_than"] for each in runs] == [[STEPS], [STEPS]]
+    np.testing.assert_array_equal(weights(folders[4] / "policy.safetensors"), weights(alone / "policy.safetensors"))
+
+
+def test_refused_seeds_leave_no_folder(recipe, tmp_path):
+    with pytest.raises(InputError, match="cannot begin the training of small-single"):
+        run(recipe, {seed: tmp_path / "new" / f"seed-{seed}" for seed in (4, 5)}, start="ppo-multi")
+    assert list(tmp_path.iterdir()) == []
