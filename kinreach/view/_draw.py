@@ -150,7 +150,7 @@ class Ghost:
     q: Floats
     colour: Colour
     red: Collection[str] = ()
-    opacity: float = 0.45
+    opacity: float = 0.3
 
 
 class Ghosts(Branch):

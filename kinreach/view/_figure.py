@@ -23,6 +23,8 @@ pin: Any = load("pinocchio")
 
 #: Radii of tubes and joints of an arm without shapes, relative to its size.
 TUBE, JOINT = 0.035, 0.055
+#: How far inside the surface of the links a ghost is [m]: where it is in the place of a solid one, only that one shows.
+INSET = 0.002
 #: Exponent for colours of files, which are darker than the arms.
 GAMMA = 0.75
 _TUBE_COLOUR, _JOINT_COLOUR = (0.78, 0.80, 0.83, 1.0), (0.30, 0.44, 0.54, 1.0)
@@ -44,7 +46,7 @@ class Figure:
     Attributes:
         links: Names of the links, in the order of `poses`.
         fine: Visual shapes, one piece for each link and colour.
-        coarse: Collision shapes, one piece for each link that can move, for ghosts.
+        coarse: Collision shapes, `INSET` thinner, one piece for each link that can move, for ghosts.
     """
 
     def __init__(self, kinematics: ArmKinematics, *, simple: bool = False) -> None:
@@ -57,7 +59,8 @@ class Figure:
         self._frames = [link_frame(kinematics.model, link) for link in self.links]
         self.fine = _merged(fine, self.links, by_colour=True)
         moved = [kinematics.model.frames[frame].parentJoint > 0 for frame in self._frames]
-        self.coarse = [piece for piece in _merged(coarse, self.links, by_colour=False) if moved[piece.link]]
+        ghosts = _merged(coarse, self.links, by_colour=False, inset=INSET)
+        self.coarse = [piece for piece in ghosts if moved[piece.link]]
 
     def poses(self, q: Floats) -> Floats:
         """Return positions [m] and quaternions w x y z of the links in the world in a posture (n,), shape (k, 7)."""
@@ -72,7 +75,7 @@ def _shapes(arm: ArmDescription, kind: str) -> list[LinkShape]:
     return link_shapes(arm, kind)
 
 
-def _merged(shapes: list[LinkShape], links: tuple[str, ...], *, by_colour: bool) -> list[Piece]:
+def _merged(shapes: list[LinkShape], links: tuple[str, ...], *, by_colour: bool, inset: float = 0.0) -> list[Piece]:
     groups: dict[tuple[int, tuple[float, ...]], list[LinkShape]] = {}
     for shape in shapes:
         groups.setdefault((links.index(shape.link), shape.rgba if by_colour else ()), []).append(shape)
@@ -80,7 +83,7 @@ def _merged(shapes: list[LinkShape], links: tuple[str, ...], *, by_colour: bool)
     for (link, rgba), parts in groups.items():
         offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
         faces = np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=True)])
-        vertices = np.concatenate([part.vertices for part in parts])
+        vertices = np.concatenate([part.vertices - inset * part.normals for part in parts])
         pieces.append(Piece(link, vertices, faces, shade(rgba or parts[0].rgba)))
     return pieces
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots.inside import without_shapes
+from kinreach.robots.inside import link_shapes, without_shapes
 from kinreach.view._figure import Figure
 from kinreach.view._mujoco_scene import MujocoScene
 from tests import kept
@@ -53,6 +53,26 @@ def test_shapes_are_as_they_were(tmp_path):
     shapes |= {"kinds": MujocoScene(mujoco.MjModel.from_xml_string(KINDS))}
     things = {f"{name}: {thing}": each for name, shape in shapes.items() for thing, each in of(shape).items()}
     kept.check("shapes.txt", {"shapes": things})
+
+
+def test_a_ghost_in_the_place_of_the_solid_arm_is_inside_it():
+    """Two surfaces in one place flicker: a shoulder that is turned about its own axis is in its own place."""
+    checked = 0
+    for name in ("ur5e", "ur20", "ur5-thesis"):
+        kinematics = ArmKinematics.of(name, base="world")
+        drawn = Figure(kinematics)
+        moved = {drawn.links[piece.link] for piece in drawn.coarse}
+        collides = link_shapes(kinematics.arm, "collision")
+        assert moved == {shape.link for shape in collides} - {"base_link"}
+        for piece in drawn.coarse:
+            link = drawn.links[piece.link]
+            own = np.concatenate([shape.vertices for shape in collides if shape.link == link])
+            normals = np.concatenate([shape.normals for shape in collides if shape.link == link])
+            inwards = -((piece.vertices - own) * normals).sum(axis=1)
+            assert (inwards > 0.001).all()
+            assert (np.linalg.norm(piece.vertices - own, axis=1) < 0.003).all()
+            checked += len(own)
+    assert checked > 2000
 
 
 BROKEN = """<robot name="two"><link name="base"/>

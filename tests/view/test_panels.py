@@ -581,7 +581,7 @@ def test_postures_are_clicked_pointed_at_and_copied(serve):
             tab.press(posture.name, does="point")
             wait_for(lambda posture=posture: ghosts(tab) == (len(usable) - (posture is other), {0.07, 0.8}))
         tab.set("point at", "nothing")
-        wait_for(lambda: ghosts(tab) == (len(usable) - 1, {0.45}))
+        wait_for(lambda: ghosts(tab) == (len(usable) - 1, {0.3}))
         figure = setup_of("ur5-thesis", simple=True).figure
         for posture, shown, word in ((other, other, "kept"), (refused, refused, "kept"), (refused, nearest, "solid")):
             tab.press(posture.name)
