@@ -6,18 +6,15 @@ import threading
 import webbrowser
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from kinreach._checks import check_count
 from kinreach.cli import Parser, print_notes, say
 from kinreach.deploy.inside import MotionFlags, TriedMotion
-from kinreach.robots import THESIS_ARM, Tool, arm_names
-from kinreach.robots.inside import FILES, ArmFlags
+from kinreach.robots import THESIS_ARM, arm_names
+from kinreach.robots.inside import ArmFlags
 from kinreach.view._motion import ShownMotion
-from kinreach.view._results import read_results
 from kinreach.view._server import Server
-from kinreach.view._setup import Setup
-from kinreach.view._snippet import calibrated, described, with_tool
+from kinreach.view._setup import setup_of
 
 PORT, MAX_PORT = 8080, 65535
 
@@ -65,42 +62,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     finally:
         server.stop()
     return 0
-
-
-def setup_of(
-    arm: str,
-    *,
-    calibration: str | None = None,
-    repair: bool = False,
-    tool: Tool | None = None,
-    srdf: str | None = None,
-    simple: bool = False,
-    policy: str | None = None,
-    results: str | None = None,
-    environment: str | None = None,
-    **options: Any,
-) -> Setup:
-    """Check the arguments and return the setup of every tab; the other options are those of `ArmFlags`."""
-    description = ArmFlags(calibration, repair, tool, srdf=srdf, **options).arm(arm)
-    nominal = None if calibration is None else ArmFlags(tool=tool, srdf=srdf, **options).arm(arm)
-    given = "".join(f", {name}={value!r}" for name, value in options.items() if value)
-    module, _, attribute = arm.partition(":")
-    sheet = repr(arm.lower()) if arm.lower() in arm_names() else f"import_module({module!r}).{attribute}"
-    if arm.lower().endswith(FILES):
-        sheet = f"ArmDescription.from_file({arm!r}{given})"
-    expression = sheet if calibration is None else calibrated(sheet, calibration, repair=repair)
-    if srdf is not None:
-        sheet, expression = (f"{described(each)}.with_srdf({srdf!r})" for each in (sheet, expression))
-    if tool is not None:
-        sheet, expression = with_tool(sheet, tool), with_tool(expression, tool)
-    setup = Setup(
-        description, expression, sheet, simple, nominal, calibration, policy=policy, results=results,
-        environment=environment, words=("--arm", arm),
-    )  # fmt: skip
-    setup.environments  # noqa: B018  (refuses an unknown policy or environment)
-    if results is not None:
-        read_results(results)
-    return setup
 
 
 def _parser(prog: str) -> Parser:

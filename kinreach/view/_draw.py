@@ -220,7 +220,7 @@ class Surroundings(Branch):
     def __init__(
         self, scene: Any, boxes: Sequence[Box], *, meshes: Sequence[Obstacle] = (), root: str = "/world"
     ) -> None:
-        self._boxes: dict[str, tuple[Colour, Any]] = {}
+        self._boxes: dict[str, list[tuple[Colour, Any]]] = {}
         self._red: frozenset[str] = frozenset()
         self._root = scene.add_frame(root, show_axes=False)
         for box in boxes:
@@ -228,15 +228,16 @@ class Surroundings(Branch):
                 continue
             colour = box_colour(box.name)
             node = scene.add_box(f"{root}/{box.name}", color=colour, dimensions=box.size, position=box.position)
-            self._boxes[box.name] = (colour, node)
+            self._boxes[box.name] = [(colour, node)]
             x, y, z = np.array(box.size) / 2
             for index, (sx, sy) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)] if box.legs > 0 else []):
-                scene.add_box(
+                leg = scene.add_box(
                     f"{root}/{box.name}/leg_{index}",
                     color=_METAL,
                     dimensions=(_LEG, _LEG, box.legs),
                     position=(sx * (x - _LEG), sy * (y - _LEG), -z - box.legs / 2),
                 )
+                self._boxes[box.name].append((_METAL, leg))
         for each in meshes:
             vertices, faces = mesh_in_metres(str(each.shape), each.scale)
             T = pose(each.pose)
@@ -250,7 +251,6 @@ class Surroundings(Branch):
         """Draw only the boxes of these names red."""
         wanted = frozenset(red)
         for name in wanted ^ self._red:
-            if name in self._boxes:
-                colour, node = self._boxes[name]
+            for colour, node in self._boxes.get(name, ()):
                 node.color = RED if name in wanted else colour
         self._red = wanted

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import Any
 
+from kinreach.robots import arm_names
 from kinreach.robots.inside import FLANGE, JOINTS, ur_model
 from kinreach.view import _html as html
 from kinreach.view._draw import FloorGrid, Surroundings, overview
@@ -15,7 +17,7 @@ from kinreach.view._move_panel import MovePanel
 from kinreach.view._panel import Panel
 from kinreach.view._real_arm_panel import RealArmPanel
 from kinreach.view._results_panel import ResultsPanel
-from kinreach.view._setup import EPISODES, MOVE, REAL_ARM, RESULTS, TARGET, Setup
+from kinreach.view._setup import EPISODES, MOVE, REAL_ARM, RESULTS, TARGET, Setup, setup_of
 from kinreach.view._target_panel import TargetPanel
 
 LIGHT, DARK = "light", "dark"
@@ -40,19 +42,43 @@ class Page:
     """One tab; it shares nothing with others."""
 
     def __init__(self, client: Any, setup: Setup) -> None:
-        self.client, self._setup = client, setup
+        self.client, self._first = client, setup
         self.lock = threading.RLock()
-        self.names = tuple(panels(setup))
         self.shown: Panel
         self._built: dict[str, Panel] = {}
         self._closed = False
-        self._bar = client.gui.add_html("")
-        self._trouble = client.gui.add_html("")
+        self._prepare(setup)
         watch(client, self.report)
+        self._begin()
+
+    def _prepare(self, setup: Setup) -> None:
+        self._setup, self.names = setup, tuple(panels(setup))
+        self._bar = self.client.gui.add_html("")
+        self._trouble = self.client.gui.add_html("")
+
+    def _begin(self) -> None:
         try:
             self._build()
         except Exception as error:  # the page shows it in place of the arm
             self.report(error)
+
+    def take(self, arm: str) -> None:
+        """Show another arm, by its name, from the beginning; the first one's name shows that as it was given."""
+        with self.lock:
+            if self._closed:
+                return
+            setup = self._first
+            if arm != setup.arm.name:
+                setup = replace(setup_of(arm, simple=setup.simple), words=("--arm", arm))
+            setup.figure  # noqa: B018  (an arm that cannot be drawn leaves the page as it is)
+            for panel in self._built.values():
+                panel.close()
+            self._built.clear()
+            self.client.scene.reset()
+            self.client.gui.reset()
+            self.client.gui.set_panel_label(setup.arm.title)
+            self._prepare(setup)
+            self._begin()
 
     def _build(self) -> None:
         client, arm = self.client, self._setup.arm
@@ -105,6 +131,8 @@ class Page:
         panel = panels(self._setup)[name](*arguments, title=name)
         if isinstance(panel, MovePanel):
             panel.target = lambda: self.target.T
+        if isinstance(panel, TargetPanel):
+            panel.arms, panel.take_arm = self._arms(), self.take
         try:
             panel.build()
         except Exception as error:
@@ -113,6 +141,11 @@ class Page:
             with panel._folder:
                 self.client.gui.add_html(error_message(error))
         return panel
+
+    def _arms(self) -> tuple[str, ...]:
+        """Names of the arms to choose from, the shown one first; none beside a motion, which is of its arm."""
+        first, shown = self._first.arm.name, self._setup.arm.name
+        return () if self._first.motion is not None else tuple(dict.fromkeys([shown, first, *arm_names()]))
 
     def close(self) -> None:
         with self.lock:

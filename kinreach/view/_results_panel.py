@@ -156,7 +156,9 @@ class ResultsPanel(Panel):
                     self._solid.take(posture)
         self._index.value = self.chosen
         self._table.content = html.ends(results, self.chosen, self.method)
-        self._verdict.content = html.message(_verdict(results, self.method))
+        reached = [end[self.method].reached for end in results.ends if self.method in end]
+        bad, caution = not any(reached), not all(reached)
+        self._verdict.content = html.message(_verdict(results, self.method), bad=bad, caution=caution)
         shades = colours(np.linspace(0.0, 1.0, 24), 1.0)
         title = f"Goals, by the distance from them that {self.method} ended at"
         self._scale.content = html.scale(shades, f"≤ {length(LEAST)}", f"≥ {length(MOST)}", title)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from kinreach._objects import load_object
 from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines import load_policy
 from kinreach.demo.inside import playable, playable_names
-from kinreach.robots import ArmDescription, arm_names, get_arm
+from kinreach.robots import ArmDescription, Tool, arm_names, get_arm
+from kinreach.robots.inside import FILES, ArmFlags
 from kinreach.view._figure import Figure
 from kinreach.view._motion import ShownMotion
+from kinreach.view._results import read_results
+from kinreach.view._snippet import calibrated, described, with_tool
 from kinreach.view._target import TargetModel
 
 #: The parts of the page.
@@ -98,3 +102,39 @@ class Setup:
     @cached_property
     def figure(self) -> Figure:
         return Figure(TargetModel(self.arm).kinematics, simple=self.simple)
+
+
+def setup_of(
+    arm: str,
+    *,
+    calibration: str | None = None,
+    repair: bool = False,
+    tool: Tool | None = None,
+    srdf: str | None = None,
+    simple: bool = False,
+    policy: str | None = None,
+    results: str | None = None,
+    environment: str | None = None,
+    **options: Any,
+) -> Setup:
+    """Check the arguments and return the setup of every tab; the other options are those of `ArmFlags`."""
+    description = ArmFlags(calibration, repair, tool, srdf=srdf, **options).arm(arm)
+    nominal = None if calibration is None else ArmFlags(tool=tool, srdf=srdf, **options).arm(arm)
+    given = "".join(f", {name}={value!r}" for name, value in options.items() if value)
+    module, _, attribute = arm.partition(":")
+    sheet = repr(arm.lower()) if arm.lower() in arm_names() else f"import_module({module!r}).{attribute}"
+    if arm.lower().endswith(FILES):
+        sheet = f"ArmDescription.from_file({arm!r}{given})"
+    expression = sheet if calibration is None else calibrated(sheet, calibration, repair=repair)
+    if srdf is not None:
+        sheet, expression = (f"{described(each)}.with_srdf({srdf!r})" for each in (sheet, expression))
+    if tool is not None:
+        sheet, expression = with_tool(sheet, tool), with_tool(expression, tool)
+    setup = Setup(
+        description, expression, sheet, simple, nominal, calibration, policy=policy, results=results,
+        environment=environment, words=("--arm", arm),
+    )  # fmt: skip
+    setup.environments  # noqa: B018  (refuses an unknown policy or environment)
+    if results is not None:
+        read_results(results)
+    return setup

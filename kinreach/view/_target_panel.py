@@ -42,7 +42,12 @@ class TargetPanel(Panel):
         q: The last posture that could be used [rad].
         pointed: Index in `answer.postures` of the posture under the mouse in the list; -1 for none.
         draw_s: Time from the browser's last message to the answer [s].
+        arms: Names of arms to choose from, the shown one first.
+        take_arm: Shows another one.
     """
+
+    arms: tuple[str, ...] = ()
+    take_arm: Callable[[str], None]
 
     def build(self) -> None:
         self.model = self._setup.model()
@@ -126,6 +131,9 @@ class TargetPanel(Panel):
         self._motion: SelfMotionFolder | None = None
         if isinstance(model.kinematics, SevenAxisKinematics):
             self._motion = SelfMotionFolder(self._client, f"{self._root}/self_motion", model.kinematics, self._go_along)
+        if self.arms:
+            arm = gui.add_dropdown("arm", self.arms, initial_value=self.arms[0], hint="Begins anew with another arm")
+            by_user(arm, lambda name: self.take_arm(name))
         with gui.add_folder("Arm", expand_by_default=False):
             self._ghosted = gui.add_dropdown("ghosts", [THOSE_THAT_CAN, ALL, NONE], initial_value=THOSE_THAT_CAN)
             self._bound = gui.add_slider("all within ± [°]", 30, 360, 5, 360, hint="Narrows the limits of all joints")
@@ -321,7 +329,9 @@ class TargetPanel(Panel):
         joints, kept = self.model.kinematics.arm.joints, posture is not None and posture.name == self._kept
         self._calibrated.content = self._changed()
         self._list.content = html.legend(answer, shown=solid, joints=joints, chosen=kept)
-        self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
+        reached = answer.approach is None
+        gauge = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q)) if reached else ""
+        self._gauge.content = gauge
         self._place.show(tuple(self.T[:3, 3].round(3).tolist()))
         self._turn.show(tuple(np.degrees(rpy(self.T[:3, :3])).round(1).tolist()))
         if self._motion is not None:

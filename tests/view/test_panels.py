@@ -16,13 +16,14 @@ import pytest
 from kinreach._registration import BUTTON, MOVING, OBSTACLES, REAL_ARM, SINGLE
 from kinreach._rotations import placement
 from kinreach.kinematics import ArmKinematics
-from kinreach.robots import PUBLISHED_CALIBRATIONS
+from kinreach.robots import PUBLISHED_CALIBRATIONS, Tool
 from kinreach.view._cli import setup_of
 
 pytest.importorskip("viser")
 
 from benchmarks.studies.tab import Tab, wait_for
 from kinreach.robots import arm_names, get_arm
+from kinreach.view._draw import RED
 from kinreach.view._episodes import EpisodeRequest
 from kinreach.view._inputs import TypedInput, by_user
 from kinreach.view._names import plain
@@ -62,6 +63,62 @@ def test_two_tabs_have_targets_of_their_own(serve):
         np.testing.assert_array_equal(targets[1].T, before[1])
         assert targets[1].answer is said
     wait_for(lambda: not server.pages)
+
+
+def test_another_arm_is_chosen_in_the_page(serve):
+    """It begins anew, with what the arm has; the first arm comes back as it was given, and a name only is taken."""
+    with Tab(serve("ur5", CALIBRATION)) as tab:
+        first, names = tab.page.target.model.kinematics, tab.element("arm")["options"]
+        assert names[0] == first.arm.name == "ur5_calibrated"
+        assert set(names) == {first.arm.name, *arm_names()}
+        for arm, joints, parts in (
+            ("panda", 7, {"Target", "Episodes", "Results"}),
+            ("so101", 5, {"Target", "Episodes", "Results"}),
+            ("ur5_calibrated", 6, {"Target", "Move", "Real arm", "Episodes", "Results"}),
+        ):
+            tab.set("arm", arm)
+            wait_for(lambda arm=arm: shown_arm(tab) == arm)
+            wait_for(lambda arm=arm: tab.element("arm")["value"] == arm)
+            assert (tab.page.target.model.kinematics.n, set(tab.page.names)) == (joints, parts)
+            assert tab.page.trouble == ""
+        assert tab.page.target.model.kinematics.arm == first.arm
+        tab.set("arm", "ur9")
+        wait_for(lambda: "ur9" in tab.page.trouble)
+        assert tab.page.target.model.kinematics.arm == first.arm
+
+
+def shown_arm(tab):
+    with tab.page.lock:
+        return tab.page.target.model.kinematics.arm.name
+
+
+def test_the_real_arm_is_a_part_with_a_tool_too():
+    for calibration in (None, CALIBRATION):
+        setup = setup_of("ur5", calibration=calibration, tool=Tool([0, 0, 0.1, 0, 0, 0]))
+        assert "Real arm" in panels(setup)
+
+
+def test_what_is_out_of_reach_is_not_said_to_be_free_to_move(serve):
+    with Tab(serve("ur5-thesis")) as tab:
+        wait_for(lambda: "free to move" in tab.text)
+        T = tab.page.target.T
+        tab.set("x y z [m]", (2.0, 0.0, 0.3))
+        wait_for(lambda: "No posture reaches" in tab.text and "free to move" not in tab.text)
+        tab.set("x y z [m]", tuple(T[:3, 3].tolist()))
+        wait_for(lambda: "free to move" in tab.text)
+
+
+def test_a_table_that_is_touched_is_red_with_its_legs(serve):
+    with Tab(serve("ur5-thesis")) as tab:
+        names = ["/world/table", *(f"/world/table/leg_{index}" for index in range(4))]
+        wait_for(lambda: set(names) <= set(tab.nodes))
+        surroundings = tab.page._surroundings
+        before = [node.color for _, node in surroundings._boxes["table"]]
+        assert len(before) == len(names)
+        surroundings.mark(["table"])
+        assert {node.color for _, node in surroundings._boxes["table"]} == {RED}
+        surroundings.mark([])
+        assert [node.color for _, node in surroundings._boxes["table"]] == before
 
 
 def test_what_is_typed_is_not_rewritten(serve):
@@ -544,7 +601,8 @@ def test_a_goal_or_a_method_that_is_clicked_shows_where_it_ended(serve, comparis
         near, link = brightness(tab), "/results/cell/arm/wrist_3_link"
         place = tab.nodes[link]["position"]
         tab.press("thesis-ppo-single")
-        wait_for(lambda: "thesis-ppo-single reached 0 of 4 goals" in tab.text)
+        assert "kr-wrong" not in tab.text
+        wait_for(lambda: "kr-wrong" in tab.text and "thesis-ppo-single reached 0 of 4 goals" in tab.text)
         wait_for(lambda: (brightness(tab) > near).all())
         assert 0.005 < np.linalg.norm(np.subtract(tab.nodes[link]["position"], place)) < 0.1
         panel.open(str(comparison / "report.html"))

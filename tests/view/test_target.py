@@ -182,6 +182,20 @@ def test_solvers_end_where_they_say(ur5):
     assert all(name in table for name in SOLVERS)
 
 
+def test_a_solver_is_timed_in_many_calls_after_the_first(ur5, monkeypatch):
+    """The first call imports and compiles; a slow solver is not called twenty times."""
+    calls, solve = [], ur5._solver("closed-form").solve
+    monkeypatch.setattr(ur5._solver("closed-form"), "solve", lambda *a, **k: calls.append(0) or solve(*a, **k))
+    for step, timed in ((1e-3, 20), (0.03, 7), (5.0, 1)):
+        calls.clear()
+        clock = iter((step * np.arange(99)).tolist())
+        monkeypatch.setattr("kinreach.view._target.time.perf_counter", lambda clock=clock: next(clock))
+        (finish,) = ur5.solve(ur5.goal(POSE, ur5.kinematics.fk(ur5.home)), ur5.home, ["closed-form"])
+        assert (finish.calls, len(calls)) == (timed, timed + 1)
+        assert finish.seconds == pytest.approx(step)
+        assert f"median of {timed} calls after a first" in html.solvers([finish])
+
+
 def test_the_table_of_solvers_is_in_the_words_of_the_page(ur5):
     (finish,) = ur5.solve(ur5.goal(POSE, ur5.kinematics.fk(ur5.home)), ur5.home, ["closed-form"])
     for off, turned, said in (
