@@ -28,6 +28,7 @@ WIDTH = 1400
 #: Notebook, then the figure's number in the thesis and what only the code of its cell has.
 PICTURES = {
     "01_reward_geometry": {
+        "2.2": "draw_named_places(",
         "3.2-3.3": "draw_pictures(",
         "3.4": "draw_pentagons(",
         "3.5-3.7": 'title="Branch A"',
@@ -38,6 +39,7 @@ PICTURES = {
     "03_single_step": {"5.1": "(figure 5.1)", "5.2": "(figure 5.2)"},
     "04_multi_step": {
         "5.3": "(figure 5.3)",
+        "5.4": "(figure 5.4)",
         "5.5": "(figure 5.5)",
         "5.6": "(figure 5.6)",
         "6.1": "(figure 6.1)",

@@ -1,7 +1,6 @@
 """The style of the figures, for figures of your own task or study.
 
-- `new_figure`: a figure with empty axes; `key` explains its marks, `label_ends` writes names at the ends of lines,
-  `mark_points` marks results that others have reported.
+- `new_figure`: a figure with empty axes; `key` explains its marks, `label_ends` writes names at the ends of lines.
 - `colours_of`: the colour that each method has in every figure; `PALETTE`, `INK` and `FAINT` are the other colours.
 - `draw_calibration`: errors of a fitted calibration; `draw_error_maps`: errors over the table; `draw_training`: rewards
   of a training, and goals reached, as the thesis's figures 5.1 to 5.4.

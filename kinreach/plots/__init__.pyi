@@ -6,6 +6,5 @@ from ._style import FAINT as FAINT
 from ._style import INK as INK
 from ._style import key as key
 from ._style import label_ends as label_ends
-from ._style import mark_points as mark_points
 from ._style import new_figure as new_figure
 from ._training import draw_training as draw_training

@@ -172,23 +172,6 @@ def label_ends(axes: Axes, ends: Mapping[str, ArrayLike], colours: Mapping[str, 
                 text.set_path_effects(HALO)
 
 
-def mark_points(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
-    """Draw results that others have reported, as diamonds with words at their left.
-
-    Args:
-        axes: The axes, with limits.
-        points: Words -> where the result is, (x, y) in data coordinates. Beside the left border words
-            stand at the right.
-    """
-    left, right = axes.get_xlim()
-    for text, (x, y) in points.items():
-        beside = 1 if x < left + (right - left) / 8 else -1
-        axes.plot(x, y, marker="D", ms=7, mfc="white", mec=INK, mew=1.6, ls="", clip_on=False, zorder=5)
-        axes.annotate(verbatim(text), (x, y), xytext=(9 * beside, 5), textcoords="offset points", fontsize=8.5,
-                      ha="left" if beside > 0 else "right", color=INK, weight="bold", path_effects=HALO,
-                      zorder=5)  # fmt: skip
-
-
 def spread(positions: Sequence[float], *, gap: float) -> list[float]:
     """Move positions apart, so that neighbours keep their order and a gap; none is below 0."""
     order = np.argsort(-np.array(positions), kind="stable")

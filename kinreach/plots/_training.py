@@ -15,7 +15,7 @@ from kinreach._checks import Floats, as_floats, check_known
 from kinreach._registration import MULTI, SINGLE
 from kinreach.errors import InputError
 from kinreach.plots._colours import PALETTE
-from kinreach.plots._style import FAINT, HALO, INK, key, mark_points, new_figure, verbatim
+from kinreach.plots._style import FAINT, HALO, INK, key, new_figure, verbatim
 from kinreach.thesis.inside import IMPOSSIBLE_REWARD
 
 #: Panels, from top to bottom.
@@ -197,7 +197,11 @@ def _marks(axes: Axes, single: bool, last: float) -> None:
                       textcoords="offset points", fontsize=8.5, color=INK, path_effects=HALO)  # fmt: skip
         return
     axes.set_ylim(max(low, LOWEST), max(high, 4.0))
-    mark_points(axes, {text: point for text, point in SINGLE_MARKS.items() if point[0] <= last})
+    for text, (x, y) in SINGLE_MARKS.items():
+        if x <= last:
+            axes.plot(x, y, marker="D", ms=7, mfc="white", mec=INK, mew=1.6, ls="", clip_on=False, zorder=5)
+            axes.annotate(text, (x, y), xytext=(-9, 5), textcoords="offset points", fontsize=8.5, ha="right",
+                          color=INK, weight="bold", path_effects=HALO, zorder=5)  # fmt: skip
 
 
 def _bars(axes: Axes, seeds: Mapping[str, _Training], unit: str) -> None:
@@ -227,7 +231,7 @@ def _bars(axes: Axes, seeds: Mapping[str, _Training], unit: str) -> None:
     else:
         name = ordered[(len(ordered) - 1) // 2]
         others: Sequence[str] = [_grouped(totals[each]) for each in ordered]
-        key(axes, f"bars: {verbatim(name)}, the median · goals in all, by seed: {', '.join(others)}")
+        key(axes, f"bars: {verbatim(name)}, the median of {', '.join(others)} goals")
 
 
 def _seeds(count: int) -> str:

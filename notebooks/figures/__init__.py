@@ -16,8 +16,8 @@ from .learning import (
 )
 from .maps import RewardMap, draw_paths, draw_reward_maps
 from .methods import Success, draw_error_bands, draw_local_optimum, draw_posture_errors, draw_success
-from .pentagon import Pentagon, draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
-from .pictures import draw_camera_steps, draw_pictures
+from .pentagon import Pentagon, draw_pentagon_angles, draw_pentagons, joint_origins, pentagon_of, side_camera
+from .pictures import draw_camera_steps, draw_named_places, draw_pictures, places_in_picture
 from .rewards import draw_clipped_objective, draw_distance_reward, draw_reward_sections
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "draw_error_maps",
     "draw_learning_curves",
     "draw_local_optimum",
+    "draw_named_places",
     "draw_paths",
     "draw_pentagon_angles",
     "draw_pentagons",
@@ -42,8 +43,10 @@ __all__ = [
     "draw_reward_maps",
     "draw_reward_sections",
     "draw_success",
+    "joint_origins",
     "moving_mean",
     "pentagon_of",
+    "places_in_picture",
     "seed_band",
     "side_camera",
 ]

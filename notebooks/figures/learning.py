@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import ArrayLike, NDArray
 
@@ -85,9 +86,7 @@ def draw_learning_curves(
             _log_axis(ax)
         if limits and ylabel in limits:
             ax.set_ylim(limits[ylabel])
-        for text, point in (marks or {}).get(ylabel, {}).items():
-            ax.plot(*point, marker="D", ms=6, mfc="white", mec=INK, mew=1.4, ls="", clip_on=False, zorder=4)
-            ax.annotate(text, point, xytext=(8, 5), textcoords="offset points", fontsize=8.5, color=INK)
+        _mark(ax, (marks or {}).get(ylabel, {}))
         _thousands(ax)
         label_ends(ax, {name: (x, np.clip(y, *ax.get_ylim())) for name, (x, y) in ends.items()}, colours)
     seeds = {len(runs) for recipes in panels.values() for runs in recipes.values()}
@@ -107,30 +106,45 @@ def draw_episode_rewards(
     title: str,
     at: ArrayLike | None = None,
     window: int = 1000,
+    marks: Mapping[str, tuple[float, float]] | None = None,
+    band: tuple[float, float] = (-6.0, 4.0),
+    impossible: float = -100.0,
     xlabel: str = "episode",
     note: str = "",
 ) -> Figure:
-    """Draw rewards of single episodes, and their moving mean (thesis, figures 5.1 and 5.3).
+    """Draw rewards of single episodes: those around their band enlarged, and below it all (thesis, figure 5.1).
+
+    The line is the moving mean of the episodes that were possible.
 
     Args:
         rewards: Of successive episodes, shape (n,).
         title: Of the figure.
         at: Numbers of these episodes, increasing, shape (n,); 1 to n by default.
         window: Of the mean, in `rewards`.
+        marks: Text -> point (x, y): results that others have reported.
+        band: Limits of the enlarged axis.
+        impossible: Reward of an episode whose posture was impossible; the mean leaves it out.
         xlabel: What `at` counts.
         note: Small print.
     """
-    smooth = moving_mean(rewards, window)
-    episodes = np.asarray(np.arange(1, len(smooth) + 1) if at is None else at)
-    figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
-    size = float(np.clip(3e4 / len(smooth), 0.3, 8.0))
-    ax.scatter(episodes, np.asarray(rewards), s=size, color=PALETTE[0], alpha=0.35, linewidths=0, rasterized=True)
-    ax.plot(episodes[window - 1 :], smooth[window - 1 :], color=PALETTE[1], lw=1.8)
-    ax.set(xlabel=xlabel, ylabel="reward of the episode", xlim=(0, episodes.max()))
-    _thousands(ax)
+    values = np.asarray(rewards, dtype=float)
+    episodes = np.asarray(np.arange(1, len(values) + 1) if at is None else at)
+    possible = values > impossible
+    smooth = moving_mean(values[possible], window)
+    figure, (near, whole) = new_figure(title, size=(9.0, 6.6), rows=2, note=note)
+    size = float(np.clip(3e4 / len(values), 0.3, 8.0))
+    for ax in (near, whole):
+        ax.scatter(episodes, values, s=size, color=PALETTE[0], alpha=0.35, linewidths=0, rasterized=True)
+        ax.plot(episodes[possible][window - 1 :], smooth[window - 1 :], color=PALETTE[1], lw=1.8)
+        ax.set(ylabel="reward of the episode", xlim=(0, episodes.max()))
+        _thousands(ax)
+    near.set_ylim(band)
+    _mark(near, marks or {})
+    whole.set_xlabel(xlabel)
     every = 1 if at is None else round(float(np.diff(episodes).mean()))
     dots = "one episode" if every == 1 else f"one episode in {every}"
-    key(ax, f"dot: {dots} · line: mean of the last {every * window}")
+    key(near, f"dot: {dots} · line: mean of the last {every * window} that were possible")
+    key(whole, f"all of them: {100 * (1 - possible.mean()):.1f} % were impossible, which pays −{-impossible:g}")
     return figure
 
 
@@ -139,6 +153,7 @@ def draw_distances(
     *,
     title: str,
     near: float = REACHED_DISTANCE,
+    marks: Mapping[str, tuple[float, float]] | None = None,
     xlabel: str = "step of the episode",
     note: str = "",
 ) -> Figure:
@@ -148,6 +163,7 @@ def draw_distances(
         episodes: Name -> distance [m] before the first and after every step, shape (n,).
         title: Of the figure.
         near: Distance at which a goal counts as reached [m].
+        marks: Text -> step and distance [m]: results that others have reported.
         xlabel: What is counted.
         note: Small print.
     """
@@ -159,7 +175,10 @@ def draw_distances(
         ax.plot(mm, color=colours[name], lw=1.8, marker="o", ms=2.5)
         ends[name] = (len(mm) - 1, mm[-1])
     ax.set(xlabel=xlabel, ylabel="distance to the goal [mm]", xlim=_hull([0, *(x for x, _ in ends.values())]))
+    if marks:
+        ax.set_ylim(bottom=min(ax.get_ylim()[0], 0.7e3 * min(d for _, d in marks.values())))
     _log_axis(ax)
+    _mark(ax, {text: (step, 1e3 * d) for text, (step, d) in (marks or {}).items()})
     limit = 1e3 * near
     if ax.get_ylim()[0] < limit:
         ax.axhline(limit, color=INK, lw=1.2, ls="--", zorder=1)
@@ -173,6 +192,9 @@ def draw_discounted_rewards(
 ) -> Figure:
     """Draw the discounted return of each step, with the updates of the policy marked (thesis, figure 5.6).
 
+    The steps are the medians between two updates. The axis ends where whiskers of a box plot do, 1.5 interquartile
+    ranges beyond the middle half: an impossible action makes the steps before it worth hundreds less.
+
     Args:
         steps: Of training, equally far apart, shape (n,).
         returns: `discounted_returns` of these steps, shape (n,).
@@ -181,19 +203,38 @@ def draw_discounted_rewards(
         title: Of the figure.
         note: Small print.
     """
-    x, y = np.asarray(steps), np.asarray(returns)
+    x, y = np.asarray(steps, dtype=float), np.asarray(returns, dtype=float)
     every = (x[-1] - x[0]) / (len(x) - 1)
-    window = min(len(x), max(1, round(n_steps / every)))
-    smooth = moving_mean(y, window)
-    figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note, grid="y")
+    rollout = ((x - 1) // n_steps).astype(int)
+    medians = np.array([np.median(y[rollout == k]) for k in range(rollout[-1] + 1)])
+    quarter, three = np.percentile(y, (25.0, 75.0))
+    low, high = quarter - 1.5 * (three - quarter), three + 1.5 * (three - quarter)
+    figure, (ax,) = new_figure(title, size=(9.0, 4.4), note=note, grid="y")
     for update in np.arange(n_steps, x[-1] + 1, n_steps):
         ax.axvline(update, color=FAINT, lw=0.6, alpha=0.5, zorder=0)
-    ax.plot(x, y, color=PALETTE[0], lw=0.4, alpha=0.6, rasterized=True)
-    ax.plot(x[window - 1 :], smooth[window - 1 :], color=PALETTE[1], lw=1.8)
+    ax.scatter(x, y, s=3.0, color=PALETTE[0], alpha=0.3, linewidths=0, rasterized=True)
+    edges = np.append(n_steps * np.arange(len(medians)), x[-1])
+    ax.stairs(medians, edges, color=PALETTE[1], lw=2.4, baseline=None, zorder=3)
     ax.set(xlabel="environment steps", ylabel=f"discounted reward, $\\gamma$ = {gamma:g}", xlim=(0, x[-1]))
+    ax.set_ylim(max(low, y.min()), min(high, y.max()) + 1e-9)
     _thousands(ax)
-    key(ax, f"thin: of {every:.0f} steps one · thick: mean of the last {n_steps} · grey: update of the policy")
+    parts = f"dot: one step of {every:.0f} · line: median between two updates · grey: update of the policy"
+    below = 100 * float((y < ax.get_ylim()[0]).mean())
+    if below:
+        parts += f"\n{below:.1f} % are below the axis, down to {y.min():.0f}: an impossible action follows"
+    key(ax, parts.replace("-", "−"))
     return figure
+
+
+def _mark(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
+    """Draw results that others have reported: diamonds, with words at their left, or right where the border is near."""
+    left, right = axes.get_xlim()
+    for text, (x, y) in points.items():
+        beside = 1 if x < left + (right - left) / 8 else -1
+        axes.plot(x, y, marker="D", ms=7, mfc="white", mec=INK, mew=1.6, ls="", clip_on=False, zorder=5)
+        words = axes.annotate(text, (x, y), xytext=(9 * beside, 5), textcoords="offset points", fontsize=8.5,
+                              ha="left" if beside > 0 else "right", color=INK, weight="bold", zorder=5)  # fmt: skip
+        words.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 
 
 def _hull(x: ArrayLike) -> tuple[float, float]:

@@ -65,6 +65,12 @@ class Pentagon:
     turn: float
 
 
+def joint_origins(kin: URKinematics, q: ArrayLike) -> Floats:
+    """Compute the origins of the six joints in the frame of `kin` [m], shape (6, 3)."""
+    pin.forwardKinematics(kin.model, kin.data, np.asarray(q, dtype=float))
+    return np.array([kin.data.oMi[joint].translation for joint in range(1, 7)])
+
+
 def pentagon_of(q: ArrayLike, *, ground: float, kinematics: URKinematics | None = None) -> Pentagon:
     """Compute the pentagon of a posture by forward kinematics.
 
@@ -76,8 +82,7 @@ def pentagon_of(q: ArrayLike, *, ground: float, kinematics: URKinematics | None 
     kin = kinematics or URKinematics("ur5-thesis", tip="tcp", base="world")
     posture = np.asarray(q, dtype=float)
     T_world_tip = kin.fk(posture)
-    pin.forwardKinematics(kin.model, kin.data, posture)
-    joints = np.array([kin.data.oMi[joint].translation for joint in range(1, 7)] + [T_world_tip[:3, 3]])
+    joints = np.vstack([joint_origins(kin, posture), T_world_tip[:3, 3]])
     # the plane is square to the elbow's axis, which is level
     normal = kin.data.oMi[3].rotation[:, 1]
     forward = np.cross(normal, (0.0, 0.0, 1.0))

@@ -12,6 +12,8 @@ from matplotlib.patches import Circle
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.plots import INK, PALETTE, new_figure
+from kinreach.robots import CameraMount
+from kinreach.vision import Intrinsics
 
 #: In colours, uint8 (height, width, 3), or with one number for each pixel, (height, width).
 Picture = NDArray[Any]
@@ -51,6 +53,54 @@ def draw_pictures(
             bar = figure.colorbar(drawn, ax=ax, label=unit, shrink=0.8, aspect=25, pad=0.01)
             bar.outline.set_visible(False)
             bar.ax.tick_params(labelsize=8)
+    return figure
+
+
+def places_in_picture(mount: CameraMount, points: ArrayLike, *, width: int, height: int) -> NDArray[np.float64]:
+    """Project points of the world [m], shape (n, 3), into the picture of a camera that stands still; return (u, v)."""
+    forward = np.subtract(mount.target, mount.position)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, mount.up)
+    right /= np.linalg.norm(right)
+    axes = np.array([right, np.cross(forward, right), forward])  # x right, y down, z forward
+    seen = np.subtract(points, mount.position) @ axes.T
+    return Intrinsics.from_fovy(mount.fovy, width, height).project(seen)
+
+
+def draw_named_places(
+    picture: Picture, places: Mapping[str, ArrayLike], *, title: str, offset: float = 0.16, note: str = ""
+) -> Figure:
+    """Draw a picture with named dots, names in two columns beside them (thesis, figure 2.2).
+
+    Args:
+        picture: In colours.
+        places: Name -> (u, v) [pixels].
+        title: Of the figure.
+        offset: From the outermost dot to the names, as a share of the width.
+        note: Small print.
+    """
+    height, width = picture.shape[:2]
+    figure, (ax,) = new_figure(title, size=(7.2, 0.5 + 7.2 * height / width), note=note, bare=True)
+    ax.imshow(picture, interpolation="antialiased")
+    at = {name: np.asarray(place, dtype=float) for name, place in places.items()}
+    middle = float(np.mean([u for u, _ in at.values()]))
+    gap = 0.085 * height
+    for side in (-1.0, 1.0):
+        column = {name: place for name, place in at.items() if (place[0] >= middle) == (side > 0)}
+        edge = max((side * place[0] for place in column.values()), default=0.0) + offset * width
+        ordered = sorted(column, key=lambda name: (round(column[name][1] / gap), side * column[name][0]))
+        heights: list[float] = []
+        for name in ordered:
+            heights.append(max(column[name][1], heights[-1] + gap) if heights else column[name][1])
+        up = np.mean([y - column[name][1] for name, y in zip(ordered, heights, strict=True)] or [0.0])
+        for name, y in zip(ordered, np.array(heights) - up, strict=True):
+            u, v = column[name]
+            ax.annotate(
+                name, (u, v), (side * edge, y), ha="left" if side > 0 else "right", va="center", fontsize=10.5,
+                color=INK, weight="bold", arrowprops={"arrowstyle": "-", "color": INK, "lw": 1.2},
+                bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85},
+            )  # fmt: skip
+            ax.plot(u, v, "o", ms=6, mfc="white", mec=INK, mew=1.6)
     return figure
 
 

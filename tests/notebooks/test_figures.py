@@ -7,6 +7,7 @@ import pytest
 from matplotlib.patches import Circle
 
 from kinreach.plots import PALETTE
+from kinreach.robots import CameraMount
 from kinreach.thesis import reach_reward
 from kinreach.thesis.inside import IMPOSSIBLE_REWARD
 from notebooks import figures
@@ -86,18 +87,24 @@ class TestLearning:
         assert {"ours", "theirs", "reward", "reached", "steps", "a note"} <= set(texts(figure))
 
     def test_episode_rewards(self, rng, texts):
-        rewards = rng.normal(size=5000)
-        figure = figures.draw_episode_rewards(rewards, title="T", window=100)
-        (ax,) = figure.axes
-        assert np.asarray(ax.collections[0].get_offsets())[:, 1] == pytest.approx(rewards)
-        assert points(ax)[0] == pytest.approx([100, rewards[:100].mean()])
-        assert points(ax)[-1] == pytest.approx([5000, rewards[-100:].mean()])
-        assert "dot: one episode · line: mean of the last 100" in texts(figure)
+        rewards = np.where(rng.random(5000) < 0.2, IMPOSSIBLE_REWARD, rng.normal(size=5000))
+        possible, at = rewards[rewards > -100], 1 + np.flatnonzero(rewards > -100)
+        figure = figures.draw_episode_rewards(rewards, title="T", window=100, marks={"theirs": (2000, 2.0)})
+        for ax in figure.axes:
+            assert np.asarray(ax.collections[0].get_offsets())[:, 1] == pytest.approx(rewards)
+            assert points(ax)[0] == pytest.approx([at[99], possible[:100].mean()])
+            assert points(ax)[-1] == pytest.approx([at[-1], possible[-100:].mean()])
+        near, whole = figure.axes
+        assert near.get_ylim() == (-6.0, 4.0)
+        assert points(near, 1)[0] == pytest.approx([2000, 2.0])
+        assert whole.get_ylim()[0] < -100
+        assert {"theirs", "dot: one episode · line: mean of the last 100 that were possible"} <= set(texts(figure))
 
     def test_distances(self, texts):
-        figure = figures.draw_distances({"a": [0.5, 0.05, 0.005], "b": [0.5, 0.2]}, title="T")
+        figure = figures.draw_distances({"a": [0.5, 0.05, 0.005], "b": [0.5, 0.2]}, title="T", marks={"m": (1, 0.03)})
         (ax,) = figure.axes
         assert points(ax) == pytest.approx(np.array([[0, 500], [1, 50], [2, 5]]))
+        assert points(ax, 2)[0] == pytest.approx([1, 30])
         assert ax.get_yscale() == "log"
         assert "dashed: 10 mm, near enough to reach the goal" in texts(figure)
 
@@ -107,7 +114,12 @@ class TestLearning:
         (ax,) = figure.axes
         updates = [line for line in ax.lines if len(line.get_xdata()) == 2 and len(set(line.get_xdata())) == 1]
         assert [line.get_xdata()[0] for line in updates] == [100, 200, 300, 400]
-        assert points(ax, 4) == pytest.approx(np.column_stack([steps, returns]))
+        dots = np.asarray(ax.collections[0].get_offsets(), dtype=float)
+        assert dots == pytest.approx(np.column_stack([steps, returns]))
+        values, edges, _ = ax.patches[0].get_data()
+        assert values == pytest.approx([np.median(returns[100 * k : 100 * k + 100]) for k in range(4)])
+        assert edges.tolist() == [0, 100, 200, 300, 400]
+        assert np.diff(ax.get_ylim()) < 6 * np.diff(np.percentile(returns, (25, 75)))
         assert "discounted reward, $\\gamma$ = 0.9" in texts(figure)
 
 
@@ -177,6 +189,37 @@ class TestPictures:
         marks = [[p for p in ax.patches if hasattr(p, "get_radius")] for ax in figure.axes]
         assert [len(m) for m in marks] == [0, 2]
         assert {(*m.center, m.radius) for m in marks[1]} == {circles[1]}
+
+
+class TestNamedPlaces:
+    def test_a_point_is_where_the_camera_renders_it(self, rng):
+        """The middle of the picture is the target; what is nearer the right edge is to the camera's right."""
+        cases = 0
+        for _ in range(50):
+            position, target = rng.uniform(-2, 2, (2, 3))
+            mount = CameraMount("c", "world", tuple(position), tuple(target), fovy=float(rng.uniform(20, 90)))
+            ahead = (target - position) / np.linalg.norm(target - position)
+            right = np.cross(ahead, (0, 0, 1))
+            right /= np.linalg.norm(right)
+            points = [target, target + 0.1 * right, target + 0.1 * np.cross(right, ahead)]
+            middle, beside, above = figures.places_in_picture(mount, points, width=640, height=480)
+            assert middle == pytest.approx([319.5, 239.5])
+            assert (beside[0] > middle[0], above[1] < middle[1]) == (True, True)
+            assert (beside[1], above[0]) == pytest.approx((middle[1], middle[0]))
+            cases += 1
+        assert cases == 50
+
+    def test_names_are_beside_their_dots_and_apart(self, rng, texts):
+        for _ in range(10):
+            places = {f"j{i}": rng.uniform((0, 0), (640, 480)) for i in range(6)}
+            figure = figures.draw_named_places(np.zeros((480, 640, 3), dtype=np.uint8), places, title="T")
+            (ax,) = figure.axes
+            assert {*places, "T"} <= set(texts(figure))
+            dots = {tuple(np.ravel(line.get_xydata())) for line in ax.lines}
+            assert dots == {tuple(place) for place in places.values()}
+            for side in ("left", "right"):
+                heights = sorted(text.get_position()[1] for text in ax.texts if text.get_ha() == side)
+                assert (np.diff(heights) > 0.08 * 480).all()
 
 
 class TestLocalOptimum:

@@ -18,7 +18,7 @@ NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 LARGEST = 1_500_000
 #: Figures of the thesis that a notebook shows, by the beginning of its name; none where the thesis has none.
 FIGURES: dict[str, tuple[str, ...]] = {
-    "01": ("2.4", "2.5", "3.2", "3.3", "3.4", "3.5", "3.6", "3.7", "3.8"),
+    "01": ("2.2", "2.4", "2.5", "3.2", "3.3", "3.4", "3.5", "3.6", "3.7", "3.8"),
     "02": ("3.1",),
     "03": ("5.1", "5.2"),
     "04": ("5.3", "5.4", "5.5", "5.6", "6.1", "6.2"),
