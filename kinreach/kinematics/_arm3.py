@@ -212,7 +212,7 @@ class Arm3Kinematics(ClosedFormKinematics):
         InputError: The arm is not of this kind.
     """
 
-    joints, branches = 3, BRANCHES
+    joints, branches, few = 3, BRANCHES, 3
     unsolved = "a three-joint arm cannot choose its orientation; give a PositionGoal"
 
     def __init__(
