@@ -8,11 +8,12 @@ and arms are told apart by the lines of their axes. No mesh is needed.
     for name in $(cut -d' ' -f1 docs/reference/robot_files.txt | sort -u); do
         git clone --depth 1 https://github.com/$name FOLDER/$name
     done
-    cd docs/reference && python -m benchmarks.robot_files FOLDER --only robot_files.txt --page robot_files.md
+    cd docs/reference && python -m benchmarks.robot_files FOLDER --only robot_files.txt --page robot_files.md \
+        --guide ../guides/any_arm.md
 
 Options: `--only FILE` tries only the files of a list; `--list FILE` writes the list of all that were tried; `--page
-FILE` writes the tables; `--rows FILE` adds a line of JSON for each file as soon as it is tried, and files that have a
-line are not tried again.
+FILE` writes the tables, `--guide FILE` puts those by kind where it has them; `--rows FILE` adds a line of JSON for each
+file as soon as it is tried, and files that have a line are not tried again.
 """
 
 from __future__ import annotations
@@ -100,6 +101,8 @@ MAKERS = {
     "ARX": "(?<![a-z])arx|x5|l5",
 }
 OTHERS = "others"
+#: Around the tables that the guide has, too.
+BEGIN, END = "<!-- kinds -->", "<!-- end -->"
 #: What refusals say, in the order in which they are looked for, and whether the file may be an arm's.
 REASONS = {
     "a template of xacro: expand it first": ("is xacro", False),
@@ -138,6 +141,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     page = "\n".join(page_of(rows))
     if arguments.page:
         write_text(Path(arguments.page), page + "\n")
+    if arguments.guide:
+        guide, kinds = Path(arguments.guide), re.compile(f"{BEGIN}.*?{END}", re.DOTALL)
+        write_text(guide, kinds.sub(kinds.findall(page)[0], guide.read_text(encoding="utf-8")))
     print(page)
     return 0
 
@@ -351,12 +357,12 @@ def page_of(rows: Sequence[Row]) -> Iterator[str]:
     yield "# Robot files that work\n"
     yield from _summary(rows, taken, sum(arm for _, _, arm in refused), len(repositories))
     yield "`docs/reference/robot_files.txt` lists what was tried, and `benchmarks/robot_files.py` repeats it.\n"
-    yield "<!-- kinds -->\n"
+    yield f"{BEGIN}\n"
     yield from _table(["taken", "files", "arms", "FK agrees", "six-axis postures"], map(_of_kind, _by(taken, "kind")))
     yield ""
     reasons = Counter(reason for _, reason, _ in refused).most_common()
     yield from _table(["refused", "files"], [[reason, count] for reason, count in reasons])
-    yield "\n<!-- end -->\n\n## By maker\n"
+    yield f"\n{END}\n\n## By maker\n"
     lines = []
     for maker in [*sorted({row["maker"] for row in rows} - {OTHERS}), OTHERS]:
         of = [row for row in taken if row["maker"] == maker]
@@ -414,6 +420,7 @@ def _parser() -> Parser:
     for name, what in (
         ("list", "the list of files that were tried"),
         ("page", "the tables"),
+        ("guide", "the tables by kind, where it has them"),
         ("rows", "a line for each file"),
     ):
         parser.add_argument(f"--{name}", metavar="FILE", help=f"write {what}")

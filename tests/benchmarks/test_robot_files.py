@@ -46,7 +46,8 @@ def folder(tmp_path):
 
 
 def test_files_are_tried_once_and_told_apart(folder, capsys):
-    names = {name: str(folder / f"{name}.txt") for name in ("list", "page", "rows")}
+    names = {name: str(folder / f"{name}.txt") for name in ("list", "page", "guide", "rows")}
+    (folder / "guide.txt").write_text("# Arms\n<!-- kinds -->\nold\n<!-- end -->\nmore\n")
     flags = [word for name, file in names.items() for word in (f"--{name}", file)]
     assert robot_files.main([str(folder / "clones"), *flags]) == 0
     rows = [json.loads(line) for line in (folder / "rows.txt").read_text().splitlines()]
@@ -70,6 +71,11 @@ def test_files_are_tried_once_and_told_apart(folder, capsys):
     assert reasons["rail.urdf"] == ("joints without limits or range", True)
     page = capsys.readouterr().out
     assert page.rstrip() == (folder / "page.txt").read_text().rstrip()
+    guide = (folder / "guide.txt").read_text()
+    assert guide.startswith("# Arms\n<!-- kinds -->\n")
+    assert guide.endswith("<!-- end -->\nmore\n")
+    assert guide[7:-6] in page
+    assert "| KUKA | 1 | 1 |" not in guide
     assert "7 distinct files of 2 public repositories" in page
     assert "| KUKA | 1 | 1 |" in page
 
