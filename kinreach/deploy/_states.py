@@ -263,8 +263,9 @@ class StateReader:
             if not missing:
                 break
             names = [name for name in names if name not in missing]
-        if len(types) != len(names) or set(_VARIABLES) - set(names) - set(_OPTIONAL):
-            raise self._refused(f"does not know {', '.join(missing) or 'what is asked for'}")
+        lacking = [name for name in _VARIABLES if name not in (*names, *_OPTIONAL)]
+        if len(types) != len(names) or lacking:
+            raise self._refused(f"does not know {', '.join(lacking) or 'what is asked for'}")
         try:
             recipe = RtdeRecipe(names, types)
         except KeyError as error:

@@ -5,14 +5,17 @@ import os
 import socket
 import struct
 import threading
+from contextlib import closing, suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from kinreach.deploy import Move, Program, SimulatedUR, URClient, _server
+from kinreach.deploy import Move, Program, SimulatedUR, URClient, _client, _server
 from kinreach.deploy._connection import LostError
-from kinreach.deploy._rtde import NOT_FOUND, Kind, package
+from kinreach.deploy._rtde import NOT_FOUND, Kind, package, type_of
 from kinreach.deploy._script_port import ScriptPort
+from kinreach.deploy._states import _VARIABLES, StateReader
 from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import ArmKinematics, Trajectory, pose
 from kinreach.robots import get_arm
@@ -240,6 +243,42 @@ def test_nobody_answers(free_address):
         URClient(free_address())
 
 
+def test_a_robot_without_a_script_port_leaves_no_connection(robot):
+    threads = threading.active_count()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        unused = server.getsockname()[1]
+    with pytest.raises(RobotError, match=f"no robot answers at 127.0.0.1:{unused}"):
+        URClient(robot.address, rtde_port=robot.rtde_port, script_port=unused)
+    assert threading.active_count() == threads
+
+
+def test_the_robot_itself_refuses_to_begin_elsewhere(client, monkeypatch):
+    """As where somebody moves it between the check and the program."""
+    elsewhere = Program.of(KIN, np.add(HOME, [0, 0, 0.1, 0, 0, 0]), [Move("movej", HOME, 1.0, 2.0)])
+    with pytest.raises(RobotError, match=r"does not stand where the program begins: elbow_joint is 0.1000 rad off"):
+        client.check_ready(elsewhere)
+    monkeypatch.setattr(URClient, "_check_ready", lambda *_: None)
+    with pytest.raises(RobotError, match=r"did not move: it does not stand where the program begins"):
+        client.run(elsewhere)
+    np.testing.assert_allclose(client.read().actual_q, HOME, atol=1e-6)
+
+
+def test_numbers_of_runs_are_never_that_of_the_one_before(monkeypatch):
+    drawn = [6, 6, 6, 8]
+    monkeypatch.setattr(_client, "randbelow", lambda below: drawn.pop(0) if below == 2**31 - 1 else None)
+    assert (_client._number(), _client._number(7), drawn) == (7, 9, [])
+
+
+def test_what_is_known_of_a_robot_that_was_to_stop(client):
+    state, motion = client.read(), _client._motion
+    assert motion(state, taken=True) == "a program still runs"
+    assert motion(state, taken=False) == "it does not take the stop"
+    moving = replace(state, actual_qd=np.array([0.1, -0.3, 0, 0, 0, 0]))
+    assert motion(moving, taken=True) == "a joint moves at 0.30 rad/s"
+    lost = replace(moving, time=np.nan)
+    assert motion(lost, taken=True) == "it reports NaN or infinity"
+
+
 def test_the_last_reason_counts_however_the_messages_are_cut():
     """As the script port sends them: others between, and pieces of any size."""
     with socket.create_server(("127.0.0.1", 0)) as silent:
@@ -321,6 +360,22 @@ ANSWERS = {
 }
 
 
+def answers(*types, start=b"\1"):
+    """A controller's answers to all questions before the first state."""
+    parts = [(Kind.PROTOCOL_VERSION, b"\1"), (Kind.CONTROLLER_VERSION, struct.pack(">4I", 5, 11, 0, 0))]
+    parts += [*((Kind.SETUP_OUTPUTS, b"\1" + each.encode()) for each in types), (Kind.START, start)]
+    return b"".join(package(*part) for part in parts)
+
+
+TYPES = ",".join(type_of(name) for name in _VARIABLES)
+ANSWERS |= {
+    "no time": (answers(NOT_FOUND + TYPES[6:], TYPES[7:]), "does not know timestamp$"),
+    "fewer types than names": (answers("DOUBLE"), "does not know what is asked for"),
+    "an unknown type": (answers(TYPES.replace("DOUBLE", "FLOAT", 1)), "has a type 'FLOAT', which RTDE has not"),
+    "not now": (answers(TYPES, start=b"\0"), "the robot at 127.0.0.1 refuses to send its state"),
+}
+
+
 @pytest.mark.parametrize("what", ANSWERS)
 def test_what_answers_is_no_ur(what):
     answer, reason = ANSWERS[what]
@@ -332,14 +387,21 @@ def test_what_answers_is_no_ur(what):
                 connection.recv(100)
                 connection.sendall(answer)
                 connection.shutdown(socket.SHUT_WR)
-                connection.recv(100)
+                with suppress(ConnectionError):
+                    while connection.recv(4096):
+                        pass
 
         thread = threading.Thread(target=serve)
         thread.start()
         port = server.getsockname()[1]
-        with pytest.raises(RobotError, match=reason):
-            URClient("127.0.0.1", rtde_port=port, script_port=port)
+        with pytest.raises(RobotError, match=reason), closing(StateReader("127.0.0.1", port)) as reader:
+            reader.read()
         thread.join()
+
+
+def test_a_state_of_another_size_is_of_no_ur(client):
+    with pytest.raises(RobotError, match=r"127.0.0.1 is not a UR: an RTDE data package has 20 bytes, its recipe \d+"):
+        client._states._state(bytes(20))
 
 
 def test_a_lost_connection_is_said(robot, client):

@@ -1,12 +1,13 @@
 """The simulated controller moves as URScript says, and stops where a UR stops."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from kinreach.deploy._controller import Controller
-from kinreach.deploy._motion import JointLine, LineError, Servo, StraightLine
+from kinreach.deploy._motion import JointLine, LineError, Servo, StraightLine, rates_for
 from kinreach.deploy._rtde import RobotMode, RuntimeState, SafetyMode
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
@@ -286,6 +287,32 @@ class TestProtectiveStops:
         away[:2] *= -1
         done = ur.run(program(f"movel(p{listed(away)})"))
         assert "singularity at" in done.reason or "joint speed" in done.reason
+
+    def test_a_speed_of_the_tool_at_a_singularity(self, ur):
+        straight = np.where(np.arange(6) == 4, 0.0, HOME)
+        assert ur.run(program(f"movej({listed(straight)}, a=20, v=3)")).reason == ""
+        done = ur.run(program("speedl([0.1, 0, 0, 0, 0, 0], 0.5, 1)"))
+        assert done.reason == "the tool cannot keep its speed at a singularity"
+
+    def test_an_arm_that_is_pushed_away(self, ur):
+        ur.start(program("sleep(1)"))
+        ur.tick()
+        ur.simulation.data.qpos[2] += 0.4
+        ur.tick()
+        assert ur.safety_mode is SafetyMode.PROTECTIVE_STOP
+        assert re.fullmatch(r"protective stop: elbow_joint is 0\.\d\d rad from its target", ur.log[-1])
+
+
+def test_a_time_is_kept_with_an_acceleration_that_may_have_to_be_raised():
+    raised, rng = 0, np.random.default_rng(0)
+    for seconds, length, acceleration in 10.0 ** rng.uniform(-1, 1, (500, 3)):
+        speed, used = rates_for(seconds, length, acceleration)
+        assert used >= acceleration * (1 - 1e-12)
+        assert speed**2 / used <= length * (1 + 1e-9)
+        assert speed / used + length / speed == pytest.approx(seconds, rel=1e-9)
+        raised += used > acceleration * (1 + 1e-9)
+    assert 100 < raised < 400
+    assert rates_for(2.0, 0.0, 1.0) == (1e-9, 1e-9)
 
 
 MOVE = f"movej({listed(np.add(HOME, [1, 0, 0, 0, 0, 0]))}, a=1.4, v=0.8)"

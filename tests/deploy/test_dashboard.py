@@ -87,6 +87,11 @@ def test_power_and_brakes(ur):
             "Safetymode: ROBOT_EMERGENCY_STOP", "Robotmode: POWER_OFF")  # fmt: skip
 
 
+def test_who_leaves_may_take_the_power(ur):
+    assert (answer(ur, "quit"), answer(ur, "robotmode")) == ("Disconnected", "Robotmode: RUNNING")
+    assert (answer(ur, "shutdown"), answer(ur, "robotmode")) == ("Shutting down", "Robotmode: POWER_OFF")
+
+
 def test_a_protective_stop_is_unlocked_after_five_seconds(ur):
     ur.start("protective_stop()")
     ticked(ur, 0.1)

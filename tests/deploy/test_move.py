@@ -328,6 +328,8 @@ def _ik(pose_text, calibration):
     (["--to", GOAL, "--to", "-0.41,0.3,0.3,3.14,0,0", "--blend", "0.2"], "the blends of move [12] overlap"),
     (["--to", GOAL, "--blend", "-1", "--to", NEAR], "blend"),
     (["--to", "1,2"], "--to must be 6 numbers"),
+    (["--to", GOAL, "--table", "0.01"], "--table must be 0 or negative, got 0.01: metres from the arm's base down"),
+    (["--to", GOAL, "--robot", "127.0.0.1", "--show", "--yes"], "--show is for looking before the robot moves"),
     (["--to", "0.4,0.3,3,3.14,0,0"], r"the nearest pose in reach with this orientation is 2\.\d+ m away"),
     (["--to", "-400,300,300,3.14,0,0"], "the goal has no posture: too far .*; positions are in metres"),
     (["--to", GOAL, "--box", "-0.4,0.3,0.3,0.1,0.1,0.1"], "none of the 8 goal postures is free: .* - box 1"),

@@ -291,6 +291,21 @@ def test_moves_out_of_bounds_are_refused(values, reason):
         Move(**{"command": "movej", "target": HOME, "speed": 0.5, "acceleration": 1.0, **values})
 
 
+def test_a_trajectory_has_an_even_rate_that_a_ur_keeps():
+    even = swing()
+    for t, reason in (
+        (even.t * (1.0 + 1e-5 * np.arange(len(even.t))), "two samples or more at an even rate"),
+        (even.t / even.t[1] * 0.003, r"a sample every 3 ms, .* whole control cycles of 2 ms"),
+        (even.t / even.t[1] * 0.001, r"a sample every 1 ms"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            Program(HOME, np.zeros(6), trajectory=Trajectory(JOINTS, t, even.q, even.qd * 0.0))
+    alone = Trajectory(JOINTS, [0.0], [HOME], np.zeros((1, 6)))
+    with pytest.raises(InputError, match="two samples or more at an even rate"):
+        Program(HOME, np.zeros(6), trajectory=alone)
+    assert Program.of(KIN, HOME, even).trajectory.t[1] == 0.002
+
+
 @pytest.mark.parametrize("tolerance", [0.0, 1e-4, 0.011, float("nan"), -1, True, "x"])
 def test_the_tolerance_of_the_start_is_bounded(tolerance):
     with pytest.raises(InputError, match=r"tolerance \[rad\] must be"):

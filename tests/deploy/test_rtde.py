@@ -119,7 +119,9 @@ class TestUrRtde:
 
 @pytest.fixture
 def robot():
-    with SimulatedUR("ur5e", rtde_port=0, script_port=0, speed=20.0) as served:
+    log = []
+    with SimulatedUR("ur5e", rtde_port=0, script_port=0, speed=20.0, log=log.append) as served:
+        served.log = log
         yield served
 
 
@@ -464,6 +466,8 @@ def test_too_many_clients_are_turned_away(robot):
             with suppress(OSError):
                 answered += client.ask(Kind.PROTOCOL_VERSION, b"\0\2") == b"\1"
         assert answered == 32
+        refused = f"a client is refused: port {robot.rtde_port} has 32 already"
+        assert [line for line in robot.log if "refused" in line] == [refused]  # one for all that come now
     finally:
         for client in clients:
             client.socket.close()
@@ -629,19 +633,29 @@ def test_a_client_writes_outputs_and_registers_that_programs_read(robot):
         "standard_digital_output",
         "input_int_register_24",
         "input_double_register_2",
+        "standard_analog_output_mask",
+        "standard_analog_output_0",
+        "standard_analog_output_1",
+        "input_bit_registers32_to_63",
+        "input_bit_register_65",
     ]
     seen = ["actual_digital_output_bits", "input_int_register_24", "input_double_register_2", "output_int_register_3"]
+    seen += ["standard_analog_output0", "standard_analog_output1", *names[-2:], "input_bit_register_66"]
     with Client(robot) as client, Client(robot) as watch:
         client.ask(Kind.PROTOCOL_VERSION, b"\0\2")
         answer = client.ask(Kind.SETUP_INPUTS, ",".join(names).encode())
         number, types = answer[0], answer[1:].decode().split(",")
-        values = {names[0]: (0b110,), names[1]: (0b010,), names[2]: (-5,), names[3]: (0.25,)}
+        given = (0b110, 0b010, -5, 0.25, 0b10, 0.5, 1.0, 1 << 31 | 0b101, True)
+        values = {name: (value,) for name, value in zip(names, given, strict=True)}
         client.socket.sendall(package(Kind.DATA, bytes([number]) + RtdeRecipe(names, types).pack(values)))
         recipe = watch.begin(seen, 500.0)
         while (state := recipe.unpack(watch.next(Kind.DATA)[1:]))["input_double_register_2"] != (0.25,):
             pass
         assert state[seen[0]] == (0b010,)
         assert state[seen[1]] == (-5,)
+        before, analog = state[seen[4]], state[seen[5]]
+        assert before < analog  # only the one of the mask is set, to its largest current or voltage
+        assert [state[name] for name in seen[-3:]] == [(1 << 31 | 0b101,), (True,), (False,)]
         with socket.create_connection((robot.address, robot.script_port), PATIENCE) as script:
             script.sendall(b"write_output_integer_register(3, read_input_integer_register(24))\n")
             while recipe.unpack(watch.next(Kind.DATA)[1:])[seen[3]] != (-5,):

@@ -67,6 +67,7 @@ WORDS = {
     "textmsg(str_at(\"abc\", 1))\ntextmsg(to_str(1.5))\ntextmsg(to_num(\"2.5\") + 1)\ntextmsg(length([1, 2]))":
         ["b", "1.5", "3.5", "2"],
     "textmsg(1)\nhalt\ntextmsg(2)": ["1"],
+    "def f(x):\n  if x > 1:\n    return\n  end\n  textmsg(x)\nend\nf(1)\nf(2)": ["1"],
 }  # fmt: skip
 
 
@@ -207,6 +208,16 @@ textmsg("joined")
     def test_two_cannot_move_the_arm(self, ur):
         text = f"thread t():\n  movej({listed(HOME + 0.2)})\nend\nh = run t()\nmovej({listed(HOME - 0.2)})\n"
         assert "another thread is already controlling the robot" in ur.run(program(text)).reason
+
+    def test_in_a_critical_section_a_thread_is_alone(self, ur):
+        """Also if it ends in it: others go on then."""
+        count = (
+            "x = 0\nthread count():\n  while True:\n    x = x + 1\n    sync()\n  end\nend\nrun count()\nsleep(0.05)\n"
+        )
+        alone = "enter_critical\ny = x\nsleep(0.1)\ntextmsg(x == y)\nexit_critical\nsleep(0.1)\ntextmsg(x > y + 10)"
+        assert said(ur, count + alone) == ["True", "True"]
+        ends = "thread ends():\n  enter_critical\n  sleep(0.05)\nend\nh = run ends()\njoin h\n"
+        assert said(ur, f"{count}{ends}y = x\nsleep(0.1)\ntextmsg(x > y + 10)") == ["True"]
 
     def test_a_killed_one_stops_the_arm(self, ur):
         text = f"thread t():\n  movej({listed(HOME + 0.5)}, a=2, v=1)\nend\nh = run t()\nsleep(0.4)\nkill h\nsleep(0.5)"
@@ -398,6 +409,14 @@ def test_a_secondary_program_runs_beside(ur):
         ur.tick()
     assert ur.io.digital == 1
     assert "textmsg: main" in ur.log
+    ur.start(program('sleep(0.1)\ntextmsg("goes on")'))
+    ur.tick()
+    ur.start('sec other():\n  x = 1 / 0\n  textmsg("not said")\nend\n')
+    for _ in range(200):
+        ur.tick()
+    assert "secondary program stopped: line 2, column 9: runtime error: 1 / 0 has no value" in ur.log
+    assert ur.log[-2:] == ["textmsg: goes on", "program finished"]
+    assert "textmsg: not said" not in ur.log
     with pytest.raises(InputError, match="cannot move the arm"):
         ur.start("sec other():\n  movej([0, 0, 0, 0, 0, 0])\nend\n")
 

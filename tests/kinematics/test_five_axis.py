@@ -251,6 +251,12 @@ def test_others_say_that_they_do_not_solve_it(kin):
             solver(kin).solve(goal, kin.arm.home)
     with pytest.raises(InputError, match="goal must be a PoseGoal, an AxisGoal or a PositionGoal, got"):
         kin.solve("home", kin.arm.home)
+    six = ArmKinematics.of("ur5e")
+    with pytest.raises(InputError, match="solved by the kinematics of an arm with four or five joints"):
+        six.solve(NearestOrientationGoal(six.fk(six.arm.home)), six.arm.home)
+    found = kin.all_solutions(goal.T)
+    assert found.singularity.tolist() == [0] * len(found) != []
+    assert repr(found) == f"NearestSolutions({len(found)} postures, status={found.status})"
 
 
 def test_refused_postures_lead_to_the_next_and_nearest_is_near(kin):

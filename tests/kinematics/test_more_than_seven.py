@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from kinreach.cli import main
+from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker, RedundantKinematics, Status, pose_vector
+from kinreach.robots import Box
 from tests.kinematics.test_coupled_and_sliding import chain, written
 
 
@@ -72,6 +74,12 @@ def test_the_clearest_is_clearer_than_what_it_started_from(tmp_path):
         assert found.status in (Status.OK, Status.REJECTED)
         better += checker.distance(found.q).distance >= checker.distance(q).distance - 1e-9
     assert better >= 2
+    T = kin.fk(kin.arm.home)
+    around = kin.T_world_base[:3, :3] @ T[:3, 3] + kin.T_world_base[:3, 3]
+    found = kin.clearest(T, CollisionChecker(kin, obstacles=[Box("around", (0.05, 0.05, 0.05), tuple(around))]))
+    assert (found.status, found.reason) == (Status.REJECTED, "the posture found collides")
+    with pytest.raises(InputError, match=r"arm 'ur5e' has 6 joints, no more than a pose needs"):
+        RedundantKinematics("ur5e")
 
 
 def test_a_pose_out_of_reach_and_what_accept_refuses(tmp_path):

@@ -125,6 +125,8 @@ def test_postures_and_arms_without_words_have_none(kin, tmp_path):
     checker, start, _ = clutter(kin, 0)
     with pytest.raises(InputError, match="postures are their own"):
         plan_path(checker, start, start[None], branch=0)
+    with pytest.raises(InputError, match=f"{kin.arm.title} has no closed form, so its postures have no branches"):
+        postures_of(ArmKinematics(kin.arm), kin.all_solutions(kin.fk(start)), 0, start)
     arm3 = ArmKinematics.of("arm3")
     home, goals = np.array(arm3.arm.home), arm3.all_solutions([0.3, 0.2, 0.3])
     with pytest.raises(InputError, match=r"the branches of .* have no names; give their number, or 'same'"):

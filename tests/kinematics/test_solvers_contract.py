@@ -43,8 +43,11 @@ def poses(kin):
     return kin.fk(np.random.default_rng(0).uniform(kin.lower, kin.upper, (30, 6)))
 
 
-def test_names():
+def test_names(kin):
     assert [solver.name for solver in SOLVERS] == ["placo", "lm", "qp"]
+    assert [repr(solver(kin)) for solver in SOLVERS] == [f"{solver.__name__}({kin!r})" for solver in SOLVERS]
+    far = ArmKinematics.of(kin.arm).all_solutions(np.eye(4) + 9.0 * np.eye(4, k=3))
+    assert repr(far) == f"IKSolutions(0 postures, status={far.status}, reason={far.reason!r})"
 
 
 @solvers

@@ -120,12 +120,14 @@ def test_postures_next_to_a_singular_one_are_as_exact_as_those_of_numpy(joint):
 
 
 def test_arms_without_formulas_for_tensors_go_by_way_of_numpy():
-    kin = Arm3Kinematics()
-    p = kin.positions(np.random.default_rng(4).uniform(-2, 2, (100, 3)))
-    expected, found = kin.batch(p), kin.batch(torch.tensor(p))
-    np.testing.assert_array_equal(found.q.numpy(), expected.q)
-    np.testing.assert_array_equal(found.valid.numpy(), expected.valid)
-    assert found.valid.any()
+    arm3, so101, rng = Arm3Kinematics(), ArmKinematics.of("so101"), np.random.default_rng(4)
+    poses = so101.fk(rng.uniform(so101.lower, so101.upper, (5, so101.n)))
+    for kin, goals in ((arm3, arm3.positions(rng.uniform(-2, 2, (100, 3)))), (so101, poses)):
+        for limits in (True, False):
+            expected, found = kin.batch(goals, limits=limits), kin.batch(torch.tensor(goals), limits=limits)
+            np.testing.assert_array_equal(found.q.numpy(), expected.q)
+            np.testing.assert_array_equal(found.valid.numpy(), expected.valid)
+            assert found.valid.any()
 
 
 def test_rows_are_computed_in_blocks_on_the_processor_alone():

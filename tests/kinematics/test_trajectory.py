@@ -67,6 +67,7 @@ def test_a_duration_of_whole_periods_gets_no_sample_more():
 def test_an_arm_that_does_not_move():
     path = Trajectory(("a", "b"), [0.0], [[1.0, 2.0]], [[0.0, 0.0]])
     assert path.duration == 0.0
+    assert repr(path) == "Trajectory(1 samples, 0 s, joints=('a', 'b'))"
     assert path.at([0.0, 1.0])[0].tolist() == [[1.0, 2.0], [1.0, 2.0]]
     assert len(path.resampled(500.0).t) == 1
 
