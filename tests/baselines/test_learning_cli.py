@@ -78,6 +78,7 @@ def test_finished_trainings_are_drawn_without_training_again(trained, capsys, tm
         (["evaluate", "ranked-single", "--max-episode-steps", "many"], "invalid int value: 'many'"),
         (["evaluate", "ranked-single", "--max-episode-steps", "0"], "max_episode_steps must be at least 1, got 0"),
         (["evaluate", "ranked-single", "--collisions", "true"], "--collisions is for policies of the moving ball"),
+        (["evaluate", "button", "--backend", "kinematic"], "--backend, --observation and --exposure are for reach"),
         (["evaluate", "gradient-moving", "--collisions", "no"], "unknown --collisions 'no'; available: false, true"),
         (
             ["evaluate", "ranked-single", "--split", "training"],

@@ -130,6 +130,7 @@ def test_files_of_other_kinds_are_refused_and_nothing_runs(tmp_path, capsys):
         ({"layer9.weight": np.ones((8, 8))}, "tensors must be"),
         ({"mean": np.zeros((2, 3))}, "one dimension"),
         ({"low": np.zeros(6)}, "both be there"),
+        ({"steering.low": np.zeros(6)}, r"the tensors of steering\.\* must be fits, low, high, got \['steering.low'\]"),
         ({"low": np.zeros(6), "high": np.zeros(6)}, "low below high"),
     ],
 )
@@ -195,6 +196,10 @@ def test_a_posture_takes_an_arm_with_as_many_joints():
     card = replace(CARD, environment=MULTI, recipe={"name": "mine", "options": {"arm": "panda"}})
     with pytest.raises(InputError, match="a posture of the arm 'panda' has 7 numbers, got 6"):
         LearnedPolicy(card, network()).act(np.zeros(13))
+    with pytest.raises(InputError, match=r"an observation must have at least 6 numbers, got shape \(5,\)"):
+        LearnedPolicy(CARD, network()).posture(np.zeros(5))
+    with pytest.raises(InputError, match="the output of .* means action, not a posture"):
+        LearnedPolicy(replace(CARD, meaning="action"), network()).posture(np.zeros(13))
     card = replace(CARD, recipe={"name": "mine", "options": {"arm": "nobody's"}})
     with pytest.raises(UnknownNameError, match="nobody's"):
         LearnedPolicy(card, network()).posture(np.zeros(13))
@@ -229,11 +234,12 @@ def test_cards_of_before_there_were_seeds_of_goals_are_read(tmp_path):
     assert lacking == 10
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "null", "[" * 100_000])
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", "[" * 100_000, '{"format": 1, "steps": NaN}'])
 def test_headers_that_are_no_card_are_refused(tmp_path, text):
     tensors, _ = tensors_and_header(network())
     save_file(tensors, tmp_path / "p.safetensors", metadata={"kinreach": text})
-    with pytest.raises(InputError, match="is not a policy"):
+    said = "its format is not 1" if text in ("[]", "null") else "its header has no JSON entry 'kinreach'"
+    with pytest.raises(InputError, match=f"is not a policy: {said}"):
         read_policy(tmp_path / "p.safetensors")
 
 

@@ -3,6 +3,7 @@
 import os
 import pickle
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -15,6 +16,7 @@ stable_baselines3 = pytest.importorskip("stable_baselines3")
 sb3_contrib = pytest.importorskip("sb3_contrib")
 
 from kinreach.baselines import export_policy  # noqa: E402
+from kinreach.baselines._sb3_export import check_trainable  # noqa: E402
 
 PENDULUM, CARTPOLE, REACH = "Pendulum-v1", "CartPole-v1", "kinreach/UR5SingleStep-v0"
 MODELS = [
@@ -99,6 +101,17 @@ def test_normalised_observations_are_those_of_the_environment_in_the_policy(name
             export_policy(loaded, path, environment=PENDULUM)
     assert main(["evaluate", str(tmp_path / "model.zip")]) == 2
     assert f"normalize=VecNormalize.load('{tmp_path / 'vecnormalize.pkl'}', venv)" in capsys.readouterr().err
+
+
+def test_only_vectors_and_numbers_from_0_are_trained():
+    vector = gym.spaces.Box(-1.0, 1.0, (3,))
+    for actions in (vector, gym.spaces.Discrete(4)):
+        check_trainable(vector, actions)
+    for actions in (gym.spaces.Discrete(4, start=1), gym.spaces.MultiBinary(3), gym.spaces.Box(-1.0, 1.0, (2, 2))):
+        with pytest.raises(InputError, match="training needs actions that are vectors or numbered from 0, got "):
+            check_trainable(vector, actions)
+    with pytest.raises(InputError, match="training needs observations that are vectors of numbers, got Box"):
+        check_trainable(gym.spaces.Box(-1.0, 1.0, (2, 2)), vector)
 
 
 def test_images_dictionaries_and_other_things_are_refused(tmp_path):

@@ -56,7 +56,11 @@ def test_a_comparison_prints_its_tables_and_the_command_that_gives_it_again(tmp_
     (["--task", "button", "--max-episode-steps", "1.5"], "--max-episode-steps must be a whole number, got '1.5'"),
     (["--task", "button", "--max-episode-steps", "0"], "max_episode_steps must be at least 1, got 0"),
     (["--task", "button", "--actuation", "strong"], "available: report, tuned"),
+    (["--observation", "camera", "--resolution", "160x"], "WIDTHxHEIGHT"),
     (["--arm", "ur6"], "unknown arm 'ur6'"),
+    (["--tool-mass", "1"], "--tool-mass needs --arm"),
+    (["--package-dir", "x"], "--package-dir needs --arm"),
+    (["--task", "json:dumps"], "json:dumps is not a Task"),
     (["--task", "button", "--arm", "ur10"], "arm"),
 ])  # fmt: skip
 def test_bad_input_is_one_clear_line(argv, said, capsys, tmp_path, monkeypatch):

@@ -234,6 +234,9 @@ def test_a_task_without_distance_has_pictures_too(trials):
         assert "mm" not in _caption("what", trial)
         assert "goal" in _caption("what", trial)
     assert "mm" in _caption("success", {**bare[0], "distance": 0.001})
+    lost = {"goal_index": 3, "distance": 0.0125, "posture_error": 0.25, "steps": 2, "impossible": True, "status": "ok"}
+    assert _caption("worst", lost) == "worst · goal 3 · 12.5 mm · posture error 0.25 rad · 2 steps · ok"
+    assert _caption("worst", {**lost, "steps": 1, "impossible_reason": "hit"}).endswith("0.25 rad · hit")
     assert finding({"methods": [{"name": "a", "reached": None}], "settings": {"goals": 3}}) == []
 
 

@@ -33,6 +33,33 @@ def prepared(task, methods=(), goals=6, seed=0):
     )  # fmt: skip
 
 
+def test_a_disk_that_is_full_leaves_whole_lines(toy, tmp_path, monkeypatch):
+    records = runner.Records(tmp_path / RECORDS, {"goals": 1}, prepared(toy, ["right"]), fresh=True)
+    records.add({"goal": 0})
+    before, opened = records.path.read_bytes(), type(tmp_path).open
+
+    def half(path, *arguments, **options):
+        file = opened(path, *arguments, **options)
+        write = file.write
+
+        def fill(text):
+            write(text[:5])
+            file.flush()
+            raise OSError(28, "No space left on device")
+
+        file.write = fill
+        return file
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(tmp_path), "open", half)
+        with pytest.raises(OutputError, match=f"cannot write .*{RECORDS}: No space left on device"):
+            records.add({"goal": 1})
+    assert records.path.read_bytes() == before
+    assert records.trials == [{"goal": 0}]
+    records.add({"goal": 2})
+    assert [json.loads(line) for line in records.path.read_text().splitlines()] == [{"goals": 1}, *records.trials]
+
+
 def numbers(results):
     """Results without their times."""
     kept = json.loads(json.dumps(results))

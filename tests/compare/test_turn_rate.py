@@ -116,6 +116,17 @@ def test_the_noise_is_found_and_rather_too_large():
         assert max(0.9 * noise, 1e-4) <= fit._noise < max(1.8 * noise, 1.1e-4)
 
 
+@pytest.mark.parametrize("share", [0.5, 1.0, 1.5])
+def test_a_delay_that_is_not_the_believed_one_is_found(share):
+    """By a ball that rests until the first sight is observed, and then rolls straight on."""
+    fit = TurnRateFit(9e-5)
+    for t in np.arange(10) / 30.0:
+        fit.see(float(t), np.array([0.4 + 0.5 * max(t - 0.1 * share, 0.0), 0.1]), 0.1)
+    assert fit.age == pytest.approx(0.1 * share, abs=0.006)
+    ahead = fit.forecast(np.array([0.1 * share + 0.2]))[0]
+    np.testing.assert_allclose(ahead, [0.4 + 0.5 * (9 / 30 + 0.2), 0.1], atol=2e-3)
+
+
 def test_a_single_sight_stays_where_it_is():
     fit = TurnRateFit(1e-4)
     fit.see(0.0, np.array([0.4, 0.1, 0.0]))
