@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
@@ -16,14 +16,15 @@ from kinreach._checks import Floats, as_array, as_floats, check_count, check_fla
 from kinreach._objects import load_object
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, RowStreams, told_terms
 from kinreach.envs._lift.lift_task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
-from kinreach.envs._options import FLOAT32, DrawnOptions, check_box_actions, option_rows
+from kinreach.envs._options import DrawnOptions, check_box_actions, option_rows
+from kinreach.envs._randomise import RANDOMISE_ARM, Randomisation, Ranges, check_randomise, drawn_of
 from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, held_in_limits, joint_limits, seen_joints
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, Gripper
 from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim.inside import BALL, BALL_GROUP, BEYOND_LIMIT, CUBE, SHAPES, Grasping, Objects
+from kinreach.sim.inside import BALL, BALL_GROUP, BEYOND_LIMIT, BOUNDS, CUBE, SHAPES, Grasping, Objects
 
 #: Of the ball that marks a goal, beside objects that may be red.
 GOAL_COLOUR = (0.10, 0.70, 0.20, 0.6)
@@ -163,11 +164,16 @@ class TabletopOptions(DrawnOptions):
     backend: ClassVar[str] = "mujoco"
     task: type[TabletopTask] | str
     arguments: Mapping[str, Any]
+    randomise: Ranges | None = field(default=None, metadata=RANDOMISE_ARM)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_randomise(self.randomise, names=BOUNDS)
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> TabletopOptions:
         """Return the options of an environment, the arguments of its task among them."""
-        own = {"task", "info", "dtype", "render_mode"}
+        own = {"task", "info", "render_mode", "randomise"}
         arguments = {name: value for name, value in options.items() if name not in own}
         return cls(arguments=arguments, **{name: value for name, value in options.items() if name in own})
 
@@ -222,6 +228,8 @@ class TabletopEpisodes(Episodes):
         self.options, self.setup, self.world, self.count = options, setup, world, world.count
         self.action_space, self.observation_space = setup.action_space, setup.observation_space
         self._streams = RowStreams(setup.sample, self.count, size=3 + setup.task.goal_size)
+        ranges = check_randomise(options.randomise, names=BOUNDS)
+        self._drawn = Randomisation(ranges, self.count, world.drawn)
         self.goals = np.zeros((self.count, setup.task.goal_size))
         joints, numbers, truths = len(setup.home), np.zeros(self.count), np.zeros(self.count, dtype=np.bool_)
         self._state = TabletopState(
@@ -230,7 +238,11 @@ class TabletopEpisodes(Episodes):
         )  # fmt: skip
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
+        self._drawn.seed(index, rng.spawn(1)[0])
         self._streams.seed(index, rng)
+
+    def goal_info(self, rows: Any) -> dict[str, Any]:
+        return {**super().goal_info(rows), **self._drawn.info(rows)}
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> _Start:
         return _Start(*option_rows(options, {"place": 2, "yaw": 1, "goal": self.setup.task.goal_size}, count))
@@ -245,6 +257,7 @@ class TabletopEpisodes(Episodes):
                 rows[:, columns] = values
         each = np.ones(len(ids))
         numbers = (each * number for number in (task.size, task.mass, task.friction))
+        self._drawn.begin(ids)
         world.reset(ids, np.tile(self.setup.home, (len(ids), 1)))
         world.put_fingers(ids, each * self.setup.opening)
         on_table = np.column_stack([rows[:, :2], each * self.setup.region.z[0]])
@@ -325,7 +338,7 @@ class TabletopEnv(ArmEnv):
 
     The action is `Box(-1, 1, (n,), float32)`: changes of the n joints in parts of 5 degrees, and, where the task has
     `fingers`, one number more, the change of their opening in parts of 8 mm. Changes count from where joints and
-    fingers stand. The observation is `Box(float32)`:
+    fingers stand. The observation is `Box(float64)`:
 
     | Num | Observation | Unit |
     |-----|-------------|------|
@@ -346,7 +359,8 @@ class TabletopEnv(ArmEnv):
         task: The class of the task, or `"module:Class"`.
         render_mode: `"human"`, `"rgb_array"`, `"rgb_array_list"` or `"depth_array"`.
         info: `"all"`, or only `"numbers"`.
-        dtype: Of the observation, `"float32"` or `"float64"`.
+        randomise: Ranges of what is drawn of the arm at every reset, by name, such as `{"payload": (0, 0.5)}`:
+            `payload`, `friction`, `damping`, `gears` and `encoder_noise`; `info` has `drawn_NAME`.
         **options: Arguments of the task's class.
 
     Raises:
@@ -359,17 +373,18 @@ class TabletopEnv(ArmEnv):
         *,
         render_mode: str | None = None,
         info: str = "all",
-        dtype: str = FLOAT32,
+        randomise: Ranges | None = None,
         **options: Any,
     ) -> None:
-        super().__init__(task=task, render_mode=render_mode, info=info, dtype=dtype, **options)
+        super().__init__(task=task, render_mode=render_mode, info=info, randomise=randomise, **options)
 
     def _checked(self, options: dict[str, Any]) -> TabletopOptions:
         return TabletopOptions.of(options)
 
     def _new_episodes(self, options: TabletopOptions) -> TabletopEpisodes:
         self._task = setup = _Setup(options)
-        self._simulation = ArmSimulation(setup.arm, visual=options.render_mode is not None, objects=1)
+        drawn, visual = drawn_of(options.randomise), options.render_mode is not None
+        self._simulation = ArmSimulation(setup.arm, visual=visual, objects=1, drawn=drawn)
         if setup.task.goal_size == 3:  # the ball, which is hidden beside objects, marks the goal
             marker = self._simulation.model.geom(BALL)
             marker.group, marker.rgba = BALL_GROUP, GOAL_COLOUR
@@ -393,5 +408,6 @@ class TabletopVectorEnv(NativeVectorEnv):
 
     def _new_episodes(self, options: TabletopOptions, threads: int, device: str | None) -> TabletopEpisodes:
         setup = _Setup(options)
-        arms = BatchSimulation(setup.arm, self.num_envs, threads=threads, objects=1)
+        drawn = drawn_of(options.randomise)
+        arms = BatchSimulation(setup.arm, self.num_envs, threads=threads, objects=1, drawn=drawn)
         return TabletopEpisodes(options, setup, Grasping(arms))

@@ -148,6 +148,7 @@ class JointController:
         qpos, ctrl: Where the arm's joints are in MuJoCo's `qpos` and `ctrl`.
         obstacles: Names of the bodies that are not links.
         objects: Those of them that are free objects. One that is held, or pushed, makes no target impossible.
+        encoder_noise: Of each simulation [rad], shape (count,), where it is not the same in all.
     """
 
     def __init__(
@@ -158,6 +159,7 @@ class JointController:
         tolerance: float = TOLERANCE,
         encoder_noise: float = 0.0,
         boxes: int = 0,
+        planned_with: Any = None,
     ) -> None:
         self.arm = arm
         self.model = model
@@ -174,8 +176,9 @@ class JointController:
         dof = as_index([joint.dofadr[0] for joint in joints])
         self._following = Following(self.qpos, dof, self.ctrl, tolerance, model.opt.timestep, encoder_noise)
         self._planner = SetpointPlanner(
-            arm, model, qpos=self.qpos, dof=dof, servos=self.ctrl, period=self._following.period
+            arm, planned_with or model, qpos=self.qpos, dof=dof, servos=self.ctrl, period=self._following.period
         )
+        self.encoder_noise: Floats | None = None
         self._scratch = mujoco.MjData(model)
 
     def outside_limits(self, q: Floats) -> NDArray[np.bool_]:
@@ -228,7 +231,8 @@ class JointController:
         points = [state[:, self.qpos], targets]
         if two_phase and self.arm.moves_last:
             points.insert(1, between_phases(self.arm, points[0], targets))
-        return self._following.run(plant, ids, self._planner.plan(state, points))
+        noise = None if self.encoder_noise is None else self.encoder_noise[ids]
+        return self._following.run(plant, ids, self._planner.plan(state, points), noise)
 
     def _result(self, found: tuple[Touch, ...], state: Floats, target: Floats, end: int, duration: float) -> MoveResult:
         q = state[self.qpos].copy()

@@ -13,6 +13,7 @@ from kinreach.robots import Gripper
 from kinreach.sim._controller import JointController, as_index, pairs_in_contact, touches
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import BODY_FIELDS, GEOM_FIELDS, OBJECT, OBJECTS, Objects
+from kinreach.sim._imperfections import encoder_errors
 from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, rows_and_columns
 from kinreach.sim._setpoints import CONTROL_PERIOD
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
@@ -48,6 +49,7 @@ class Grasping:
     """The grippers and objects of simulations, one or a batch; each is independent of the others.
 
     Attributes:
+        drawn: Writes drawn properties of the arms; None where none is drawn.
         objects: Number of objects of each.
     """
 
@@ -55,6 +57,7 @@ class Grasping:
         arm, model = simulation.arm, simulation.model
         if arm.gripper is None:
             raise InputError(f"arm {arm.name!r} has no gripper; with_gripper() puts one on its flange")
+        self.drawn = simulation.drawn
         self.controller: JointController = simulation.controller
         self.gripper: Gripper = arm.gripper
         self.objects = len(self.controller.objects)
@@ -134,13 +137,25 @@ class Grasping:
         """Move the setpoints of arms and fingers evenly to postures [rad] and openings [m]."""
         servos = np.concatenate([self._all_servos[self.controller.ctrl], self._all_servos[self._servos]])
         end = np.concatenate([postures, np.repeat(openings[:, None] / 2, 2, axis=1)], axis=1)
-        self._lead(ids, servos, end, seconds)
+        self._lead(ids, servos, end, seconds, misread=self._misread(ids, postures, seconds))
 
-    def _lead(self, ids: Ids, servos: Any, end: Floats, seconds: float) -> None:
+    def _misread(self, ids: Ids, postures: Floats, seconds: float) -> Floats | float:
+        """Return the errors of the servos' readings in every period [rad], shape (periods, k, servos)."""
+        if self.controller.encoder_noise is None:
+            return 0.0
+        periods, starts = self._periods(seconds), self._plant.qpos[rows_and_columns(ids, self.controller.qpos)]
+        rows = zip(self.controller.encoder_noise[ids], starts, postures, strict=True)
+        errors = np.stack([encoder_errors(sigma, start, end, periods) for sigma, start, end in rows], axis=1)
+        return np.concatenate([errors, np.zeros((periods, len(ids), 2))], axis=2)
+
+    def _periods(self, seconds: float) -> int:
+        return max(1, round(seconds / self._period))
+
+    def _lead(self, ids: Ids, servos: Any, end: Floats, seconds: float, misread: Floats | float = 0.0) -> None:
         """Simulate while the setpoints of some servos move evenly to their end."""
         start = self._plant.ctrl[rows_and_columns(ids, servos)]
-        share = np.linspace(0.0, 1.0, 1 + max(1, round(seconds / self._period)))[1:, None, None]
-        self._plant.follow(ids, servos, start + share * (end - start), self._substeps)
+        share = np.linspace(0.0, 1.0, 1 + self._periods(seconds))[1:, None, None]
+        self._plant.follow(ids, servos, start + share * (end - start) - misread, self._substeps)
 
     def move(self, ids: Ids, targets: Floats) -> Any:
         """Move arms, all joints at once; see `JointController.move`."""

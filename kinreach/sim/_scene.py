@@ -23,7 +23,7 @@ from kinreach.robots import ArmDescription
 from kinreach.robots.inside import collision_mesh, following_joints, sliding_joints
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import add_free_objects
-from kinreach.sim._imperfections import IDEAL, Imperfections
+from kinreach.sim._imperfections import IDEAL, PAYLOAD, Imperfections
 from kinreach.sim._movable_boxes import add_movable_boxes
 from kinreach.sim._visuals import DRAWN_ONLY, HIDDEN_GROUP, add_camera, add_visual_meshes, add_visuals
 
@@ -33,7 +33,6 @@ TIMESTEP = 0.008
 BALL = "ball"
 BALL_GROUP = 1  # of its own, so that it can be drawn alone
 BALL_COLOUR = (0.86, 0.04, 0.03, 1.0)
-PAYLOAD = "payload"
 #: Stiffness of a finger's drive [N/m]: full force 12 mm from where it wants to be.
 GRIPPER_GAIN = 10_000.0
 #: Angles of the first joint at which it is tried what the first link touches.

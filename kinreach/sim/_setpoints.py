@@ -181,7 +181,7 @@ class Following:
         """Time between two setpoints [s]."""
         return self.substeps * self.timestep
 
-    def run(self, plant: Plant, ids: Ids, phases: Sequence[Plan]) -> NDArray[np.int8]:
+    def run(self, plant: Plant, ids: Ids, phases: Sequence[Plan], noise: Floats | None = None) -> NDArray[np.int8]:
         """Move simulations through the phases of their plans, each until it stands or does not arrive.
 
         A phase but the last is over as soon as the arm is within the tolerance. At the end of the last it has to come
@@ -191,31 +191,33 @@ class Following:
             plant: The simulations.
             ids: Which of them to move, ascending, shape (k,).
             phases: Plans for these k simulations.
+            noise: Encoder noise of each of them [rad], shape (k,); None where all have the same.
 
         Returns:
             ARRIVED, STALLED or LATE for each, shape (k,).
         """
-        return _Run(self, plant, ids, phases).finish()
+        noise = np.full(len(ids), self.encoder_noise) if noise is None else noise
+        return _Run(self, plant, ids, phases, noise).finish()
 
 
 class _Run:
     """The state of one `Following.run`. Times are counted in control periods from its start; arrays have k rows."""
 
-    def __init__(self, rule: Following, plant: Plant, ids: Ids, phases: Sequence[Plan]) -> None:
+    def __init__(self, rule: Following, plant: Plant, ids: Ids, phases: Sequence[Plan], noise: Floats) -> None:
         self.rule, self.plant, self.ids, self.phases = rule, plant, ids, phases
         self.patience = round(PATIENCE / rule.period)
         rows: Any = slice(None) if len(ids) == len(plant.ctrl) else ids
         self.at_qpos, self.at_dof = rows_and_columns(rows, rule.qpos), rows_and_columns(rows, rule.dof)
         longest = sum(len(plan.setpoints) for plan in phases) + self.patience * (len(phases) - 1)
-        longest += self.patience if rule.encoder_noise else 0
+        longest += self.patience if noise.any() else 0
         self.line = np.empty((longest, len(ids), phases[0].target.shape[1]))
         self.misread: Floats | None = None
-        if rule.encoder_noise:
+        if noise.any():
             starts = plant.qpos[self.at_qpos]
             self.misread = np.stack(
                 [
-                    encoder_errors(rule.encoder_noise, start, target, longest)
-                    for start, target in zip(starts, phases[-1].target, strict=True)
+                    encoder_errors(sigma, start, target, longest)
+                    for sigma, start, target in zip(noise, starts, phases[-1].target, strict=True)
                 ],
                 axis=1,
             )

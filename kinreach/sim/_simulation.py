@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from copy import copy
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from kinreach.robots import THESIS_ARM, ArmDescription, Box, get_arm
 from kinreach.sim._controller import TOLERANCE, JointController, MoveResult, Touch, touches
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import OBJECTS
-from kinreach.sim._imperfections import Imperfections, as_imperfections, in_scene
+from kinreach.sim._imperfections import PAYLOAD, DrawnArms, Imperfections, as_imperfections, in_scene, scene_of
 from kinreach.sim._movable_boxes import MAX_BOXES, put_boxes, spare_boxes
 from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, rows_and_columns
 from kinreach.sim._scene import BALL, TIMESTEP, check_timestep, scene_model
@@ -51,9 +52,11 @@ class ArmSimulation:
         imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
         objects: Number of free objects, up to two; `kinreach.sim._grasping` puts them somewhere and grasps them.
         boxes: Number of boxes for `put_boxes`.
+        drawn: Names of properties of the arm that `drawn` gives each simulation, see `kinreach.sim._imperfections`.
 
     Attributes:
         arm: The description.
+        drawn: Writes drawn properties into the model; None without.
         model: MuJoCo's model, of this simulation only: what is written to it acts in the next step.
         data: MuJoCo's state.
         controller: Executes moves.
@@ -73,20 +76,27 @@ class ArmSimulation:
         imperfections: Imperfections | Mapping[str, float] | None = None,
         objects: int = 0,
         boxes: int = 0,
+        drawn: Collection[str] = (),
     ) -> None:
         self.arm = get_arm(arm)
         check_timestep(timestep)
         check_count("objects", objects, least=0, most=len(OBJECTS))
-        flaws = as_imperfections(imperfections)
+        flaws = scene_of(as_imperfections(imperfections), drawn)
         check_count("boxes", boxes, least=0, most=MAX_BOXES)
         self.model: Any = scene_model(
             self.arm, timestep=timestep, visual=visual, imperfections=in_scene(flaws), objects=objects, boxes=boxes
         )
         self.data: Any = mujoco.MjData(self.model)
         self.controller = JointController(
-            self.arm, self.model, tolerance=tolerance, encoder_noise=flaws.encoder_noise, boxes=boxes
+            self.arm,
+            self.model,
+            tolerance=tolerance,
+            encoder_noise=flaws.encoder_noise,
+            boxes=boxes,
+            planned_with=_ideal(self.model, drawn),
         )
         self._plant = SinglePlant(self.model, self.data)
+        self.drawn = _drawn_arms(self._plant, self.controller, drawn)
         self._only = np.zeros(1, dtype=np.intp)
         self._boxes = boxes
         self._ball = int(self.model.body(BALL).mocapid[0])
@@ -194,6 +204,26 @@ class ArmSimulation:
         return touches(self.model, self.data, self.controller.obstacles)
 
 
+def _ideal(model: Any, drawn: Collection[str]) -> Any:
+    """Return the model of the arm before anything is drawn, without payload; None where nothing is."""
+    if not drawn:
+        return None
+    ideal = copy(model)
+    if "payload" in drawn:
+        load = ideal.body(PAYLOAD)
+        load.mass[:] = load.inertia[:] = 0.0
+    return ideal
+
+
+def _drawn_arms(plant: Any, controller: JointController, drawn: Collection[str]) -> DrawnArms | None:
+    if not drawn:
+        return None
+    made = DrawnArms(plant, controller.model, controller.arm.joints, len(plant.qpos))
+    if "encoder_noise" in drawn:
+        controller.encoder_noise = made.encoder_noise
+    return made
+
+
 class BatchSimulation:
     """A number of independent `ArmSimulation`, each bit for bit what it would be alone, on any number of threads.
 
@@ -213,9 +243,11 @@ class BatchSimulation:
         backend: `"mujoco"`, or `"warp"`.
         device: Of Warp, such as `"cuda:0"` or `"cpu"`; a GPU where there is one if None.
         objects: As of `ArmSimulation`; not with Warp.
+        drawn: As of `ArmSimulation`; not with Warp.
 
     Attributes:
         arm: The description.
+        drawn: As of `ArmSimulation`.
         count: As given.
         model: MuJoCo's model of the scene. The batch steps a copy of it.
         batch: MuJoCo's batch (`mujoco.batch.Batch`); None with Warp.
@@ -239,9 +271,12 @@ class BatchSimulation:
         backend: str = MUJOCO,
         device: str | None = None,
         objects: int = 0,
+        drawn: Collection[str] = (),
     ) -> None:
         check_known("backend", backend, (MUJOCO, WARP))
         check_count("objects", objects, least=0, most=len(OBJECTS) if backend == MUJOCO else 0)
+        if drawn and backend == WARP:
+            raise InputError(f"simulations with backend={WARP!r} have one model: nothing can be drawn for each")
         if device is not None and backend != WARP:
             raise InputError(f"device is for backend={WARP!r}; {backend!r} runs on the processor, got {shown(device)}")
         count, threads = (
@@ -251,7 +286,7 @@ class BatchSimulation:
         check_timestep(timestep)
         self.arm = get_arm(arm)
         self.count = count
-        flaws = as_imperfections(imperfections)
+        flaws = scene_of(as_imperfections(imperfections), drawn)
         self.model: Any = scene_model(
             self.arm, timestep=timestep, visual=False, imperfections=in_scene(flaws), objects=objects
         )
@@ -267,7 +302,14 @@ class BatchSimulation:
             except (MemoryError, ValueError) as error:  # what MuJoCo makes of it when there is no memory left
                 raise InputError(f"{count} simulations do not fit into the memory: {error}") from None
             self._plant = BatchPlant(self.model, self.batch)
-        self.controller = JointController(self.arm, self.model, tolerance=tolerance, encoder_noise=flaws.encoder_noise)
+        self.controller = JointController(
+            self.arm,
+            self.model,
+            tolerance=tolerance,
+            encoder_noise=flaws.encoder_noise,
+            planned_with=_ideal(self.model, drawn),
+        )
+        self.drawn = _drawn_arms(self._plant, self.controller, drawn)
         self._balls = self._plant.mocap[:, int(self.model.body(BALL).mocapid[0])]
         self._tip = self.model.body(self.arm.tips[self.arm.default_tip]).id
         self._scratch = mujoco.MjData(self.model)

@@ -12,6 +12,7 @@ from kinreach.envs._batch import BatchPicture, NativeVectorEnv, Outcome
 from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs._button.world import BatchTorqueWorld, ButtonState, SingleTorqueWorld
 from kinreach.envs._options import with_options
+from kinreach.envs._randomise import drawn_of
 from kinreach.envs._single import DrawnEnv
 from kinreach.robots import ArmDescription
 from kinreach.sim.inside import Scene
@@ -54,7 +55,7 @@ class ButtonPressEnv(DrawnEnv):
     `docs/studies/appendix/button.md` has the comparison, and why this is not the default.
 
     ## Observation Space
-    `Box(19,), float32`, in the world frame (z up), in the report's order. Positions of the target stay within 0.75 m
+    `Box(19,), float64`, in the world frame (z up), in the report's order. Positions of the target stay within 0.75 m
     unless you set it elsewhere. The push state is 1 if the action that led here pressed, wherever that was. The
     controls are not observed, as in the report: add up your own actions if you need them, or set `controls=True`;
     they follow, -10 to 10. With `frames=n` the observations of the last n steps stand side by side,
@@ -145,7 +146,9 @@ class ButtonPressEnv(DrawnEnv):
     goes_on = True
 
     def _new_episodes(self, options: ButtonOptions) -> ButtonEpisodes:
-        self._world = SingleTorqueWorld(options.arm, options.motors, visual=options.render_mode is not None)
+        self._world = SingleTorqueWorld(
+            options.arm, options.motors, visual=options.render_mode is not None, drawn=drawn_of(options.randomise)
+        )
         return ButtonEpisodes(options, self._world)
 
     @property
@@ -199,7 +202,9 @@ class ButtonPressVectorEnv(NativeVectorEnv):
     drawn = True
 
     def _new_episodes(self, options: ButtonOptions, threads: int, device: str | None) -> ButtonEpisodes:
-        return ButtonEpisodes(options, BatchTorqueWorld(options.arm, options.motors, self.num_envs, threads=threads))
+        drawn = drawn_of(options.randomise)
+        world = BatchTorqueWorld(options.arm, options.motors, self.num_envs, threads=threads, drawn=drawn)
+        return ButtonEpisodes(options, world)
 
     def _new_picture(self) -> BatchPicture:
         episodes, scene = self.episodes, SingleTorqueWorld(self.options.arm, self.options.motors, visual=True)

@@ -30,6 +30,7 @@ from kinreach.envs._button.button_task import (
 )
 from kinreach.envs._button.world import Ids, TorqueWorld
 from kinreach.envs._options import DrawnOptions, about, option_rows
+from kinreach.envs._randomise import RANDOMISE_TORQUE, TORQUE, Randomisation, Ranges, check_randomise
 from kinreach.envs._reach.rewards import OwnReward, RewardFunction, Scorer, Terms, check_reward, term_names
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
@@ -56,8 +57,11 @@ class ButtonOptions(DrawnOptions):
     controls: bool = field(default=False, metadata=about("observe the three controls, too", flag=None))
     frames: int = field(default=1, metadata=about("observe so many steps, up to 16, the newest first", flag=None))
 
+    randomise: Ranges | None = field(default=None, metadata=RANDOMISE_TORQUE)
+
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_randomise(self.randomise, names=TORQUE)
         check_known("actuation", self.actuation, ACTUATIONS)
         check_reward(self.reward, "distance, q and press")
         check_flag("controls", self.controls)
@@ -142,6 +146,7 @@ class ButtonEpisodes(Episodes):
         self.fps = round(1 / options.motors.period)  # a frame a step
         self._starts = ButtonStarts(options.motors.targets)
         self._streams = RowStreams(self._starts.sample, count, size=SIZE)
+        self._drawn = Randomisation(check_randomise(options.randomise, names=TORQUE), count, world.drawn)
         self._period = options.motors.period
         self._gears = np.array(options.motors.gears)
         self._keep = options.fixed_target is not False
@@ -163,6 +168,7 @@ class ButtonEpisodes(Episodes):
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an arm its own generator; it forgets a target that it kept."""
+        self._drawn.seed(index, rng.spawn(1)[0])
         self._streams.seed(index, rng)
         self._has_target[index] = False
 
@@ -191,6 +197,7 @@ class ButtonEpisodes(Episodes):
         self.goals[ids], self._has_target[ids] = targets, True
         for counter in (self._control, self._pushed, self._steps, self._wrong_presses, self._energy):
             counter[ids] = 0
+        self._drawn.begin(ids)
         self.world.reset(ids, targets, postures, speeds)
         self._state[:, ids] = self.world.q[ids], self.world.qd[ids], self.world.tip[ids]
         self._seen[ids] = self._present()[ids, None]
@@ -228,6 +235,9 @@ class ButtonEpisodes(Episodes):
         info = self._info(slice(None), pressed, wrong, diverged, score.terms)
         outcome = Outcome(score.reward, pressed, diverged & ~pressed, info)
         return outcome if acting is None else outcome.of(acting)
+
+    def goal_info(self, rows: Any) -> dict[str, Any]:
+        return {**super().goal_info(rows), **self._drawn.info(rows)}
 
     def start_info(self, ids: Ids) -> dict[str, Any]:
         nobody = np.zeros(len(ids), dtype=np.bool_)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from copy import copy
 from enum import IntEnum
 from functools import lru_cache
@@ -15,7 +15,20 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.envs._button.button_task import CONTROL_LIMIT, Actuation
 from kinreach.robots import ArmDescription, CameraMount
-from kinreach.sim.inside import BALL, CAMERA, DRAWN_ONLY, add_camera, build_scene, mujoco
+from kinreach.sim.inside import (
+    BALL,
+    CAMERA,
+    DRAWN_ONLY,
+    IDEAL,
+    BatchPlant,
+    DrawnArms,
+    Imperfections,
+    SinglePlant,
+    add_camera,
+    build_scene,
+    mujoco,
+    scene_of,
+)
 
 Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
@@ -40,12 +53,15 @@ class ButtonState(IntEnum):
     PRESSED = 2
 
 
-def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: bool = True) -> Any:
+def build_torque_scene(
+    arm: ArmDescription, actuation: Actuation, *, visual: bool = True, imperfections: Imperfections = IDEAL
+) -> Any:
     """Return the scene (`mujoco.MjSpec`) of an arm whose joints are driven by torque, with gravity.
 
-    If `visual`, it looks good, and has the button. None of that has mass or contact: the physics is the same.
+    If `visual`, it looks good, and has the button. None of that has mass or contact: the physics is the same. Of the
+    imperfections it has the payload.
     """
-    spec = build_scene(arm, timestep=actuation.timestep, visual=visual)
+    spec = build_scene(arm, timestep=actuation.timestep, visual=visual, imperfections=imperfections)
     # Without this MuJoCo restarts a simulation that diverges.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     for servo in list(spec.actuators):
@@ -74,14 +90,16 @@ def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: boo
     return spec
 
 
-def torque_model(arm: ArmDescription, actuation: Actuation, *, visual: bool = True) -> Any:
+def torque_model(
+    arm: ArmDescription, actuation: Actuation, *, visual: bool = True, imperfections: Imperfections = IDEAL
+) -> Any:
     """Return the compiled scene (`mujoco.MjModel`), one that nobody else has."""
-    return copy(_compiled(arm, actuation, visual=visual))
+    return copy(_compiled(arm, actuation, visual=visual, imperfections=imperfections))
 
 
 @lru_cache(maxsize=8)
-def _compiled(arm: ArmDescription, actuation: Actuation, *, visual: bool) -> Any:
-    return build_torque_scene(arm, actuation, visual=visual).compile()
+def _compiled(arm: ArmDescription, actuation: Actuation, *, visual: bool, imperfections: Imperfections) -> Any:
+    return build_torque_scene(arm, actuation, visual=visual, imperfections=imperfections).compile()
 
 
 class ButtonDrawing:
@@ -152,12 +170,14 @@ class TorqueWorld(Protocol):
     Attributes:
         q, qd: Joint angles [rad] and velocities [rad/s], shape (count, 3); live.
         tip: Positions of the end effector [m], shape (count, 3); live.
+        drawn: Writes drawn properties of the arms; None where none is drawn.
     """
 
     count: int
     q: Floats
     qd: Floats
     tip: Floats
+    drawn: DrawnArms | None
 
     def reset(self, ids: Ids, targets: Floats, q: Floats, qd: Floats) -> None:
         """Put whole states back: arms without torque, in given states, all of shape (k, 3)."""
@@ -179,9 +199,10 @@ class SingleTorqueWorld:
 
     count = 1
 
-    def __init__(self, arm: ArmDescription, actuation: Actuation, *, visual: bool) -> None:
-        self.model: Any = torque_model(arm, actuation, visual=visual)
+    def __init__(self, arm: ArmDescription, actuation: Actuation, *, visual: bool, drawn: Collection[str] = ()) -> None:
+        self.model: Any = torque_model(arm, actuation, visual=visual, imperfections=scene_of(IDEAL, drawn))
         self.data: Any = mujoco.MjData(self.model)
+        self.drawn = DrawnArms(SinglePlant(self.model, self.data), self.model, arm.joints, 1) if drawn else None
         self.watch: Callable[[], object] | None = None
         self._frame_skip = actuation.frame_skip
         self._drawing = ButtonDrawing(self.model)
@@ -212,10 +233,13 @@ class SingleTorqueWorld:
 class BatchTorqueWorld:
     """Many arms under torque, bit for bit what as many `SingleTorqueWorld` would do."""
 
-    def __init__(self, arm: ArmDescription, actuation: Actuation, count: int, *, threads: int = 1) -> None:
+    def __init__(
+        self, arm: ArmDescription, actuation: Actuation, count: int, *, threads: int = 1, drawn: Collection[str] = ()
+    ) -> None:
         self.count = count
-        model = torque_model(arm, actuation, visual=False)
+        model = torque_model(arm, actuation, visual=False, imperfections=scene_of(IDEAL, drawn))
         self._batch: Any = importlib.import_module("mujoco.batch").Batch(model, count, threads)
+        self.drawn = DrawnArms(BatchPlant(model, self._batch), model, arm.joints, count) if drawn else None
         self._frame_skip = actuation.frame_skip
         self._home = model.key("home").id
         self._drawing = ButtonDrawing(model)

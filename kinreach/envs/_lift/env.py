@@ -12,6 +12,7 @@ from kinreach.envs._goals import GoalMethods
 from kinreach.envs._lift.episodes import LiftEpisodes
 from kinreach.envs._lift.lift_task import LiftOptions, LiftTask
 from kinreach.envs._options import with_options
+from kinreach.envs._randomise import drawn_of
 from kinreach.envs._single import ArmEnv, ForfeitEnv
 from kinreach.sim import ArmSimulation, BatchSimulation
 from kinreach.sim.inside import OBJECTS, Grasping
@@ -50,7 +51,7 @@ class LiftEnv(GoalMethods, ForfeitEnv, ArmEnv):
     Each finger presses with 10 N for each millimetre that it is held off by, 120 N at most.
 
     ## Observation Space
-    `Box(18,), float32`; with `clutter=True` 3 numbers more.
+    `Box(18,), float64`; with `clutter=True` 3 numbers more.
 
     | Num | Observation | Min | Max | Unit |
     |-----|-------------|-----|-----|------|
@@ -129,7 +130,8 @@ class LiftEnv(GoalMethods, ForfeitEnv, ArmEnv):
     def _new_episodes(self, options: LiftOptions) -> LiftEpisodes:
         self._task = task = LiftTask(options)
         visual = options.render_mode is not None
-        self._simulation = ArmSimulation(task.arm, visual=visual, objects=_objects(options))
+        drawn = drawn_of(options.randomise)
+        self._simulation = ArmSimulation(task.arm, visual=visual, objects=_objects(options), drawn=drawn)
         self._grasping = Grasping(self._simulation)
         return LiftEpisodes(task, self._grasping if options.backend == "mujoco" else None, 1)
 
@@ -169,6 +171,7 @@ class LiftVectorEnv(GoalMethods, NativeVectorEnv):
         self.task = task = LiftTask(options)
         world = None
         if options.backend == "mujoco":
-            arms = BatchSimulation(task.arm, self.num_envs, threads=threads, objects=_objects(options))
+            drawn, objects = drawn_of(options.randomise), _objects(options)
+            arms = BatchSimulation(task.arm, self.num_envs, threads=threads, objects=objects, drawn=drawn)
             world = Grasping(arms)
         return LiftEpisodes(task, world, self.num_envs)

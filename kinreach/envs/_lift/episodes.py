@@ -27,6 +27,7 @@ from kinreach.envs._lift.lift_task import (
     face_angle,
 )
 from kinreach.envs._options import check_box_actions
+from kinreach.envs._randomise import Randomisation, check_randomise
 from kinreach.envs._reach.observers import CameraObserver, PixelObserver
 from kinreach.envs._reach.reach_task import CAMERA, GOAL_RANGE, held_in_limits
 from kinreach.sim.inside import CUBE, SHAPES, Grasping, MoveStatus, Objects
@@ -70,6 +71,9 @@ class LiftEpisodes(Episodes):
         self.action_space = task.action_space
         self._streams = RowStreams(task.sample, count, size=9)
         self._sensors = [np.random.default_rng() for _ in range(count)]
+        ranges = check_randomise(self.options.randomise, backend=self.options.backend)
+        arms = None if world is None else world.drawn
+        self._drawn = Randomisation(ranges, count, arms, coordinates=3)
         kind = task.options.observation
         self._camera = CameraObserver(task.arm, task.options) if kind == CAMERA else None
         self._pixels = PixelObserver(task.arm, task.options) if kind == "pixels" else None
@@ -93,7 +97,8 @@ class LiftEpisodes(Episodes):
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generators: of starts, and of the cameras' noise."""
-        starts, self._sensors[index] = rng.spawn(2)
+        starts, self._sensors[index], drawn = rng.spawn(3)
+        self._drawn.seed(index, drawn)
         self._streams.seed(index, starts)
 
     def begin(self, ids: Ids, start: LiftStart = ALL_DRAWN) -> None:
@@ -109,6 +114,7 @@ class LiftEpisodes(Episodes):
         places, others = np.hstack([rows[:, :2], table]), np.hstack([rows[:, 7:9], table])
         self.q[ids] = self.task.home
         self._opening[ids] = self.task.gripper.opening
+        self._drawn.begin(ids)
         if self.world is not None:
             self.world.reset(ids, self.q[ids])
             self.world.put(ids, 0, kinds, places, rows[:, 2])
@@ -129,9 +135,9 @@ class LiftEpisodes(Episodes):
         if views is not None:
             self.seen[ids] = np.where((views == 0.0).all(axis=1, keepdims=True), np.nan, views)
         elif self._camera is not None:
-            self.seen[ids] = self._camera.measure(self.goals[ids], ids, self._sensors).seen
+            self.seen[ids] = self._drawn.displaced(ids, self._camera.measure(self.goals[ids], ids, self._sensors).seen)
         else:
-            self.seen[ids] = self.goals[ids]
+            self.seen[ids] = self._drawn.displaced(ids, self.goals[ids])
 
     def _tips(self, ids: Ids) -> Floats:
         return np.asarray(self.task.kinematics.chain.positions(self.q[ids]))
@@ -169,6 +175,7 @@ class LiftEpisodes(Episodes):
             "size": np.array(kinds.size),
             "mass": np.array(kinds.mass),
             "friction": np.array(kinds.friction),
+            **self._drawn.info(rows),
         }
 
     def start_info(self, ids: Ids) -> dict[str, Any]:

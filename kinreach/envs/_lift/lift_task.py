@@ -24,6 +24,7 @@ from kinreach._checks import (
 )
 from kinreach.envs._goals import DENSE, REWARD_NAMES, GoalOptions, goal_dict
 from kinreach.envs._options import about, given_options, option_rows
+from kinreach.envs._randomise import RANDOMISE, Ranges, check_randomise
 from kinreach.envs._reach.reach_task import (
     CAMERA_RANGE,
     GOAL_RANGE,
@@ -99,6 +100,7 @@ class LiftOptions(GoalOptions):
         default=(0.0, 0.0, 0.0), metadata=about("how far the table is moved, x, y and z [m], within 0.05")
     )
     attempts: int = field(default=1, metadata=about("grasps that may be tried in an episode of single steps"))
+    randomise: Ranges | None = field(default=None, metadata=RANDOMISE)
 
     reward: str = field(default=DENSE, metadata=about('`"dense"`, or `"sparse"`: 0 for success, else -1', flag=None))
 
@@ -112,6 +114,8 @@ class LiftOptions(GoalOptions):
         check_objects(arm, self.sizes, self.masses, self.frictions)
         as_vector("table [m]", self.table, 3, most=MAX_SHIFT)
         check_flag("clutter", self.clutter)
+        if "camera" in check_randomise(self.randomise, backend=self.backend) and self.observation == "pixels":
+            raise InputError("randomise['camera'] displaces what cameras measure; observation=\"pixels\" has pictures")
         check_count("attempts", self.attempts, most=MAX_ATTEMPTS)
         if self.observation != "geometric":
             lacks = {

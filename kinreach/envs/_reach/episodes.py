@@ -13,7 +13,7 @@ from kinreach._checks import Floats
 from kinreach._tensors import copied, on_device, on_host
 from kinreach.envs._batch import Episodes, Outcome, texts, told_terms
 from kinreach.envs._goals import Told
-from kinreach.envs._options import in_dtype
+from kinreach.envs._randomise import Randomisation, check_randomise
 from kinreach.envs._reach.observers import PixelObserver, goal_observer, measured
 from kinreach.envs._reach.reach_task import (
     CAMERA_RANGE,
@@ -61,6 +61,9 @@ class ReachEpisodes(Episodes):
         self._pictures: dict[str, NDArray[Any]] = {}
         self._changed = np.empty(count, dtype=np.bool_)  # since the pictures were taken
         self._streams = task.streams(count)
+        ranges = check_randomise(self.options.randomise, backend=self.options.backend)
+        coordinates = task.layout.goal.stop - task.layout.goal.start
+        self._drawn = Randomisation(ranges, count, world.drawn, coordinates=coordinates)
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._observation = np.empty((count, task.layout.size))
         self._observation[:, task.layout.gripper] = task.gripper_opening
@@ -83,15 +86,19 @@ class ReachEpisodes(Episodes):
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an arm its own generators, for goals and for noise."""
-        goal_rng, self._sensors[index] = rng.spawn(2)
+        goal_rng, self._sensors[index], drawn_rng = rng.spawn(3)
+        self._drawn.seed(index, drawn_rng)
         self._streams.seed(index, goal_rng)
 
     def begin(self, ids: Ids, start: ReachReset = ReachReset()) -> None:  # noqa: B008 (immutable)
         """Start new episodes with given values or drawn ones; goals are measured once, from the start pose."""
         goals, start = self.task.completed(start, self._streams, ids)
+        self._drawn.begin(ids)
         self.world.reset(ids, goals, start.q)
         if start.views is None:
             views, found, seen = self._observer.measure(goals, ids, self._sensors)
+            if "camera" in (self.options.randomise or ()):
+                views, found, seen = measured(self.task, self._drawn.displaced(ids, views))
         else:
             views, found, seen = measured(self.task, start.views)
         if len(ids) == self.world.count:
@@ -108,8 +115,8 @@ class ReachEpisodes(Episodes):
             self._observation[rows, self.task.layout.direction] = start.directions
         if self.options.goal_env:
             q, tip = map(on_host, self.world.snapshot(ids))
-            self._achieved[rows] = in_dtype(self.task.achieved(tip, q), self.options.dtype)
-            self._desired[rows] = in_dtype(self.task.desired(goals, self.directions[rows]), self.options.dtype)
+            self._achieved[rows] = self.task.achieved(tip, q)
+            self._desired[rows] = self.task.desired(goals, self.directions[rows])
 
     @property
     def measurement(self) -> GoalMeasurement | None:  # type: ignore[override]
@@ -153,6 +160,7 @@ class ReachEpisodes(Episodes):
             "seen": np.array(self.seen[rows]),
             "view": np.array(self._observation[rows, self.task.layout.goal]),
             "ball_found": np.array(self.found[rows]),
+            **self._drawn.info(rows),
         }
         return info | {"direction": np.array(self.directions[rows])} if self.task.directed else info
 
@@ -226,8 +234,7 @@ class ReachEpisodes(Episodes):
         distance = distance_between(tip, goals)
         if self.options.goal_env:
             q_here, tip_here = on_host(q), on_host(tip)
-            # judged as it is handed out, so that `compute_reward` says the same
-            self._achieved[:] = in_dtype(self.task.achieved(tip_here, q_here), self.options.dtype)
+            self._achieved[:] = self.task.achieved(tip_here, q_here)
             score = self.task.score_of_goals(self._achieved, self._desired, executed.impossible, lambda: q_here)
         else:
             score = self.task.score(distance, q, impossible, directions)

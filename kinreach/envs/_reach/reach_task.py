@@ -30,6 +30,7 @@ from kinreach._tensors import namespace
 from kinreach.envs._batch import RowStreams, goal_streams
 from kinreach.envs._goals import REWARD_NAMES, GoalOptions, goal_dict
 from kinreach.envs._options import ARM_BACKENDS, about, check_box_actions, option_rows
+from kinreach.envs._randomise import RANDOMISE, Ranges, check_randomise
 from kinreach.envs._reach.rewards import (
     RewardFunction,
     Score,
@@ -127,6 +128,7 @@ class ReachOptions(GoalOptions):
             '`{"payload": 0.5}`; by default it is ideal'
         ),
     )
+    randomise: Ranges | None = field(default=None, metadata=RANDOMISE)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -139,6 +141,8 @@ class ReachOptions(GoalOptions):
         check_flag("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
+        if "camera" in check_randomise(self.randomise, backend=self.backend) and self.observation == "pixels":
+            raise InputError("randomise['camera'] displaces what cameras measure; observation=\"pixels\" has pictures")
         check_reward(self.reward, names=REWARD_NAMES)
         if self.goal_env and self.goal_in != CAMERA:
             raise InputError(f'goal_env=True has the goal in the world: use goal_in="camera", got {self.goal_in!r}')

@@ -11,6 +11,7 @@ from kinreach._checks import check_count
 from kinreach._registration import MAX_EPISODE_STEPS, MULTI
 from kinreach.envs._batch import BatchPicture, NativeVectorEnv
 from kinreach.envs._goals import GoalMethods
+from kinreach.envs._randomise import drawn_of
 from kinreach.envs._reach.episodes import ReachEpisodes
 from kinreach.envs._reach.reach_task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask
 from kinreach.envs._reach.space import SpaceOptions, SpaceTask
@@ -53,6 +54,7 @@ class ReachVectorEnv(GoalMethods, NativeVectorEnv):
                 imperfections=as_imperfections(options.imperfections),
                 backend=options.backend,
                 device=device if options.backend == "warp" else None,
+                drawn=drawn_of(options.randomise),
             )
         )
         return ReachEpisodes(task, world)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Protocol
@@ -16,7 +16,7 @@ from kinreach.envs._reach.reach_task import ReachTask
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription
 from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim.inside import IDEAL, WARP, Imperfections, MoveResult, MoveStatus
+from kinreach.sim.inside import IDEAL, WARP, DrawnArms, Imperfections, MoveResult, MoveStatus
 
 Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
@@ -84,12 +84,14 @@ class ReachWorld(Protocol):
         dynamic: Whether they are simulated.
         explains: Whether there is a reason for each impossible target.
         device: Of the tensors that `snapshot` gives; None for arrays.
+        drawn: Writes drawn properties of the arms; None where none is drawn.
     """
 
     count: int
     dynamic: bool
     explains: bool
     device: Any
+    drawn: DrawnArms | None
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         """Put arms into postures [rad], shape (k, n), or the start pose, and balls to goals [m], shape (k, 3)."""
@@ -126,6 +128,7 @@ class KinematicWorld:
 
     dynamic = False
     device = None
+    drawn: DrawnArms | None = None
 
     def __init__(self, task: ReachTask, count: int, *, explain: bool = False) -> None:
         self.count = count
@@ -183,6 +186,7 @@ class SingleDynamicWorld:
 
     def __init__(self, simulation: ArmSimulation) -> None:
         self.simulation = simulation
+        self.drawn = simulation.drawn
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         self.simulation.reset(None if q is None else q[0])
@@ -218,14 +222,22 @@ class BatchDynamicWorld:
         imperfections: Imperfections = IDEAL,
         backend: str = "mujoco",
         device: str | None = None,
+        drawn: Collection[str] = (),
     ) -> None:
         self.count = count
         self.device = None if device is None else as_device(device)
         self._kinematics = ArmKinematics.of(arm, base="world")
         simulated_on = device if backend == WARP else None  # else it is only where tensors are wanted
         self._batch = BatchSimulation(
-            arm, count, threads=threads, imperfections=imperfections, backend=backend, device=simulated_on
+            arm,
+            count,
+            threads=threads,
+            imperfections=imperfections,
+            backend=backend,
+            device=simulated_on,
+            drawn=drawn,
         )
+        self.drawn = self._batch.drawn
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         self._batch.reset(ids, q)

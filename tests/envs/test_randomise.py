@@ -1,0 +1,247 @@
+"""What `randomise` draws at every reset: within its ranges, in `info`, in the dynamics, also in native batches."""
+
+import copy
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import kinreach  # noqa: F401 (registers the environments)
+from kinreach.envs import TabletopTask, register_tabletop
+from kinreach.errors import InputError, UnknownNameError, UnknownOptionError
+from kinreach.sim._imperfections import OF_JOINTS
+from tests.cases import slow
+
+ARM = {"payload": (0.1, 0.5), "friction": (0.0, 0.05), "damping": (0.0, 0.02), "gears": (0.7, 1.3)}
+SERVOS = {**ARM, "encoder_noise": (0.0, 1e-3)}
+ALL = {**SERVOS, "camera": (-0.005, 0.005)}
+
+
+class Push(TabletopTask):
+    fingers = False
+
+    def sample(self, rng, count, region):
+        return np.array([0.47, 0.0]) + rng.uniform(-0.02, 0.02, (count, 2)), np.zeros(count), np.zeros((count, 3))
+
+    def achieved(self, state):
+        return state.position
+
+    def success(self, achieved, goals):
+        return np.zeros(len(achieved), dtype=np.bool_)
+
+
+register_tabletop("tests/DrawnPush-v0", Push, max_episode_steps=4)
+CASES = {
+    "multi": ("kinreach/UR5MultiStep-v0", ALL, {}),
+    "reach": ("kinreach/Reach-v0", ALL, {"steps": "multi"}),
+    "panda": ("kinreach/Reach-v0", ALL, {"steps": "multi", "arm": "panda"}),
+    "lift": ("kinreach/Lift-v0", ALL, {"steps": "multi", "masses": (0.05, 0.2)}),
+    "button": ("kinreach/ButtonPress-v0", ARM, {}),
+    "report": ("kinreach/ButtonPress-v0", ARM, {"actuation": "report"}),
+    "push": ("tests/DrawnPush-v0", SERVOS, {}),
+    "kinematic": ("kinreach/UR5MultiStepKinematic-v0", {"camera": (-0.005, 0.005)}, {}),
+}
+QUICK = ("multi", "lift", "button", "kinematic")
+EVERY = [*QUICK, *slow(*(name for name in CASES if name not in QUICK))]
+
+
+def single(case, **changed):
+    name, ranges, options = CASES[case]
+    return gym.make(name, **{"randomise": ranges, **options, **changed})
+
+
+def native(case, count, **changed):
+    name, ranges, options = CASES[case]
+    more = {"randomise": ranges, "vectorization_mode": "vector_entry_point", **options, **changed}
+    return gym.make_vec(name, count, **more)
+
+
+def drawn(info):
+    return {name: np.asarray(value) for name, value in info.items() if name.startswith("drawn_")}
+
+
+def action_of(env, seed=0):
+    env.action_space.seed(seed)
+    action = env.action_space.sample()
+    return action if isinstance(env.action_space, gym.spaces.Discrete) else 0.2 * action
+
+
+@pytest.mark.parametrize("case", EVERY)
+def test_every_range_is_met_and_every_seed_draws_the_same(case):
+    env, seen = single(case), []
+    ranges = CASES[case][1]
+    shapes = None
+    for seed in range(40):
+        found = drawn(env.reset(seed=seed)[1])
+        assert set(found) == {f"drawn_{name}" for name in ranges}
+        shapes = shapes or {name: value.shape for name, value in found.items()}
+        stepped = drawn(env.step(action_of(env))[4]) if seed < 3 else found
+        for name, value in found.items():
+            assert value.shape == shapes[name]
+            np.testing.assert_array_equal(stepped[name], value)
+        seen.append(found)
+    joints = env.unwrapped.arm.joints
+    numbers = {name: shapes[f"drawn_{name}"] for name in ranges if name != "camera"}
+    assert numbers == {name: (len(joints),) if name in OF_JOINTS else () for name in numbers}
+    for name, (low, high) in ranges.items():
+        values = np.array([found[f"drawn_{name}"] for found in seen])
+        assert low <= values.min() < low + 0.15 * (high - low)
+        assert high - 0.15 * (high - low) < values.max() <= high
+        assert len(np.unique(values)) == values.size
+    again = drawn(env.reset(seed=7)[1])
+    np.testing.assert_equal(again, seen[7])
+    assert not np.array_equal(
+        drawn(env.reset()[1])[f"drawn_{next(iter(ranges))}"], again[f"drawn_{next(iter(ranges))}"]
+    )
+
+
+@pytest.mark.parametrize("case", EVERY)
+def test_a_native_batch_draws_for_every_world_what_single_ones_draw(case):
+    """And its dynamics are theirs, bit for bit, over resets in the same step."""
+    batch = native(case, 3, max_episode_steps=3)
+    singles = [single(case, max_episode_steps=3) for _ in range(3)]
+    observations, info = batch.reset(seed=5)
+    for row, env in enumerate(singles):
+        alone, told = env.reset(seed=5 + row)
+        np.testing.assert_allclose(observations[row], alone, atol=1e-12)
+        np.testing.assert_equal({name: value[row] for name, value in drawn(info).items()}, drawn(told))
+    redrawn = 0
+    for number in range(7):
+        action = action_of(singles[0], number)
+        observations, _, terminated, truncated, info = batch.step(np.stack([action] * 3))
+        for row, env in enumerate(singles):
+            alone, _, *ends, told = env.step(action)
+            if any(ends):
+                alone, told = env.reset()
+                redrawn += 1
+            assert (terminated | truncated)[row] == any(ends)
+            np.testing.assert_allclose(observations[row], alone, atol=1e-9 if case == "kinematic" else 0)
+            np.testing.assert_equal({name: value[row] for name, value in drawn(info).items()}, drawn(told))
+    assert redrawn >= 6
+
+
+@pytest.mark.parametrize("case", EVERY)
+def test_gymnasium_checks_it(case):
+    check_env(single(case).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("case", [name for name in QUICK if name != "kinematic"])
+def test_what_is_drawn_is_in_the_model_and_changes_the_dynamics(case):
+    """One at a time; goals and starts of a seed stay as they are."""
+    ranges = CASES[case][1]
+    plain = single(case, randomise=None)
+    start = plain.reset(seed=3)[1]
+    action = action_of(plain)
+    ends = [plain.step(action)[4]["q"] for _ in range(3)][-1]
+    nominal, changed = plain.unwrapped.model, 0
+    servos = [nominal.actuator(name).id for name in plain.unwrapped.arm.joints]
+    dofs = [nominal.joint(name).dofadr[0] for name in plain.unwrapped.arm.joints]
+    for name in (name for name in ranges if name != "camera"):
+        env = single(case, randomise={name: ranges[name]})
+        info = env.reset(seed=3)[1]
+        np.testing.assert_array_equal(info["goal"], start["goal"])
+        np.testing.assert_array_equal(info["q"], start["q"])
+        value, model = info[f"drawn_{name}"], env.unwrapped.model
+        efforts = np.array([model.jnt_actfrcrange[model.joint(joint).id, 1] for joint in env.unwrapped.arm.joints])
+        if name == "payload":
+            assert model.body("payload").mass[0] == value
+            assert model.body_subtreemass[0] == pytest.approx(nominal.body_subtreemass[0] + value)
+        elif name == "friction":
+            np.testing.assert_allclose(model.dof_frictionloss[dofs], value * efforts)
+        elif name == "damping":
+            np.testing.assert_allclose(model.dof_damping[dofs], nominal.dof_damping[dofs] + value * efforts)
+        elif name == "gears":
+            gains = nominal.actuator_gainprm[servos, 0]
+            np.testing.assert_allclose(model.actuator_gainprm[servos, 0], value * gains)
+        q = [env.step(action)[4]["q"] for _ in range(3)][-1]
+        assert 1e-9 < np.abs(q - ends).max() < 0.5, name
+        changed += 1
+    assert changed == len(ranges) - ("camera" in ranges)
+
+
+@pytest.mark.parametrize(("name", "value"), [("friction", 0.02), ("damping", 0.01), ("encoder_noise", 1e-3)])
+def test_a_range_of_one_value_is_that_imperfection(name, value):
+    drawn_env = single("multi", randomise={name: (value, value)})
+    given = single("multi", randomise=None, imperfections={name: value})
+    for env in (drawn_env, given):
+        env.reset(seed=1)
+    for number in range(3):
+        action = action_of(given, number)
+        np.testing.assert_array_equal(drawn_env.step(action)[4]["q"], given.step(action)[4]["q"])
+
+
+@pytest.mark.parametrize("case", ["multi", "lift", "kinematic"])
+def test_cameras_off_their_places_see_goals_elsewhere(case):
+    env, off = single(case), []
+    plain = single(case, randomise=None)
+    for seed in range(10):
+        observation, info = env.reset(seed=seed)
+        ideal, _ = plain.reset(seed=seed)
+        size = 3 if case == "lift" else 6
+        np.testing.assert_allclose(observation[:size] + info["drawn_camera"], ideal[:size], atol=1e-9)
+        np.testing.assert_array_equal(info["view"], observation[:size])
+        off.append(np.linalg.norm(info["seen"] - info["goal"]))
+    assert min(off) > 5e-4
+    assert max(off) < 0.01
+
+
+@pytest.mark.parametrize("case", ["multi", "button"])
+def test_a_state_has_what_was_drawn(case):
+    one, other = single(case), single(case)
+    one.reset(seed=1)
+    other.reset(seed=2)
+    one.step(action_of(one))
+    state = one.unwrapped.save_state()
+    other.unwrapped.restore_state(state)
+    copied = copy.deepcopy(one)
+    for number in range(3):
+        action = action_of(one, number)
+        steps = [env.step(action) for env in (one, other, copied)]
+        for step in steps[1:]:
+            np.testing.assert_array_equal(step[0], steps[0][0])
+            np.testing.assert_equal(drawn(step[4]), drawn(steps[0][4]))
+    resets = [env.reset() for env in (one.unwrapped, other.unwrapped, copied.unwrapped)]
+    for observation, info in resets[1:]:
+        np.testing.assert_array_equal(observation, resets[0][0])
+        np.testing.assert_equal(drawn(info), drawn(resets[0][1]))
+
+
+@pytest.mark.parametrize(
+    ("case", "options", "error", "words"),
+    [
+        ("multi", {"randomise": {"mass": (0, 1)}}, UnknownNameError, "available: camera, damping, enc"),
+        ("button", {"randomise": {"camera": (0, 0.01)}}, UnknownNameError, "damping, friction, gears, payload$"),
+        ("push", {"randomise": {"camera": (0, 0.01)}}, UnknownNameError, "available: damping, encoder_noise, friction"),
+        ("multi", {"randomise": (0, 1)}, InputError, "must be a mapping of payload"),
+        ("multi", {"randomise": {"payload": 0.5}}, InputError, r"randomise\['payload'\], its least and largest value,"),
+        ("multi", {"randomise": {"payload": (0.5, 0.1)}}, InputError, "least value first"),
+        ("multi", {"randomise": {"friction": (0.0, 2.0)}}, InputError, r"randomise\['friction'\] .*2"),
+        ("lift", {"randomise": {"gears": (0.0, 1.0)}}, InputError, r"randomise\['gears'\] .*0.1"),
+        ("multi", {"randomise": {"payload": (0, float("nan"))}}, InputError, "payload"),
+        ("multi", {"randomise": {"payload": (0, 1)}, "backend": "kinematic"}, InputError, 'use backend="mujoco"'),
+        ("lift", {"randomise": {"gears": (1, 1)}, "backend": "kinematic"}, InputError, "of the dynamics"),
+        ("multi", {"randomise": {"camera": (0, 0.01)}, "observation": "pixels"}, InputError, "pixels"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_drawn_is_refused(case, options, error, words):
+    with pytest.raises(error, match=words):
+        single(case, **options)
+    with pytest.raises(error, match=words):
+        native(case, 2, **options)
+
+
+def test_warp_has_one_model_for_all():
+    with pytest.raises(InputError, match="use backend=\"mujoco\", got 'warp'"):
+        native("multi", 2, backend="warp")
+
+
+def test_an_environment_that_draws_its_own_world_has_no_such_option():
+    with pytest.raises(UnknownOptionError, match="randomise"):
+        gym.make("kinreach/RealArm-v0", randomise=ARM)
+
+
+def test_the_model_of_an_environment_without_it_has_no_payload():
+    model = single("multi", randomise=None).unwrapped.model
+    assert "payload" not in [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, i) for i in range(model.nbody)]
