@@ -198,7 +198,7 @@ def test_a_posture_takes_an_arm_with_as_many_joints():
         LearnedPolicy(card, network()).act(np.zeros(13))
     with pytest.raises(InputError, match=r"an observation must have at least 6 numbers, got shape \(5,\)"):
         LearnedPolicy(CARD, network()).posture(np.zeros(5))
-    with pytest.raises(InputError, match="the output of .* means action, not a posture"):
+    with pytest.raises(InputError, match=r"the output of .* means action, not a posture"):
         LearnedPolicy(replace(CARD, meaning="action"), network()).posture(np.zeros(13))
     card = replace(CARD, recipe={"name": "mine", "options": {"arm": "nobody's"}})
     with pytest.raises(UnknownNameError, match="nobody's"):
