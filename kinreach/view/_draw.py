@@ -178,17 +178,19 @@ class Ghosts(Branch):
         self._looks: list[tuple[Colour, frozenset[str], float]] = []
 
     def take(self, ghosts: Sequence[Ghost], *, beside: Floats | None) -> None:
-        """Draw these ghosts only, without links that coincide with those of the posture `beside`."""
+        """Draw these ghosts only; links in one place are drawn once, those of the posture `beside` before all others."""
         ghosts = ghosts[: self._most]
         poses = np.zeros((self._most, len(self._figure.links), 7))
         poses[:, :, 3] = 1.0
         scales = np.zeros((self._most, len(self._figure.links)))
-        solid = self._figure.poses(beside) if beside is not None else np.full(poses.shape[1:], FAR)
-        for row, ghost in enumerate(ghosts):
+        drawn = [self._figure.poses(beside) if beside is not None else np.full(poses.shape[1:], FAR)]
+        for row, ghost in sorted(enumerate(ghosts), key=lambda pair: -pair[1].opacity):
             poses[row] = self._figure.poses(ghost.q)
-            apart = np.abs(poses[row, :, :3] - solid[:, :3]).max(axis=1)
-            turned = 1.0 - np.abs((poses[row, :, 3:] * solid[:, 3:]).sum(axis=1))
-            scales[row] = (apart > SAME_PLACE) | (turned > SAME_PLACE)
+            others = np.array(drawn)
+            apart = np.abs(poses[row, :, :3] - others[..., :3]).max(axis=2)
+            turned = 1.0 - np.abs((poses[row, :, 3:] * others[..., 3:]).sum(axis=2))
+            scales[row] = ((apart > SAME_PLACE) | (turned > SAME_PLACE)).all(axis=0)
+            drawn.append(poses[row])
         looks = [(ghost.colour, frozenset(ghost.red), ghost.opacity) for ghost in ghosts]
         for piece, node in zip(self._figure.coarse, self._pieces, strict=True):
             node.batched_positions = poses[:, piece.link, :3]

@@ -1,6 +1,7 @@
 """The triangles that are drawn are as they are kept in tests/data/shapes.txt: links, sizes, places and colours."""
 
 import xml.etree.ElementTree as ET
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots.inside import link_shapes, without_shapes
+from kinreach.view._draw import BLUE, Ghost, Ghosts
 from kinreach.view._figure import Figure
 from kinreach.view._mujoco_scene import MujocoScene
 from tests import kept
@@ -73,6 +75,45 @@ def test_a_ghost_in_the_place_of_the_solid_arm_is_inside_it():
             assert (np.linalg.norm(piece.vertices - own, axis=1) < 0.003).all()
             checked += len(own)
     assert checked > 2000
+
+
+class RecordedScene:
+    """Keeps what ghosts are drawn with."""
+
+    def __init__(self):
+        self.nodes = {}
+
+    def add_frame(self, name, **options):
+        return SimpleNamespace(visible=True, **options)
+
+    def add_batched_meshes_simple(self, name, vertices, faces, **options):
+        self.nodes[name] = SimpleNamespace(**options)
+        return self.nodes[name]
+
+
+def test_links_in_one_place_are_drawn_once():
+    """Of eight postures of a UR four share each of two shoulders; the ghost that stands out keeps its own."""
+    kin = ArmKinematics.of("ur5e", base="world")
+    figure, scene = Figure(kin), RecordedScene()
+    ghosts = Ghosts(scene, "/ghosts", figure, most=8)
+    target = kin.fk(np.array(kin.arm.home) + 0.3)
+    solid, *others = kin.all_solutions(target).q
+    assert len(others) == 7
+    shoulder = next(
+        node
+        for piece, node in zip(figure.coarse, scene.nodes.values(), strict=True)
+        if figure.links[piece.link] == "shoulder_link"
+    )
+    for clear in range(7):
+        ghosts.take([Ghost(q, BLUE, opacity=0.8 if i == clear else 0.1) for i, q in enumerate(others)], beside=solid)
+        for piece, node in zip(figure.coarse, scene.nodes.values(), strict=True):
+            places = [figure.poses(q)[piece.link] for q in (solid, *np.array(others)[node.batched_scales[:7] > 0])]
+            places = np.array([np.append(place[:3], place[3:] * np.sign(place[3:] @ (1, 2, 3, 4))) for place in places])
+            apart = np.abs(places[:, None] - places[None]).max(axis=2) + np.eye(len(places))
+            assert apart.min() > 1e-4
+        assert shoulder.batched_scales.sum() == 1
+        away = np.abs(figure.poses(others[clear])[:2] - figure.poses(solid)[:2]).max() > 0.1
+        assert not away or shoulder.batched_scales[clear] == 1
 
 
 BROKEN = """<robot name="two"><link name="base"/>
