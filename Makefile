@@ -14,6 +14,8 @@ TORCH_VERSION := $(shell grep '^torch==' constraints.txt)
 install_torch = $(1)/bin/python -m pip install --disable-pip-version-check --root-user-action=ignore --no-deps \
     --retries 1 --timeout 15 --index-url $(TORCH_INDEX) $(TORCH_VERSION) || \
     echo 'No $(TORCH_VERSION) from $(TORCH_INDEX): pip takes the build that it finds; from PyPI it brings some 3 GB of GPU libraries' >&2
+# What was installed without make, as the README does it, is not installed again.
+has = test ! -e $@ && $(BIN)/python -c 'from importlib.metadata import version; [version(name) for name in "$(1)".split()]' 2>/dev/null
 CORE := $(VENV)/.installed-core
 DEV := $(VENV)/.installed-dev
 DOCS := $(VENV)/.installed-docs
@@ -99,7 +101,7 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(CORE): pyproject.toml constraints.txt $(CODE_IN_C) | $(BIN)/python
-	$(PIP_INSTALL) -e '.[placo]'
+	@$(call has,kinreach placo) || $(PIP_INSTALL) -e '.[placo]'
 	@touch $@
 
 $(DEV): pyproject.toml constraints.txt $(CODE_IN_C) | $(BIN)/python
@@ -108,7 +110,7 @@ $(DEV): pyproject.toml constraints.txt $(CODE_IN_C) | $(BIN)/python
 	@touch $(CORE) $(VIEW) $@
 
 $(VIEW): $(CORE)
-	$(PIP_INSTALL) -e '.[view]'
+	@$(call has,kinreach viser) || $(PIP_INSTALL) -e '.[view]'
 	@touch $@
 
 $(BENCH): $(CORE)

@@ -31,3 +31,37 @@ def test_torch_comes_first_and_is_the_cpu_build_unless_another_is_named(options,
     assert torch.endswith(f"--index-url https://download.pytorch.org/whl/{build} {version}")
     assert rest.endswith("-c constraints.txt -e .[dev]")
     assert ("pip takes the build that it finds" in done.stderr) == (status == 1)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_what_the_readme_installs_is_not_installed_again(there, root, tmp_path):
+    if shutil.which("make") is None:
+        pytest.skip("make is not installed")
+    venv, log = tmp_path / "venv", tmp_path / "log"
+    (venv / "bin").mkdir(parents=True)
+    asked = 'case "$*" in *metadata*) exit {status} ;; esac\n'
+    (venv / "bin" / "python").write_text(PYTHON.format(log=log, status=0) + asked.format(status=0 if there else 1))
+    (venv / "bin" / "python").chmod(0o755)
+    env = {"PATH": os.environ["PATH"]}
+    for target, extra, names in (("compare", "placo", "kinreach placo"), ("view", "view", "kinreach viser")):
+        done = subprocess.run(
+            ["make", target, f"VENV={venv}"], cwd=root, env=env, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        ran = log.read_text()
+        assert f'"{names}"' in ran
+        assert (f"-e .[{extra}]" in ran) != there
+
+
+def test_there_is_one_description_of_the_install(root):
+    """README has its commands; the other pages link to it."""
+    texts = {name: (root / name).read_text() for name in ("README.md", "docs/start.md")}
+    commands = {re.search(r"^python3.11 -m venv .*?^```", text, re.DOTALL | re.MULTILINE)[0] for text in texts.values()}
+    (only,) = commands
+    assert "-e '.[placo,view]'\n" in only
+    others = [path for path in (root / "CONTRIBUTING.md", *root.glob("docs/**/*.md")) if path.name != "start.md"]
+    assert [
+        path.name for path in others if re.search(r"install .*-e \.( |$)|-m venv", path.read_text(), re.MULTILINE)
+    ] == []
+    for name in ("README.md", "CONTRIBUTING.md", "docs/reference/install.md"):
+        assert "start.md#install)" in (root / name).read_text()

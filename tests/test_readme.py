@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from kinreach.cli import main
 from kinreach.compare import get_task
 from kinreach.kinematics import URKinematics
+from tools.readme_film import COMMAND
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
@@ -91,6 +93,16 @@ def test_the_python_code_prints_what_is_shown(capsys):
         residual = r"\d+e-1[3-6]"  # rounding, which differs from processor to processor
         assert re.sub(residual, "e", capsys.readouterr().out) == re.sub(residual, "e", printed)
     assert len(shown) == text.count("```python") == 1
+
+
+def test_the_film_is_of_the_command_that_is_shown(tmp_path, capsys, monkeypatch):
+    """It runs as it stands there, and says what the film says."""
+    commands = README.read_text().replace("\\\n    ", "").splitlines()
+    assert COMMAND in commands
+    monkeypatch.chdir(tmp_path)
+    assert main(shlex.split(COMMAND)[1:]) == 0
+    assert "4 of 8 postures free; 2 x movej" in capsys.readouterr().out
+    assert Path("motion.script").read_text().startswith("def kinreach_program():")
 
 
 def test_it_is_short():
