@@ -26,11 +26,15 @@ SEARCH_STEP = 0.1
 SHORTCUTS = 25
 #: A search for a nearer way is for one whose travel is below this part of the best. It takes that many steps of a tree,
 #: and where the first way took many, twice as many as that, up to the last number.
-NEARER, LOOKS, MOST_LOOKS = 0.95, 1500, 8000
+NEARER, LOOKS, MOST_LOOKS = 0.95, 1500, 20_000
 #: A goal posture that is farther away grows its tree so many steps after the one before it.
 HEAD_START = 1000
 #: Largest change of a posture in one step of a tree [rad, each joint weighted by how far it moves the arm].
 RANGE = 0.3
+#: After so many steps of the trees the search is in a narrow passage. From then on a posture from which a step was
+#: blocked is grown only towards what is nearer than a radius [rad, weighted likewise]; every later step from it changes
+#: the radius by a share.
+NARROW, RADIUS, ADAPTATION = 3000, 1.5, 0.001
 MAX_SEED = 2**32 - 2
 
 
@@ -89,8 +93,13 @@ def plan_path(
     windings of each are goals: the one nearest to the start, and the one nearest to the middle of the joints' ranges.
     Postures are goals as they are.
 
+    A search that takes long is in a narrow passage; then postures next to obstacles are grown only towards what is near
+    them, with an adaptive radius [3].
+
     [1] Kuffner and LaValle, RRT-Connect: An efficient approach to single-query path planning, ICRA 2000.
     [2] Kuffner and LaValle, An efficient approach to path planning using balanced bidirectional RRT search, CMU 2005.
+    [3] Jaillet, Yershova, LaValle and Siméon, Adaptive tuning of the sampling domain for dynamic-domain RRTs, IROS
+        2005.
 
     Args:
         checker: Of the arm and what stands around it, with a margin that each sample of the path keeps; nothing between
@@ -272,13 +281,14 @@ def _search(
             lower, upper = _sampled_range(motion.checker.kinematics, start, goals[:planted], bound)
         # the tree in the narrower place is the smaller one, and needs the tries
         grown, other = (of_start, of_goals) if len(of_start) < len(of_goals) else (of_goals, of_start)
-        node = grown.extend(lower + rng.random(len(lower)) * (upper - lower))
+        bounded = taken > NARROW
+        node = grown.extend(lower + rng.random(len(lower)) * (upper - lower), bounded=bounded)
         if node is None:
             continue
         q = grown.postures[node]
-        met = other.extend(q)
+        met = other.extend(q, bounded=bounded)
         while met is not None and other.postures[met] is not q:
-            met = other.extend(q)
+            met = other.extend(q, bounded=bounded)
         if met is not None:
             path = [*grown.branch(node)[::-1], *other.branch(met)[1:]]
             return np.array(path if grown is of_start else path[::-1]), taken
@@ -294,6 +304,7 @@ class _Tree:
         self._scale = np.sqrt(motion.reach / motion.reach.max())
         self.postures: list[Floats] = []
         self._parents: list[int | None] = []
+        self._radii: list[float] = []  # infinite where no step was blocked
         self._scaled = np.zeros((2, len(root)))
         self._squares = np.zeros(len(self._scaled))
         self.plant(root)
@@ -305,15 +316,23 @@ class _Tree:
         """Add a posture that has no parent."""
         self._add(root, None)
 
-    def extend(self, toward: Floats) -> int | None:
-        """Go from the nearest posture towards another one, at most by `RANGE`; return the new one, None if blocked."""
+    def extend(self, toward: Floats, *, bounded: bool) -> int | None:
+        """Go from the nearest posture towards another one, at most by `RANGE`; return the new one, None if blocked.
+
+        With `bounded`, a posture beyond the radius of the nearest one is not tried.
+        """
         target, count = toward * self._scale, len(self)
         nearest = int((self._squares[:count] - 2.0 * (self._scaled[:count] @ target)).argmin())
         q, way = self.postures[nearest], target - self._scaled[nearest]
         distance = math.sqrt(way @ way)
+        if bounded and distance > self._radii[nearest]:
+            return None
         end = toward if distance <= RANGE else q + RANGE / distance * (toward - q)
         if not (self._motion.free(end) and self._motion.motion_free(q, end, step=self._step)):
+            radius = self._radii[nearest]
+            self._radii[nearest] = RADIUS if radius == math.inf else max(RANGE, (1.0 - ADAPTATION) * radius)
             return None
+        self._radii[nearest] *= 1.0 + ADAPTATION
         self._add(end, nearest)
         return count
 
@@ -333,6 +352,7 @@ class _Tree:
         self._scaled[node], self._squares[node] = scaled, scaled @ scaled
         self.postures.append(q)
         self._parents.append(parent)
+        self._radii.append(math.inf)
 
 
 def _sampled_range(kin: ArmKinematics, start: Floats, goals: Floats, bound: float = math.inf) -> tuple[Floats, Floats]:

@@ -7,6 +7,8 @@ import pytest
 
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import CollisionChecker, URKinematics, joint_line, plan_path
+from kinreach.kinematics import _planning as planning
+from kinreach.kinematics._motion_check import MotionCheck
 from kinreach.robots import Box, Obstacle, get_arm
 
 MARGIN = 0.005
@@ -167,3 +169,42 @@ def test_nothing_between_two_samples_is_missed(checker):
             counts[True] += 1
             assert not exact.impossible(dense(np.array([start, end]))).any()
     assert min(counts.values()) > 50
+
+
+def test_in_a_narrow_passage_blocked_postures_grow_only_to_what_is_near(kin, checker, monkeypatch):
+    """Others cost no collision check; a step that succeeds widens the radius, one that is blocked narrows it."""
+    motion, judged = MotionCheck(checker), []
+    tree = planning._Tree(motion, np.array(kin.arm.home), planning.SEARCH_STEP)
+    monkeypatch.setattr(motion, "free", lambda q: judged.append(q) or len(judged) in free)
+    monkeypatch.setattr(motion, "motion_free", lambda *ends, step: True)
+    root, free = tree.postures[0], set()
+    beyond = root + 2.0 * planning.RADIUS / tree._scale
+    assert tree.extend(beyond, bounded=True) is None, "not blocked before: tried"
+    assert (len(judged), tree._radii) == (1, [planning.RADIUS])
+    for _ in range(5):
+        assert tree.extend(beyond, bounded=True) is None
+    assert len(judged) == 1
+    near = root + 0.5 * planning.RANGE / tree._scale / np.sqrt(kin.n)
+    assert tree.extend(near, bounded=True) is None
+    assert tree._radii == [pytest.approx(planning.RADIUS * (1.0 - planning.ADAPTATION))]
+    assert tree.extend(beyond, bounded=False) is None, "tried, because the search is not long yet"
+    assert len(judged) == 3
+    for _ in range(5000):
+        tree.extend(near, bounded=True)
+    assert tree._radii == [planning.RANGE]
+    free.add(len(judged) + 1)
+    assert tree.extend(near, bounded=True) == 1
+    assert tree._radii == [pytest.approx(planning.RANGE * (1.0 + planning.ADAPTATION)), np.inf]
+
+
+def test_paths_through_narrow_passages_are_free(kin, checker, monkeypatch):
+    """As if every search was long from its first step on."""
+    monkeypatch.setattr(planning, "NARROW", 0)
+    detours = 0
+    for seed in range(6):
+        start, goals = across(kin, checker, seed)
+        path = plan_path(checker, start, goals, seed=seed, timeout=60.0)
+        assert all(MotionCheck(checker).motion_free(a, b) for a, b in pairwise(path))
+        np.testing.assert_array_equal(path[0], start)
+        detours += len(path) > 2
+    assert detours >= 3
