@@ -16,8 +16,8 @@ from kinreach._provenance import DISTRIBUTIONS
 FORMAT = 1
 #: Packages whose versions the page gives.
 PEERS = (
-    "EAIK", "ur_analytic_ik", "ssik", "pin-pink", "mink", "ikpy", "roboticstoolbox-python", "pytracik", "panda-gym",
-    "pybullet", "gymnasium", "stable_baselines3", "torch",
+    "EAIK", "ik-geo", "ur_analytic_ik", "ssik", "pin-pink", "mink", "ikpy", "roboticstoolbox-python", "pytracik",
+    "optik-py", "panda-gym", "pybullet", "gymnasium", "stable_baselines3", "torch",
 )  # fmt: skip
 PACKAGES = (*DISTRIBUTIONS, *PEERS)
 TARGET_COLUMNS = ("", "target", "measured", "met")

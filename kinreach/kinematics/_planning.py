@@ -24,9 +24,10 @@ from kinreach.kinematics._solutions import SLACK, IKSolutions, nearest_windings
 SEARCH_STEP = 0.1
 #: Number of random parts of a path that are replaced by straight lines where these are free.
 SHORTCUTS = 25
-#: A search for a nearer way is for one whose travel is below this part of the best. It takes that many steps of a tree,
-#: and where the first way took many, twice as many as that, up to the last number.
-NEARER, LOOKS, MOST_LOOKS = 0.95, 1500, 20_000
+#: A search for a nearer way is for one whose travel is below this part of the best. It takes that many steps of the
+#: trees, in one search after the other, and where the first way took many, four times as many as that, up to the last
+#: number.
+NEARER, LOOKS, MOST_LOOKS = 0.95, 1500, 30_000
 #: A goal posture that is farther away grows its tree so many steps after the one before it.
 HEAD_START = 1000
 #: Largest change of a posture in one step of a tree [rad, each joint weighted by how far it moves the arm].
@@ -184,23 +185,31 @@ def _near_way(
     least = least[least <= most]
     best = next((np.array([start, goal]) for goal in goals if motion.motion_free(start, goal)), None)
     step, steps, left = SEARCH_STEP, 0, math.inf if best is None else LOOKS
+    most_at_once = left
     while left > 0:
         bound = most if best is None else NEARER * travel(best)
         if best is not None and bound <= least[0]:
             break
-        found, taken = _search(motion, start, goals[least <= bound], bound, rng, step, left, deadline)
-        if found is None:
-            break
+        found, taken = _search(
+            motion, start, goals[least <= bound], bound, rng, step, min(left, most_at_once), deadline
+        )
         steps, left = steps + taken, left - taken
+        if found is None:
+            if best is None or time.monotonic() >= deadline:
+                break
+            continue
         path = _shortened(motion, found, rng, step)
-        if not _proven(motion, path):  # where a shortcut touched, what was found is shortened by proven ones
+        proven = _proven(motion, path)
+        if not proven:  # where a shortcut touched, what was found is shortened by proven ones
             path = _shortened(motion, found, rng, None)
-        if not _proven(motion, path):
+            proven = _proven(motion, path)
+        if not proven:
             step /= 2.0
         elif travel(path) > most:
             continue
         elif best is None:
-            best, left = path, max(LOOKS, min(2 * steps, MOST_LOOKS))
+            best, left = path, max(LOOKS, min(4 * steps, MOST_LOOKS))
+            most_at_once = max(LOOKS, steps)
         elif travel(path) < travel(best):
             best = path
     return best

@@ -1,4 +1,4 @@
-"""Analytic solvers of the UR5, and of other arms: EAIK (Ostermeier et al.), ur-analytic-ik and ssik."""
+"""Analytic solvers of the UR5, and of other arms: EAIK (Ostermeier et al.), IK-Geo, ur-analytic-ik and ssik."""
 
 from __future__ import annotations
 
@@ -32,14 +32,8 @@ def eaik_of(kin: ArmKinematics, *, least_squares: bool = False) -> IKPeer:
     """
     from eaik.IK_HP import HPRobot
 
-    axes, joints = [], []
-    frame = kin.T_base_world
-    for placement, axis in zip(*kin._joint_frames(), strict=True):
-        frame = frame @ placement
-        joints.append(frame[:3, 3])
-        axes.append(frame[:3, :3] @ axis)
-    offsets = np.vstack([joints[:1], np.diff(joints, axis=0), np.zeros((1, 3))])
-    for directions in (np.array(axes), np.array(axes).round(9)):  # of a URDF with rounded angles
+    axes, offsets = _axes_and_offsets(kin)
+    for directions in (axes, axes.round(9)):  # of a URDF with rounded angles
         robot = HPRobot(directions, offsets)
         family = robot.getKinematicFamily()
         if "Unknown" not in family:
@@ -62,6 +56,41 @@ def eaik_of(kin: ArmKinematics, *, least_squares: bool = False) -> IKPeer:
         return lambda: robot.IK_batched(poses, 1)
 
     return IKPeer("IK(T).Q", lambda T: np.ascontiguousarray(T @ untool), call, postures, batch=batch)
+
+
+def _axes_and_offsets(kin: ArmKinematics) -> tuple[Floats, Floats]:
+    """Directions of the joints' axes, shape (6, 3), and offsets from one to the next and to the tip, shape (7, 3)."""
+    axes, joints = [], []
+    frame = kin.T_base_world
+    for placement, axis in zip(*kin._joint_frames(), strict=True):
+        frame = frame @ placement
+        joints.append(frame[:3, 3])
+        axes.append(frame[:3, :3] @ axis)
+    return np.array(axes), np.vstack([joints[:1], np.diff(joints, axis=0), np.zeros((1, 3))])
+
+
+def make_ik_geo() -> IKPeer:
+    """IK-Geo (Elias and Wen), subproblem decomposition in Rust: its class of the UR5, from joint axes and offsets.
+
+    It takes and gives rotations transposed.
+    """
+    from ik_geo.ik_geo import Robot
+
+    kin = ArmKinematics("ur5-thesis", tip="tool0")
+    axes, offsets = _axes_and_offsets(kin)
+    robot = Robot.three_parallel_two_intersecting(axes.round(9).tolist(), offsets.tolist())
+    end, (rotation, position) = np.eye(4), robot.forward_kinematics([0.0] * 6)
+    end[:3, :3], end[:3, 3] = np.array(rotation).T, position
+    untool = np.linalg.inv(kin.fk(np.zeros(6))) @ end
+
+    def prepare(T: Floats) -> tuple[list[list[float]], list[float]]:
+        pose = T @ untool
+        return pose[:3, :3].T.tolist(), pose[:3, 3].tolist()
+
+    def postures(solutions: Any) -> Floats:
+        return np.array([q for q, approximate in solutions if not approximate], dtype=np.float64).reshape(-1, 6)
+
+    return IKPeer("get_ik(R, p)", prepare, lambda pose: robot.get_ik(*pose), postures)
 
 
 def general_ssik_of(kin: ArmKinematics) -> IKPeer:
@@ -129,6 +158,7 @@ def make_ur_analytic() -> IKPeer:
 #: Name -> maker.
 ANALYTIC: dict[str, Callable[[], IKPeer]] = {
     "EAIK": make_eaik,
+    "IK-Geo": make_ik_geo,
     "ur-analytic-ik": make_ur_analytic,
     "ssik": make_ssik,
 }
@@ -137,6 +167,7 @@ APPROXIMATE = "EAIK, approximate answers too"
 WITH_APPROXIMATE: dict[str, Callable[[], IKPeer]] = {
     "EAIK": make_eaik,
     APPROXIMATE: partial(make_eaik, least_squares=True),
+    "IK-Geo": make_ik_geo,
     "ur-analytic-ik": make_ur_analytic,
     "ssik": make_ssik,
 }

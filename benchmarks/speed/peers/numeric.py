@@ -1,9 +1,11 @@
-"""Iterative solvers of the UR5: roboticstoolbox, TRAC-IK, pink, mink and ikpy."""
+"""Iterative solvers of the UR5: roboticstoolbox, TRAC-IK, OptIK, pink, mink and ikpy."""
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from abc import abstractmethod
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -79,12 +81,9 @@ def make_trac_ik(seed: Floats, tolerance: Tolerance) -> IKPeer:
     """
     from trac_ik import TracIK
 
-    arm = ArmKinematics("ur5-thesis", tip="tool0").arm
     epsilon = tolerance.position / 3**0.5
-    with tempfile.TemporaryDirectory() as folder:
-        urdf = Path(folder) / "arm.urdf"
-        urdf.write_text(arm.urdf, encoding="utf-8")
-        solver = TracIK(arm.base, arm.tips["tool0"], str(urdf), timeout=TIMEOUT, epsilon=epsilon)
+    with _ur5_file() as (file, base, tip):
+        solver = TracIK(base, tip, file, timeout=TIMEOUT, epsilon=epsilon)
 
     def call(pose: tuple[Floats, Floats]) -> Any:
         return solver.ik(*pose, seed)
@@ -94,6 +93,45 @@ def make_trac_ik(seed: Floats, tolerance: Tolerance) -> IKPeer:
 
     note = f"TracIK(..., timeout={TIMEOUT}, epsilon={epsilon:.3g}).ik(p, R, seed)"
     return IKPeer(note, lambda T: (T[:3, 3].copy(), T[:3, :3].copy()), call, postures)
+
+
+def make_optik(seed: Floats, tolerance: Tolerance) -> IKPeer:
+    """OptIK (Wang) by its Python binding optik-py: a quasi-Newton method in Rust with restarts, on one thread.
+
+    Args:
+        seed: Posture to start from [rad], shape (6,).
+        tolerance: How near is reached. Its bound is of half the squared norm of the error, metres and radians alike.
+    """
+    from optik import Robot, SolverConfig
+
+    bound, start = tolerance.position**2 / 2, seed.tolist()
+    with _ur5_file() as (file, base, tip):
+        robot = Robot.from_urdf_file(file, base, tip)
+    robot.set_parallelism(1)
+    config = SolverConfig(max_time=TIMEOUT, max_restarts=SEARCHES - 1, tol_f=bound)
+    alone = SolverConfig(max_time=TIMEOUT, max_restarts=1, tol_f=bound)
+
+    def postures(found: Any) -> Floats:
+        return np.empty((0, 6)) if found is None else np.atleast_2d(found[0])
+
+    note = f"ik(SolverConfig(max_time={TIMEOUT}, max_restarts={SEARCHES - 1}, tol_f={bound:g}), T, seed)"
+    return IKPeer(
+        note,
+        lambda T: T.tolist(),
+        lambda T: robot.ik(config, T, start),
+        postures,
+        once=lambda T: robot.ik(alone, T, start),
+    )
+
+
+@contextlib.contextmanager
+def _ur5_file() -> Iterator[tuple[str, str, str]]:
+    """The UR5's URDF as a file, and its links of base and flange."""
+    arm = ArmKinematics("ur5-thesis", tip="tool0").arm
+    with tempfile.TemporaryDirectory() as folder:
+        urdf = Path(folder) / "arm.urdf"
+        urdf.write_text(arm.urdf, encoding="utf-8")
+        yield str(urdf), arm.base, arm.tips["tool0"]
 
 
 #: Duration of one step [s].

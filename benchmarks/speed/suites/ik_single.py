@@ -17,6 +17,7 @@ from benchmarks.speed.peers.numeric import (
     IkpySolver,
     MinkSolver,
     PinkSolver,
+    make_optik,
     make_roboticstoolbox,
     make_trac_ik,
 )
@@ -45,7 +46,8 @@ BRANCHES_TEXT = """\
 The formulas are the compiled core's, called with pointers that are kept. The public call also reads the pose, makes
 memory for the postures and the object that it returns; it takes {public:.3g} times as long as the formulas. Both check
 that the pose is a finite rigid motion, and apply joint limits. Arrays of the postures are made when they are asked for,
-which takes {array:.2g} times as long as the formulas once more. The peers are C++ and return arrays."""
+which takes {array:.2g} times as long as the formulas once more. The peers are C++ or Rust; they return arrays, IK-Geo
+a list."""
 WHY = "what comes on top of the formulas is in the interpreter: reading the pose, and the object that is returned"
 
 
@@ -135,8 +137,8 @@ Times are of all calls, failures included.
 placo, pink, mink and kinreach's own two solvers run the same loop until the tolerance is met: at most {steps} steps
 an attempt, and up to {restarts} restarts from random postures. Steps of placo, pink, mink and QP last 0.2 s under
 the URDF's speed limits, and joints that turn full circle are folded into their limits at the end. ikpy has as many
-restarts. Its search ends by itself. roboticstoolbox may search as often. TRAC-IK restarts by itself until
-{timeout:g} ms are over, and runs two threads.
+restarts. Its search ends by itself. roboticstoolbox may search as often. OptIK has as
+many, and {timeout:g} ms. TRAC-IK restarts by itself until {timeout:g} ms are over, and runs two threads.
 
 {profiled}: the loops took 9 steps on half of the poses. In a step of pink, 60 % of the time built the quadratic
 program in Python, 16 % was qpsolvers with daqp; in one of mink, half and a third. Of the closed form's nearest posture
@@ -217,6 +219,7 @@ def _makers(seed: Floats) -> dict[str, Callable[[], IKPeer]]:
     makers: dict[str, Callable[[], IKPeer]] = {EAIK_NEAREST: partial(_nearest_branch, seed)}
     makers |= {name: partial(_loop, kind, seed) for name, kind in _SOLVERS.items()}
     makers["roboticstoolbox"] = partial(make_roboticstoolbox, seed, TOLERANCE)
+    makers["OptIK"] = partial(make_optik, seed, TOLERANCE)
     makers["TRAC-IK"] = partial(make_trac_ik, seed, TOLERANCE)
     return makers
 
