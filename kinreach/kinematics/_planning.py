@@ -99,8 +99,7 @@ def plan_path(
 
     [1] Kuffner and LaValle, RRT-Connect: An efficient approach to single-query path planning, ICRA 2000.
     [2] Kuffner and LaValle, An efficient approach to path planning using balanced bidirectional RRT search, CMU 2005.
-    [3] Jaillet, Yershova, LaValle and Siméon, Adaptive tuning of the sampling domain for dynamic-domain RRTs, IROS
-        2005.
+    [3] Jaillet et al., Adaptive tuning of the sampling domain for dynamic-domain RRTs, IROS 2005.
 
     Args:
         checker: Of the arm and what stands around it, with a margin that each sample of the path keeps; nothing between
