@@ -113,7 +113,11 @@ def put_back(now: Any, then: Any) -> Any:
     if kind is np.random.Generator:
         now.bit_generator.state = copy.deepcopy(content)
     elif kind is mujoco.MjModel:
-        for name, part, field in _fields(now):
+        fields = [*_fields(now)]
+        shapes = {name: np.shape(getattr(part, field)) for name, part, field in fields}
+        if shapes != {name: each.shape for name, each in content.items()}:
+            raise InputError("the state is of an environment with other options: its model has other parts")
+        for name, part, field in fields:
             _write(part, field, content[name])
     elif kind is mujoco.MjData:
         if now.qpos.shape != content.qpos.shape:

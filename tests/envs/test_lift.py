@@ -15,7 +15,7 @@ from kinreach.compare import get_task
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import CollisionChecker
 from kinreach.kinematics.inside import MARGIN
-from kinreach.robots import get_arm
+from kinreach.robots import Workcell, get_arm
 
 RANGE = {
     "shapes": ("ball", "cube", "cylinder"),
@@ -384,6 +384,11 @@ def test_geometry_predicts_what_the_dynamics_do():
         ({"clutter": 1}, InputError, "clutter"),
         ({"arm": "panda"}, InputError, "arm 'panda'"),
         ({"arm": "arm3"}, InputError, "flange 'tool0', a UR; arm 'arm3' has none"),
+        (
+            {"arm": replace(get_arm("ur5e"), workcell=Workcell())},
+            InputError,
+            "objects lie on a table, in a BoxRegion; the work cell of arm 'ur5e' lacks them",
+        ),
         ({"observation": "camera", "shapes": ("cube",)}, InputError, "one ball, of one size, .* got shapes .*cube"),
         ({"observation": "camera", "sizes": (0.02, 0.03)}, InputError, "got sizes .*0.03"),
         ({"observation": "pixels", "clutter": True}, InputError, "got clutter=True; .* takes all"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import kinreach  # noqa: F401  (registers the environments)
+from kinreach.envs import _obstacles
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import CollisionChecker, URKinematics, plan_path
 
@@ -181,7 +182,16 @@ def test_bad_options(options, said):
         gym.make(NAME, **options)
 
 
-def test_bad_calls(env):
+def test_bad_calls(env, monkeypatch):
+    batch = gym.make_vec(NAME, 3, vectorization_mode="vector_entry_point")
+    for clutter in ([1, 2], [1, 2, 3, 4]):
+        with pytest.raises(InputError, match=rf"clutter must have a value for each of 3 .*, got {len(clutter)}"):
+            batch.reset(options={"clutter": clutter})
+    monkeypatch.setattr(_obstacles, "MAX_DRAWS", 0)
+    with pytest.raises(InputError, match="none of 0 scenes with 4 obstacles has a free goal; choose fewer"):
+        batch.reset(options={"clutter": 4})
+    batch.close()
+    monkeypatch.undo()
     with pytest.raises(InputError, match="reset the environment"):
         gym.make(NAME).unwrapped.step(np.zeros(6))
     with pytest.raises(InputError, match="clutter"):

@@ -52,6 +52,8 @@ def test_unusable_points_and_cameras_are_refused():
     for z in (0.0, -1.0):
         with pytest.raises(InputError, match="in front of the camera"):
             camera.project([(0, 0, 1.0), (0, 0, z)])
+    with pytest.raises(InputError, match=r"must fit together, got the shapes \(2,\), \(3,\) and \(\)"):
+        camera.deproject([0, 1], [0, 1, 2], 1.0)
     for name, arguments in (("fovy", (0.0, 64, 36)), ("fovy", (180.0, 64, 36)), ("width", (58.0, 0, 36))):
         with pytest.raises(InputError, match=name):
             Intrinsics.from_fovy(*arguments)

@@ -142,6 +142,48 @@ def test_leaving_the_limits_is_impossible_and_names_the_joint(backend):
     assert "limit" in infos[-1]["impossible_reason"]
 
 
+def test_joints_end_somewhere_within_the_tolerance_of_their_targets():
+    """Of kinematics, evenly; a joint at its limit stays within it, and what is beyond stays impossible."""
+    env, off = make(SINGLE, backend="kinematic", tolerance=0.02), []
+    for seed in range(60):
+        env.reset(seed=seed)
+        *_, info = env.step(np.append(HOME[:5] / np.pi, 1.0).astype(np.float32))  # wrist_3 at its limit
+        assert not info["impossible"]
+        off.append(info["q"] - env.unwrapped.posture_for(np.append(HOME[:5] / np.pi, 1.0)))
+    off = np.array(off)
+    assert np.abs(off).max() <= 0.02 + 1e-6
+    assert off[:, :5].max() > 0.018
+    assert off[:, :5].min() < -0.018
+    assert abs(off[:, :5].mean()) < 0.004
+    assert off[:, 5].max() <= 1e-6
+    assert 0.3 < (off[:, 5] < -1e-6).mean() < 0.7
+    batch = gym.make_vec(MULTI, 3, vectorization_mode="vector_entry_point", backend="kinematic", tolerance=0.02)
+    before, _ = batch.reset(seed=0)
+    after, *_ = batch.step(np.zeros((3, 6), dtype=np.float32))
+    moved = after[:, 6:12] - before[:, 6:12]
+    assert (np.abs(moved) <= 0.02 + 1e-6).all()
+    assert len(np.unique(moved.round(6))) == 18
+    batch.close()
+
+
+@pytest.mark.parametrize(("arm", "where"), [("ur5-thesis", "2 m that the cameras see"), ("panda", "10 m of goals")])
+def test_a_goal_beyond_what_is_observed_is_refused(arm, where):
+    env = make(SINGLE, backend="kinematic", arm=arm)
+    with pytest.raises(InputError, match=rf"goal \[ *0\. +0\. +30\.\] m is outside the {where}"):
+        env.reset(options={"goal": (0.0, 0.0, 30.0)})
+
+
+def test_a_move_in_two_phases_passes_the_posture_between_them():
+    env = make(SINGLE, backend="kinematic").unwrapped
+    last = np.isin(env.arm.joints, env.arm.moves_last)
+    between, end = env.waypoints_to(HOME, HOME + 0.1)
+    np.testing.assert_array_equal(between, HOME + 0.1 * ~last)
+    np.testing.assert_array_equal(end, HOME + 0.1)
+    assert last.sum() == 1
+    env = make(MULTI, backend="kinematic").unwrapped
+    assert [way.tolist() for way in env.waypoints_to(HOME, HOME + 0.1)] == [(HOME + 0.1).tolist()]
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_multi_step_turns_by_five_degrees_and_is_truncated_after_100(backend):
     env = make(MULTI, backend=backend)
