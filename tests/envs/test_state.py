@@ -147,5 +147,7 @@ def test_what_is_no_state_of_it_is_refused():
     arms = [made("kinreach/UR5SingleStep-v0", {"arm": arm}) for arm in ("arm3", "ur5e")]
     for one in arms:
         one.reset(seed=0)
-    with pytest.raises(InputError, match="the state is of an environment with other options: its model has other parts"):
+    with pytest.raises(
+        InputError, match="the state is of an environment with other options: its model has other parts"
+    ):
         arms[0].restore_state(arms[1].save_state())
