@@ -2,6 +2,7 @@
 
 import json
 import re
+import runpy
 import shlex
 from pathlib import Path
 
@@ -176,6 +177,17 @@ def test_the_files_and_pictures_are_there():
     assert len(targets) >= 6
     files = [target.partition("#")[0] for target in targets]
     assert [file for file in files if not (README.parent / file).exists()] == []
+
+
+def test_github_draws_the_pages_behind_links():
+    """Nothing of Sphinx's is on them, and their tables are as their files are."""
+    pages = {target.partition("#")[0] for target in re.findall(r"\]\(([^)#h][^)]*\.md[^)]*)\)", README.read_text())}
+    assert len(pages) >= 12
+    texts = {page: (ROOT / page).read_text() for page in pages}
+    assert [page for page, text in texts.items() if re.search(r"^(```|:::+)\{", text, re.MULTILINE)] == []
+    tables = runpy.run_path(str(ROOT / "docs/tables.py"))
+    assert [page for page, text in texts.items() if tables["with_tables"](ROOT / page) != text] == []
+    assert sum(len(tables["PLACE"].findall(text)) for text in texts.values()) >= 2
 
 
 @pytest.mark.slow
