@@ -26,7 +26,7 @@ CLAIMS = {
         ("pyproject.toml", '"Programming Language :: Python :: 3.14"'),
         ("LICENSE", "MIT License"),
     ],
-    "It knows 14 UR models, reads their factory calibration, knows tools and pendant frames": [
+    "It knows 14 UR models, their factory calibrations, tools and pendant frames": [
         ("tests/kinematics/test_ur_family.py", "len(rows) == len(UR_LENGTHS) >= 14"),
     ],
     "`make compare`: 200 goals on a table, simulated in MuJoCo.": [
