@@ -19,7 +19,7 @@ from kinreach.kinematics import (
 )
 from kinreach.robots import PUBLISHED_CALIBRATIONS, THESIS_ARM, arm_names, get_arm
 from kinreach.robots._ur import ENDLESS, UR_MODELS
-from kinreach.robots.inside import JOINTS, ur_model
+from kinreach.robots.inside import JOINTS, ur_model, ur_speeds
 from kinreach.sim import ArmSimulation
 
 TURN = 2.0 * math.pi
@@ -165,6 +165,9 @@ def test_the_thesis_has_arms_of_its_own():
 )  # fmt: skip
 def test_the_model_of_an_arm_is_what_its_name_begins_with(name, model):
     assert ur_model(name) == model
+    speeds = ur_speeds(name)  # of no model the highest of all
+    most = max(max(ur_speeds(each)) for each in UR_MODELS)
+    assert speeds == ((most,) * 6 if model is None else ur_speeds(model))
 
 
 def test_controllers_of_the_first_generations_have_125_cycles():

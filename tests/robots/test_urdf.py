@@ -12,7 +12,17 @@ import trimesh
 
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots._urdf import MAX_LINKS, MAX_NUMBER, Solid, UrdfArm, add_link, check_urdf
+from kinreach.robots._urdf import (
+    MAX_CHARACTERS,
+    MAX_LINKS,
+    MAX_NUMBER,
+    CheckedUrdf,
+    Solid,
+    UrdfArm,
+    add_link,
+    check_urdf,
+)
+from kinreach.robots._urdf_chain import UrdfChain
 from kinreach.robots.inside import origin_of
 
 #: A robot with every attribute that is a number, each with a value that no other number in it has.
@@ -94,6 +104,36 @@ def test_what_is_wrong_with_the_parts_is_named(old, new, said):
     assert ROBOT.count(old) == 1
     with pytest.raises(InputError, match=said):
         check_urdf(ROBOT.replace(old, new), "/")
+
+
+@pytest.mark.parametrize("text", [3, None, b"<robot/>", "<robot/>" + " " * MAX_CHARACTERS], ids=type)
+def test_what_is_no_text_or_a_very_long_one_is_no_urdf(text):
+    with pytest.raises(InputError, match=f"a URDF must be text of at most {MAX_CHARACTERS} characters, got "):
+        check_urdf(text, None)
+
+
+def test_what_an_arm_needs_of_its_urdf_is_named():
+    """Where a description brings the text itself; a file is repaired with a note."""
+    for old, new, said in (
+        (' effort="0.73"', "", r"joint 'j' of the URDF has a <limit> without effort=, its largest torque"),
+        (' effort="1" velocity="1"', ' effort="1"', r"joint 'k' of the URDF has a <limit> without velocity=, its larg"),
+        ('<link name="c"/>', '<link name="world"/>', r"arm 'r': the link 'world' must carry all others, and hang on"),
+    ):
+        text = ROBOT.replace(old, new).replace('child link="c"', f'child link="{"world" if "world" in new else "c"}"')
+        assert text != ROBOT
+        with pytest.raises(InputError, match=said):
+            CheckedUrdf.of("r", text, "/")
+    CheckedUrdf.of("r", ROBOT, "/")
+
+
+def test_only_chains_of_joints_that_turn_alone_are_calibrated():
+    robot = ET.fromstring(ROBOT)
+    with pytest.raises(InputError, match=r"joint 'k' follows another; only arms whose joints turn, each alone, are"):
+        UrdfChain.of(robot, ("j",), base="a", tip="c")
+    mimic = next(robot.iter("mimic"))
+    next(joint for joint in robot.iter("joint") if mimic in list(joint)).remove(mimic)
+    with pytest.raises(InputError, match=r"joint 'k' slides; only arms whose joints turn"):
+        UrdfChain.of(robot, ("j", "k"), base="a", tip="c")
 
 
 def test_a_urdf_has_a_link_and_not_too_many():
