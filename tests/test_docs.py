@@ -172,7 +172,7 @@ def test_the_clients_are_those_that_are_run(root):
     installed = (root / "tools/clients/requirements.txt").read_text(encoding="utf-8") + (root / "Makefile").read_text()
     pins = {name.lower().replace("_", "-"): version for name, version in re.findall(r"(\w+)==([\d.]+)", installed)}
     said = [pair for names, versions, _ in rows for pair in zip(names.split(", "), versions.split(", "), strict=True)]
-    assert len(said) == 7
+    assert len(said) == 9
     assert {name: pins[name.lower()] for name, _ in said} == dict(said)
     scripts = {f"tools/clients/{path.name}" for path in (root / "tools/clients").glob("*.py")}
     assert {script for *_, script in rows} == scripts

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 _PACKAGES = {"egl": "libegl1 libgl1", "osmesa": "libosmesa6"}
 _PROBE_SIZE = 8
+#: What else there is to set: neither of these needs a screen.
+_REMEDY = "may be the reason: unset it, or set it to egl or osmesa, which need no screen"
 
 
 def camera_id(model: Any, name: str) -> int:
@@ -61,7 +63,9 @@ class FrameRenderer:
         try:
             self._renderer = mujoco.Renderer(model, height, width)
         except Exception as error:  # of the libraries, each has errors of its own
-            raise DrawingError(f"cannot draw frames of {width}x{height} pixels: {error}") from error
+            wanted = os.environ.get("MUJOCO_GL", "")
+            named = f"; MUJOCO_GL={wanted!r} {_REMEDY}" if wanted and wanted.lower().strip() not in _PACKAGES else ""
+            raise DrawingError(f"cannot draw frames of {width}x{height} pixels: {error}{named}") from error
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._renderer.scene.flags[flag] = shadows
 
@@ -141,8 +145,13 @@ def _choose_library() -> None:
     MuJoCo chooses at import and, left alone on Linux, takes GLFW, which needs a screen.
     """
     wanted = os.environ.get("MUJOCO_GL", "").lower().strip()
-    if platform.system() != "Linux" or (wanted and wanted not in _PACKAGES):
+    if platform.system() != "Linux" or wanted == "glfw":
         return
+    if wanted and wanted not in _PACKAGES:
+        raise InstallationError(
+            f"cannot draw: MUJOCO_GL={wanted!r} names no library that draws here; unset it, set it to egl or osmesa, "
+            "or glfw with a screen"
+        )
     context = _first_working([wanted] if wanted else list(_PACKAGES))
     importlib.import_module("mujoco.rendering.classic.gl_context").GLContext = context  # type: ignore[attr-defined]
 

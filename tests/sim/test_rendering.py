@@ -169,3 +169,19 @@ def test_every_goal_is_seen_whole_from_home(scene, camera):
             np.testing.assert_array_equal(*masks, err_msg=f"the ball at ({x:.2f}, {y:.2f}) is hidden")
             seen += 1
     assert seen == 9
+
+
+@pytest.mark.parametrize(
+    ("library", "remedy"),
+    [("nonsense", "unset it, set it to egl or osmesa"), ("off", "unset it"), ("glfw", "set it to egl or osmesa")],
+)
+def test_a_setting_with_which_nothing_is_drawn_is_named_with_its_remedy(library, remedy):
+    """By a process without a screen, as the one that is asked to draw on a server."""
+    code = "import kinreach.sim as s; s.render(s.ArmSimulation(), width=32, height=18)"
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    found = subprocess.run([sys.executable, "-c", code], env={**environment, "MUJOCO_GL": library},
+                           capture_output=True, text=True, check=False)  # fmt: skip
+    assert found.returncode == 1
+    last = found.stderr.splitlines()[-1]
+    assert f"MUJOCO_GL={library!r}" in last
+    assert remedy in last

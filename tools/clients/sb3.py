@@ -1,11 +1,9 @@
-"""stable-baselines3: its environment checker, PPO in worker processes, its policy in kinreach's own evaluation."""
+"""stable-baselines3: PPO in worker processes, its policy in kinreach's own evaluation."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import gymnasium as gym
 from stable_baselines3 import PPO
-from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import SubprocVecEnv
@@ -15,8 +13,6 @@ from kinreach.baselines import evaluate, export_policy, load_policy
 ID = "kinreach:kinreach/UR5SingleStepKinematic-v0"
 
 if __name__ == "__main__":
-    for name in (ID, "kinreach:kinreach/UR5MultiStepKinematic-v0", "kinreach:kinreach/ButtonPress-v0"):
-        check_env(gym.make(name).unwrapped)
     env = make_vec_env(ID, 2, seed=0, vec_env_cls=SubprocVecEnv, vec_env_kwargs={"start_method": "spawn"})
     model = PPO("MlpPolicy", env, n_steps=256, batch_size=128, gamma=0.0, learning_rate=1e-3, seed=0, device="cpu")
     test = make_vec_env(ID, 1, seed=1)
