@@ -269,7 +269,7 @@ def _goals(count: int) -> Any:
 
 
 def _played(name: str, arms: int, steps: int, **options: Any) -> Iterator[Any]:
-    env = gym.make_vec(name, num_envs=arms, vectorization_mode="vector_entry_point", **options)
+    env = gym.make_vec(name, num_envs=arms, vectorization_mode="vector_entry_point", dtype="float64", **options)
     env.action_space.seed(SEED)
     yield env.reset(seed=SEED)[0]
     for _ in range(steps):

@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from kinreach._checks import check_step_limit
+from kinreach.envs.inside import in_doubles
 from kinreach.errors import InputError
 
 #: Number of observations that scale a network's inputs, and of environments that they come from without native batch.
@@ -18,7 +19,10 @@ SAMPLE, _SAMPLE_ENVS = 2048, 16
 
 
 def make_batch(environment: str, num_envs: int, options: Mapping[str, Any]) -> VectorEnv[Any, Any, Any]:
-    """Make a batch of environments that reset in the step in which they end; `module:id` imports the module."""
+    """Make a batch of environments that reset in the step in which they end; `module:id` imports the module.
+
+    They observe in double precision, unless the options say otherwise.
+    """
     batch = _native(environment, num_envs, options)
     if batch is None:
         same_step = {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -54,7 +58,7 @@ def _native(environment: str, num_envs: int, options: Mapping[str, Any]) -> Vect
 def _make(environment: str, num_envs: int, options: Mapping[str, Any], **how: Any) -> VectorEnv[Any, Any, Any]:
     check_step_limit(options)
     try:
-        return gym.make_vec(environment, num_envs, **how, **options)
+        return gym.make_vec(environment, num_envs, **how, **{**in_doubles(environment), **options})
     except (gym.error.Error, TypeError) as error:
         raise InputError(f"cannot make the environment {environment}: {error}") from error
 

@@ -18,6 +18,7 @@ from kinreach._engines import load_extra
 from kinreach.baselines._evaluation import Evaluation
 from kinreach.baselines._loop import rollout
 from kinreach.baselines._policies import LearnedPolicy
+from kinreach.envs.inside import in_doubles
 from kinreach.errors import InputError
 
 
@@ -50,7 +51,7 @@ def record_episodes(
     """
     check_step_limit(options)
     try:
-        env = gym.make(environment, **{**policy.needed_options, **options})
+        env = gym.make(environment, **{**in_doubles(environment), **policy.needed_options, **options})
     except (gym.error.Error, TypeError) as error:
         raise InputError(f"cannot make the environment {environment}: {error}") from error
     minari: Any = load_extra("minari", "minari")

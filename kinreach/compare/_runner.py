@@ -35,7 +35,7 @@ from kinreach.compare import _report as report
 from kinreach.compare._methods.resolve import colours, resolve_methods
 from kinreach.compare._motion import MotionRecorder, check_motion, with_motion
 from kinreach.compare._task import GIVEN, SOLVER, Draw, Method, Task, arm_in, arm_version, get_task
-from kinreach.envs.inside import reach_task, with_goals
+from kinreach.envs.inside import in_doubles, reach_task, with_goals
 from kinreach.errors import InputError, InstallationError, KinreachError, MethodError, OtherResultsError, OutputError
 from kinreach.robots import ArmDescription, get_arm
 
@@ -351,7 +351,8 @@ class _Environments:
         if key not in self._made:
             check_step_limit({**self._task.options, **options})
             try:
-                env = gym.make(name, disable_env_checker=True, **{**self._task.options, **options})
+                doubles = in_doubles(name)  # the closed form's nanometres are lost in single precision
+                env = gym.make(name, disable_env_checker=True, **{**doubles, **self._task.options, **options})
             except gym.error.Error as error:
                 raise InputError(f"the task {self._task.name!r} has no environment: {error}") from error
             self._stack.callback(env.close)

@@ -15,7 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import MAX_THREADS, Floats, as_flags, check_count, check_known, is_tensor, shown
 from kinreach._tensors import as_device, copied, like, on_device, on_host
-from kinreach.envs._options import DrawnOptions, EnvOptions, check_limit, check_seed, check_started, options_from
+from kinreach.envs._options import (
+    DrawnOptions,
+    EnvOptions,
+    check_limit,
+    check_seed,
+    check_started,
+    in_dtype,
+    options_from,
+)
 from kinreach.errors import InputError
 from kinreach.robots import BoxRegion, Workcell
 from kinreach.sim.inside import FPS, Scene, ScenePicture
@@ -334,7 +342,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._picture = None if self.render_mode is None else self._new_picture()
         self.metadata = {**self.metadata, "autoreset_mode": mode, "render_fps": episodes.fps}
         self.single_action_space = episodes.action_space
-        self.single_observation_space = episodes.observation_space
+        self.single_observation_space = in_dtype(episodes.observation_space, given.dtype)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.autoreset_mode = self._mode = mode  # the first is where TorchRL looks for it
@@ -383,7 +391,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._ended[ids] = False
         info = self._selected(self.episodes.start_info(self._everyone))
         restarted = np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask.copy()
-        return self._handed_out(self.episodes.observe(), self._masked(info, restarted))
+        return self._handed_out(self._observe(), self._masked(info, restarted))
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
         """Act in all environments.
@@ -415,7 +423,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         if len(begun):
             info = with_rows(info, begun, self._selected(self.episodes.start_info(begun)))
         info = self._masked(info)
-        return self._handed_out(self.episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info)
+        return self._handed_out(self._observe(), outcome.reward, outcome.terminated, outcome.truncated, info)
 
     def render(self) -> tuple[Any, ...] | None:
         """With `render_mode="rgb_array"` a frame of each environment, uint8, shape (height, width, 3); else None."""
@@ -433,7 +441,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         outcome = self._act(actions)
         info = self._selected(outcome.info)
         over = outcome.terminated | outcome.truncated
-        observation = self.episodes.observe()
+        observation = self._observe()
         final: dict[str, Any] = {}
         if over.any():
             (mask,) = self._handed_out(over)
@@ -445,10 +453,13 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             }
             begun = np.flatnonzero(over)
             self._begin(begun)
-            observation = self.episodes.observe()
+            observation = self._observe()
             info = with_rows(info, begun, self._selected(self.episodes.goal_info(begun)))
         info = self._masked(info) | final
         return self._handed_out(observation, outcome.reward, outcome.terminated, outcome.truncated, info)
+
+    def _observe(self) -> Any:
+        return in_dtype(self.episodes.observe(), self.options.dtype)
 
     def _begin(self, ids: Ids, *start: Any) -> None:
         self.episodes.begin(ids, *start)

@@ -338,7 +338,7 @@ class ObstaclesEnv(PostureEnv):
     `Box(-1, 1, (6,), float32)`: the posture to go to, each angle divided by pi. What is outside [-1, 1] is clipped.
 
     ## Observation Space
-    `Box(13,), float64`, that of `kinreach/UR5SingleStep-v0`, without the obstacles. Planners use `info["obstacles"]`,
+    `Box(13,), float32`, that of `kinreach/UR5SingleStep-v0`, without the obstacles. Planners use `info["obstacles"]`,
     or the attributes `obstacles`, `checker` and `clearance`.
 
     | Num | Observation | Unit |

@@ -7,7 +7,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, TypeVar
 
+import gymnasium as gym
 import numpy as np
+from gymnasium import spaces
+from gymnasium.envs.registration import load_env_creator
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import (
@@ -34,6 +37,8 @@ RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
 OBSERVATION_KINDS, ARM_BACKENDS = ("camera", "geometric", "pixels"), ("mujoco", "kinematic")
 #: What `info` holds.
 INFOS = ("all", "numbers")
+#: Types of the numbers of observations; pictures have their own.
+FLOAT32, FLOAT64 = "float32", "float64"
 #: Where the table of the options goes in a docstring.
 PLACE = "<table of the options>"
 
@@ -60,8 +65,16 @@ class EnvOptions:
         ),
     )
 
+    dtype: str = field(
+        default=FLOAT32,
+        metadata=about(
+            'type of the observations\' numbers: `"float32"` or `"float64"`, which is what `info` always has', flag=None
+        ),
+    )
+
     def __post_init__(self) -> None:
         check_known("info", self.info, INFOS)
+        check_known("dtype", self.dtype, (FLOAT32, FLOAT64))
         for entry in fields(self):
             if isinstance(entry.default, tuple):
                 given: Any = getattr(self, entry.name)
@@ -175,6 +188,31 @@ def with_options(kind: type[Any]) -> Callable[[Environment], Environment]:
 
 def _quoted(value: object) -> str:
     return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def in_dtype(values: Any, dtype: str) -> Any:
+    """Return observations or their space, those in a dictionary too, with doubles as numbers of a `dtype`.
+
+    Rounding is monotone: an observation stays within the bounds of its space.
+    """
+    if isinstance(values, spaces.Dict):
+        return spaces.Dict({name: in_dtype(part, dtype) for name, part in values.items()})
+    if isinstance(values, Mapping):
+        return {name: in_dtype(part, dtype) for name, part in values.items()}
+    if values.dtype != np.float64 or dtype == FLOAT64:
+        return values
+    if isinstance(values, spaces.Box):
+        return spaces.Box(values.low.astype(dtype), values.high.astype(dtype), dtype=np.dtype(dtype).type)
+    return values.astype(dtype)
+
+
+def in_doubles(environment: str) -> dict[str, str]:
+    """Return the options with which a registered environment observes in double precision; none if it has no choice."""
+    spec = gym.spec(environment)
+    maker = spec.entry_point if spec.vector_entry_point is None else spec.vector_entry_point
+    maker = load_env_creator(maker) if isinstance(maker, str) else maker
+    chooses = isinstance(kind := getattr(maker, "Options", None), type) and issubclass(kind, EnvOptions)
+    return {"dtype": FLOAT64} if chooses and "dtype" not in spec.kwargs else {}
 
 
 def given_options(options: Mapping[str, Any] | None, names: Collection[str]) -> dict[str, Any]:

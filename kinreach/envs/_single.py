@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, shown
 from kinreach.envs._batch import Episodes, Ids, Outcome, first_row, numbers_of
-from kinreach.envs._options import RENDER_MODES, EnvOptions, check_seed, check_started, options_from
+from kinreach.envs._options import RENDER_MODES, EnvOptions, check_seed, check_started, in_dtype, options_from
 from kinreach.envs._state import put_back, saved
 from kinreach.errors import InputError, NoDynamicsError
 from kinreach.kinematics import ArmKinematics
@@ -96,7 +96,7 @@ class SingleEnv(WithModel, gym.Env[Any, Any]):
         self.options = self._checked(options)
         self.episodes = self._new_episodes(self.options)
         self.action_space = self.episodes.action_space
-        self.observation_space = self.episodes.observation_space
+        self.observation_space = in_dtype(self.episodes.observation_space, self.options.dtype)
 
     def _checked(self, options: dict[str, Any]) -> EnvOptions:
         """Check the options."""
@@ -182,7 +182,7 @@ class SingleEnv(WithModel, gym.Env[Any, Any]):
         return self._observe(), float(outcome.reward[0]), terminated, truncated, self._info(outcome.info)
 
     def _observe(self) -> Any:
-        observed = self.episodes.observe()
+        observed = in_dtype(self.episodes.observe(), self.options.dtype)
         return {name: rows[0] for name, rows in observed.items()} if isinstance(observed, Mapping) else observed[0]
 
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:

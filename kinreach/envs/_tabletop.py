@@ -16,7 +16,7 @@ from kinreach._checks import Floats, as_array, as_floats, check_count, check_fla
 from kinreach._objects import load_object
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, RowStreams, told_terms
 from kinreach.envs._lift.lift_task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
-from kinreach.envs._options import DrawnOptions, check_box_actions, option_rows
+from kinreach.envs._options import FLOAT32, DrawnOptions, check_box_actions, option_rows
 from kinreach.envs._randomise import RANDOMISE_ARM, Randomisation, Ranges, check_randomise, drawn_of
 from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, held_in_limits, joint_limits, seen_joints
 from kinreach.envs._single import ArmEnv
@@ -173,7 +173,7 @@ class TabletopOptions(DrawnOptions):
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> TabletopOptions:
         """Return the options of an environment, the arguments of its task among them."""
-        own = {"task", "info", "render_mode", "randomise"}
+        own = {"task", "info", "dtype", "render_mode", "randomise"}
         arguments = {name: value for name, value in options.items() if name not in own}
         return cls(arguments=arguments, **{name: value for name, value in options.items() if name in own})
 
@@ -338,7 +338,7 @@ class TabletopEnv(ArmEnv):
 
     The action is `Box(-1, 1, (n,), float32)`: changes of the n joints in parts of 5 degrees, and, where the task has
     `fingers`, one number more, the change of their opening in parts of 8 mm. Changes count from where joints and
-    fingers stand. The observation is `Box(float64)`:
+    fingers stand. The observation is `Box(float32)`:
 
     | Num | Observation | Unit |
     |-----|-------------|------|
@@ -359,6 +359,7 @@ class TabletopEnv(ArmEnv):
         task: The class of the task, or `"module:Class"`.
         render_mode: `"human"`, `"rgb_array"`, `"rgb_array_list"` or `"depth_array"`.
         info: `"all"`, or only `"numbers"`.
+        dtype: Of the observation, `"float32"` or `"float64"`.
         randomise: Ranges of what is drawn of the arm at every reset, by name, such as `{"payload": (0, 0.5)}`:
             `payload`, `friction`, `damping`, `gears` and `encoder_noise`; `info` has `drawn_NAME`.
         **options: Arguments of the task's class.
@@ -373,10 +374,13 @@ class TabletopEnv(ArmEnv):
         *,
         render_mode: str | None = None,
         info: str = "all",
+        dtype: str = FLOAT32,
         randomise: Ranges | None = None,
         **options: Any,
     ) -> None:
-        super().__init__(task=task, render_mode=render_mode, info=info, randomise=randomise, **options)
+        super().__init__(
+            task=task, render_mode=render_mode, info=info, dtype=dtype, randomise=randomise, **options
+        )
 
     def _checked(self, options: dict[str, Any]) -> TabletopOptions:
         return TabletopOptions.of(options)

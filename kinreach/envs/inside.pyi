@@ -18,6 +18,7 @@ from ._obstacles import ObstaclesOptions as ObstaclesOptions
 from ._options import OBSERVATION_KINDS as OBSERVATION_KINDS
 from ._options import EnvOptions as EnvOptions
 from ._options import check_box_actions as check_box_actions
+from ._options import in_doubles as in_doubles
 from ._options import option_rows as option_rows
 from ._reach import reach_task as reach_task
 from ._reach.observers import PixelObserver as PixelObserver

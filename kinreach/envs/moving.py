@@ -361,7 +361,7 @@ class MovingBallEnv(SingleEnv):
     `Box(-1, 1, (6,), float32)`: the posture to go to, each angle divided by pi.
 
     ## Observation Space
-    `Box(16,), float64`; with `sights=n` 3 (n - 1) numbers more.
+    `Box(16,), float32`; with `sights=n` 3 (n - 1) numbers more.
 
     | Num | Observation | Unit |
     |-----|-------------|------|

@@ -436,7 +436,7 @@ class RealArmEnv(SingleEnv):
     `Box(-1, 1, (balls, 6), float32)`: a posture for each ball, each angle divided by pi.
 
     ## Observation Space
-    `Box(balls, 14), float64`, a row for each ball.
+    `Box(balls, 14), float32`, a row for each ball.
 
     | Num | Observation | Unit |
     |-----|-------------|------|

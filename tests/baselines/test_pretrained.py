@@ -8,12 +8,13 @@ import shlex
 import subprocess
 import sys
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.logs import log_names, logged_policies
-from kinreach._registration import BUTTON
+from kinreach._registration import BUTTON, MOVING, RANDOM_ARM
 from kinreach._statistics import wilson_interval
 from kinreach.baselines import HELD_OUT, evaluate, get_recipe, load_policy
 from kinreach.baselines.inside import pretrained_names
@@ -36,6 +37,8 @@ PUBLISHED = (
 QUICK = ("ranked-single", "ppo-single", "random-arms")
 #: Of what takes longer so many goals are measured again.
 SAMPLE = 50
+#: How far apart actions for an observation and its rounding to single precision may be, in units of the action.
+ROUNDED = 1e-4
 #: Shares of goals: on another processor one or two goals may fall on the other side of a limit.
 SHARES = ("reached", "impossible", "success_at_mm")
 
@@ -154,3 +157,30 @@ def test_policies_run_without_the_libraries_that_trained_them():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     assert "held-out goals" in done.stdout
+
+
+@pytest.mark.parametrize("name", sorted(CARDS))
+def test_policies_act_alike_in_single_precision(name):
+    """As everybody's environments observe, who does not ask for doubles."""
+    policy = load_policy(name)
+    if policy.network.eyes:
+        pytest.skip("sees pictures")
+    plain = (
+        {}
+        if policy.card.environment in (BUTTON, MOVING, RANDOM_ARM) or name == "ppo-lift-multi"
+        else {"backend": "kinematic"}
+    )
+    given = {**plain, **policy.needed_options, "dtype": "float64"}
+    batch = gym.make_vec(policy.card.environment, 32, "vector_entry_point", **given)
+    seen, _ = batch.reset(seed=0)
+    compared = 0
+    for _ in range(2):
+        doubles, singles = policy.act(seen), policy.act(seen.astype(np.float32))
+        if policy.card.meaning == "preferences":
+            assert (doubles == singles).mean() >= 0.95  # two preferences may be as good as the same
+        else:
+            np.testing.assert_allclose(singles, doubles, rtol=0, atol=ROUNDED)
+        compared += len(doubles)
+        seen = batch.step(doubles)[0]
+    batch.close()
+    assert compared == 2 * 32

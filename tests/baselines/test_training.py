@@ -144,7 +144,7 @@ def test_evaluation_is_that_of_single_environments_and_of_no_training_goal(monke
 
     policy = load_policy("ranked-multi")
     found = evaluate(policy, goals=6, options={"backend": "kinematic"})
-    env = gym.make(MULTI, backend="kinematic")
+    env = gym.make(MULTI, backend="kinematic", dtype="float64")
     for index in range(6):
         observation, _ = env.reset(seed=2**41 + index)
         over, steps, total = False, 0, 0.0

@@ -279,7 +279,7 @@ def test_arguments_are_keywords(name):
     every = {"pipeline", "width", "height", "rgb_noise", "depth_noise", "exposure"}
     assert cameras == every.intersection(names)
     flagless = {entry.name for entry in entries if entry.metadata["flag"] is None}
-    assert flagless == {"controls", "frames", "goal_env", "goal_in", "info", "sights"}.intersection(names) | (
+    assert flagless == {"controls", "dtype", "frames", "goal_env", "goal_in", "info", "sights"}.intersection(names) | (
         {"reward"} if name == LIFT else set()
     )
 

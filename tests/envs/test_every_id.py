@@ -139,7 +139,7 @@ def test_vectors_of_gymnasium(name, mode):
         for step in range(5):
             observation, _, terminated, truncated, told = env.step(env.action_space.sample())
             assert observation.shape == first.shape
-            assert observation.dtype == first.dtype
+            assert observation.dtype == first.dtype == env.observation_space.dtype == np.float32
             assert set(info) <= set(told)
             ended += (terminated | truncated).sum()
             if step == 3:
@@ -148,6 +148,45 @@ def test_vectors_of_gymnasium(name, mode):
         assert ended >= 2
     finally:
         env.close()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_observations_are_of_single_precision_or_as_asked(name):
+    """Rounded, and else the same: in single environments, sync and native batches, and as a learner keeps them."""
+    torch, buffers = pytest.importorskip("torch"), pytest.importorskip("stable_baselines3.common.buffers")
+    compared = 0
+    for mode in ("single", "sync", "vector_entry_point"):
+        seen, paid = {}, {}
+        for dtype in ("float32", "float64"):
+            given = {**options(name), "dtype": dtype}
+            env = (
+                gym.make(name, disable_env_checker=True, **given)
+                if mode == "single"
+                else gym.make_vec(name, 2, mode, **given)
+            )
+            env.action_space.seed(0)
+            seen[dtype], paid[dtype] = [env.reset(seed=0)[0]], []
+            for _ in range(2):
+                observation, reward, over, *_ = env.step(env.action_space.sample())
+                seen[dtype].append(observation)
+                paid[dtype].append(reward)
+                if mode == "single" and over:
+                    break
+            assert env.observation_space.dtype == dtype
+            assert {rows.dtype.name for rows in seen[dtype]} == {dtype}
+            assert all(env.observation_space.contains(rows) for rows in seen[dtype])
+            if (mode, dtype) == ("single", "float32"):
+                kept = buffers.ReplayBuffer(4, env.observation_space, env.action_space)
+                kept.add(seen[dtype][0], observation, np.array(env.action_space.sample()), 0.0, False, [{}])
+                torch.nn.Linear(observation.shape[-1], 1)(kept.sample(2).observations)  # as CleanRL's DQN and C51
+            env.close()
+        np.testing.assert_array_equal(paid["float32"], paid["float64"])
+        for rounded, whole in zip(seen["float32"], seen["float64"], strict=True):
+            np.testing.assert_array_equal(rounded, whole.astype(np.float32))
+            compared += 1
+    assert compared >= 8
+    with pytest.raises(InputError, match="float16"):
+        gym.make(name, dtype="float16")
 
 
 LIMITED = {

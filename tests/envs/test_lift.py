@@ -186,7 +186,7 @@ def test_the_table_can_stand_elsewhere(shift):
 @pytest.mark.parametrize(("rise", "lifts"), [(0.15, True), (0.08, False)])
 def test_small_steps_lift_what_is_held_high_for_half_a_second(rise, lifts):
     """A script of small steps: above, down, close, up, and still."""
-    env = make(steps="multi", max_episode_steps=140)
+    env = make(steps="multi", max_episode_steps=140, dtype="float64")
     kinematics = env.unwrapped.kinematics
     for seed in range(2):
         observation, info = env.reset(seed=seed)
@@ -471,8 +471,8 @@ def test_pictures_show_the_ball(needs_gl):
 
 
 def test_in_small_steps_cameras_look_once_and_pictures_show_the_fingers(needs_gl):
-    camera = make(observation="camera", steps="multi")
-    env = make(observation="pixels", steps="multi", width=128, height=72)
+    camera = make(observation="camera", steps="multi", dtype="float64")
+    env = make(observation="pixels", steps="multi", width=128, height=72, dtype="float64")
     first, _ = camera.reset(seed=0)
     shown, _ = env.reset(seed=0)
     for _ in range(12):

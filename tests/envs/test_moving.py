@@ -63,7 +63,7 @@ def test_paths(path):
 
 
 def test_sights_are_late_and_the_arm_keeps_its_limits():
-    env = make(noise=1e-12, collisions=False)
+    env = make(noise=1e-12, collisions=False, dtype="float64")
     world = env.unwrapped
     rng, steps = np.random.default_rng(0), 0
     for seed in range(6):
@@ -88,7 +88,7 @@ def test_sights_are_late_and_the_arm_keeps_its_limits():
 
 
 def test_a_weaker_arm_is_slower_than_its_limits_say():
-    env = make(strength=0.7, collisions=False)
+    env = make(strength=0.7, collisions=False, dtype="float64")
     world, fastest = env.unwrapped, 0.0
     observation, _ = env.reset(seed=0, options={"speed": 0.05, "path": "circle"})
     for _ in range(40):
@@ -100,7 +100,7 @@ def test_a_weaker_arm_is_slower_than_its_limits_say():
 
 
 def test_touching_ends_it():
-    env = make(noise=1e-12)
+    env = make(noise=1e-12, dtype="float64")
     world, touched = env.unwrapped, 0
     for seed in range(5):
         _, info = env.reset(seed=seed, options={"speed": 0.05, "path": "circle"})
@@ -224,7 +224,7 @@ def test_a_batch_is_as_many_single_ones(collisions):
 
 
 def test_earlier_sights_are_those_of_the_frames_before():
-    env, seen = make(sights=4), []
+    env, seen = make(sights=4, dtype="float64"), []
     observation, _ = env.reset(seed=3)
     for frame in range(12):
         seen.append(observation[BALL])

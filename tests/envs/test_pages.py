@@ -114,7 +114,7 @@ def test_docstrings_have_gymnasiums_sections(name):
 def test_spaces_are_as_shown(root, page):
     text = (root / f"docs/environments/{page}.md").read_text(encoding="utf-8")
     (actions,) = re.findall(r"^\| Action space \| `(.*?)`", text, re.MULTILINE)
-    observations = re.findall(r"`Box\(([\d, ]+)\), float64`", text.partition("\n## ")[0])
+    observations = re.findall(r"`Box\(([\d, ]+)\), float32`", text.partition("\n## ")[0])
     assert len(observations) >= 1
     shapes = set()
     for name in PAGES[page]:

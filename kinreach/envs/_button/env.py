@@ -55,7 +55,7 @@ class ButtonPressEnv(DrawnEnv):
     `docs/studies/appendix/button.md` has the comparison, and why this is not the default.
 
     ## Observation Space
-    `Box(19,), float64`, in the world frame (z up), in the report's order. Positions of the target stay within 0.75 m
+    `Box(19,), float32`, in the world frame (z up), in the report's order. Positions of the target stay within 0.75 m
     unless you set it elsewhere. The push state is 1 if the action that led here pressed, wherever that was. The
     controls are not observed, as in the report: add up your own actions if you need them, or set `controls=True`;
     they follow, -10 to 10. With `frames=n` the observations of the last n steps stand side by side,

@@ -51,7 +51,7 @@ class LiftEnv(GoalMethods, ForfeitEnv, ArmEnv):
     Each finger presses with 10 N for each millimetre that it is held off by, 120 N at most.
 
     ## Observation Space
-    `Box(18,), float64`; with `clutter=True` 3 numbers more.
+    `Box(18,), float32`; with `clutter=True` 3 numbers more.
 
     | Num | Observation | Min | Max | Unit |
     |-----|-------------|-----|-----|------|

@@ -184,7 +184,7 @@ class UR5SingleStepEnv(ReachEnv):
     from above. With `backend="kinematic"` the posture is taken at once; limits and collisions of it are still judged.
 
     ## Observation Space
-    `Box(13,), float64`. The goal is measured once per episode, in the start pose, in the optical frames of the cameras
+    `Box(13,), float32`. The goal is measured once per episode, in the start pose, in the optical frames of the cameras
     (x right, y down, z forward). `observation="geometric"` gives its true position; `"camera"` what is found in the
     rendered images (0, 0, 0 where no ball is found: no goal for that episode, and `info["ball_found"]` is False);
     `"pixels"` gives a `Dict` with the images instead (`front_rgb`, `front_depth`, `wrist_rgb`, `wrist_depth`, `joints`,
@@ -219,7 +219,7 @@ class UR5SingleStepEnv(ReachEnv):
 
     ## Goals
     With `goal_env=True` observations are a `Dict` of `observation` (joint angles and opening of the gripper),
-    `achieved_goal` and `desired_goal`, float64. A goal is the place of the tip in the world [m], and where the reward
+    `achieved_goal` and `desired_goal`, float32. A goal is the place of the tip in the world [m], and where the reward
     is the thesis's the errors of natural arm and gripper angle [rad], of which 0 is desired; an achieved error counts
     as far as it exceeds the desired one. `compute_reward(achieved_goal, desired_goal, info)`, `compute_terminated` and
     `compute_truncated` take one step, or rows of them. Without `info` no action was impossible.
@@ -356,7 +356,7 @@ class SpaceReachEnv(ReachEnv):
     units of 5 degrees.
 
     ## Observation Space
-    `Box(6 + 3 + n + 1,), float64` with the two goal cameras (the UR5: 16 numbers), `Box(3 + 3 + n + 1,)` without. The
+    `Box(6 + 3 + n + 1,), float32` with the two goal cameras (the UR5: 16 numbers), `Box(3 + 3 + n + 1,)` without. The
     goal is measured once per episode from the start pose, whatever the posture in which the arm then starts.
 
     | Num | Observation | Unit |

@@ -13,6 +13,7 @@ from kinreach._checks import Floats
 from kinreach._tensors import copied, on_device, on_host
 from kinreach.envs._batch import Episodes, Outcome, texts, told_terms
 from kinreach.envs._goals import Told
+from kinreach.envs._options import in_dtype
 from kinreach.envs._randomise import Randomisation, check_randomise
 from kinreach.envs._reach.observers import PixelObserver, goal_observer, measured
 from kinreach.envs._reach.reach_task import (
@@ -115,8 +116,8 @@ class ReachEpisodes(Episodes):
             self._observation[rows, self.task.layout.direction] = start.directions
         if self.options.goal_env:
             q, tip = map(on_host, self.world.snapshot(ids))
-            self._achieved[rows] = self.task.achieved(tip, q)
-            self._desired[rows] = self.task.desired(goals, self.directions[rows])
+            self._achieved[rows] = in_dtype(self.task.achieved(tip, q), self.options.dtype)
+            self._desired[rows] = in_dtype(self.task.desired(goals, self.directions[rows]), self.options.dtype)
 
     @property
     def measurement(self) -> GoalMeasurement | None:  # type: ignore[override]
@@ -234,7 +235,8 @@ class ReachEpisodes(Episodes):
         distance = distance_between(tip, goals)
         if self.options.goal_env:
             q_here, tip_here = on_host(q), on_host(tip)
-            self._achieved[:] = self.task.achieved(tip_here, q_here)
+            # judged as it is handed out, so that `compute_reward` says the same
+            self._achieved[:] = in_dtype(self.task.achieved(tip_here, q_here), self.options.dtype)
             score = self.task.score_of_goals(self._achieved, self._desired, executed.impossible, lambda: q_here)
         else:
             score = self.task.score(distance, q, impossible, directions)

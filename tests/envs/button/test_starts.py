@@ -19,7 +19,7 @@ def make(**options):
 
 
 def test_all_targets_of_10000_resets_can_be_reached():
-    env = make().unwrapped
+    env = make(dtype="float64").unwrapped
     targets, states = [], []
     for index in range(10_000):
         observation, info = env.reset(seed=0 if index == 0 else None)
@@ -83,7 +83,7 @@ def test_a_fixed_target_stays_and_the_arm_does_not():
     env.reset(options={"goal": point})
     np.testing.assert_array_equal(env.reset()[1]["goal"], point)
 
-    given = make(fixed_target=point)
+    given = make(fixed_target=point, dtype="float64")
     for seed in range(3):
         observation, info = given.reset(seed=seed)
         np.testing.assert_array_equal(info["goal"], point)

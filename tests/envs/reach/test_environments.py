@@ -46,7 +46,7 @@ def test_checks_with_cameras(name, observation, needs_gl):
 
 
 def test_every_episode_starts_in_the_same_posture_with_a_new_goal():
-    env = make(SINGLE, backend="kinematic")
+    env = make(SINGLE, backend="kinematic", dtype="float64")
     goals = []
     for i in range(500):
         observation, info = env.reset(seed=0 if i == 0 else None)

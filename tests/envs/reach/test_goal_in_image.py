@@ -19,7 +19,7 @@ from kinreach.vision import geometric_goal_view
 from kinreach.vision.inside import in_image
 from tests.policy_files import copy_policy
 
-IMAGE = {"backend": "kinematic", "goal_in": "image"}
+IMAGE = {"backend": "kinematic", "goal_in": "image", "dtype": "float64"}
 GOALS = get_arm("ur5-thesis").workcell.draw_goals(np.random.default_rng(3), 200)
 
 
@@ -55,7 +55,7 @@ def test_goals_are_where_opencv_projects_them(ur5, name):
 
 
 def test_nothing_else_changes():
-    envs = [gym.make(MULTI, backend="kinematic"), gym.make(MULTI, **IMAGE)]
+    envs = [gym.make(MULTI, **{**IMAGE, "goal_in": "camera"}), gym.make(MULTI, **IMAGE)]
     plain, image = (env.reset(seed=4)[0] for env in envs)
     for action in np.random.default_rng(0).uniform(-1, 1, (5, 6)):
         (plain, *judged), (image, *told) = (env.step(action) for env in envs)

@@ -13,13 +13,14 @@ from kinreach.robots import get_arm
 from kinreach.vision import geometric_goal_view
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
+KINEMATIC = {"backend": "kinematic", "dtype": "float64"}
 BACKENDS = ["kinematic", "mujoco"]
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", [SINGLE, MULTI])
 def test_info_agrees_with_itself(name, backend):
-    env = gym.make(name, backend=backend, end_on_reached=False)
+    env = gym.make(name, backend=backend, end_on_reached=False, dtype="float64")
     fk = env.unwrapped.kinematics.positions
     rng = np.random.default_rng(4)
     seen = dict.fromkeys(STATUSES, 0)
@@ -126,9 +127,9 @@ def test_a_view_that_somebody_has_measured_is_taken_as_it_is(count):
     for case, view in views.items():
         options = {"goal": goal, "view": view}
         if count is None:
-            env = gym.make(SINGLE, backend="kinematic")
+            env = gym.make(SINGLE, **KINEMATIC)
         else:
-            env = gym.make_vec(SINGLE, num_envs=count, vectorization_mode="vector_entry_point", backend="kinematic")
+            env = gym.make_vec(SINGLE, num_envs=count, vectorization_mode="vector_entry_point", **KINEMATIC)
             options = {key: np.tile(value, (count, 1)) for key, value in options.items()}
         observation, info = env.reset(options=options)
         observations, goals, found, seen = (
@@ -150,7 +151,7 @@ def test_a_ball_on_a_cameras_axis_is_found():
 
 
 def test_views_of_an_arm_without_cameras_are_goals_in_the_world():
-    env = gym.make(SINGLE, backend="kinematic", arm=replace(get_arm("arm3"), name="blind", cameras=()))
+    env = gym.make(SINGLE, arm=replace(get_arm("arm3"), name="blind", cameras=()), **KINEMATIC)
     observation, info = env.reset(seed=0, options={"view": [0.3, 0.2, 0.1]})
     np.testing.assert_array_equal(observation[:3], [0.3, 0.2, 0.1])
     np.testing.assert_array_equal(info["seen"], [0.3, 0.2, 0.1])

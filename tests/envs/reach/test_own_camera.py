@@ -25,7 +25,7 @@ def arm_with(*cameras):
 @pytest.mark.parametrize("cameras", [(*UR5.goal_cameras, SIDE), (SIDE,), (ABOVE, *UR5.goal_cameras, SIDE)])
 def test_each_camera_is_three_numbers_in_the_order_of_the_arm(cameras):
     arm = arm_with(*cameras)
-    env = gym.make(SINGLE, backend="kinematic", arm=arm)
+    env = gym.make(SINGLE, backend="kinematic", arm=arm, dtype="float64")
     check_env(env.unwrapped, skip_render_check=True)
     assert env.observation_space.shape == (3 * len(cameras) + 6 + 1,)
     simulation = ArmSimulation(arm)

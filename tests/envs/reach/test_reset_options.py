@@ -22,14 +22,14 @@ def free_postures(count):
 def test_the_arm_starts_where_it_is_put_and_goals_are_measured_from_the_start_pose(backend):
     postures = free_postures(16)
     assert len(postures) == 16
-    env = gym.make(MULTI, backend=backend)
+    env = gym.make(MULTI, backend=backend, dtype="float64")
     seen = env.reset(options={"goal": GOAL})[0][:6]
     for q in postures:
         observation, info = env.reset(options={"goal": GOAL, "q": q})
         np.testing.assert_array_equal(observation[6:12], q)
         np.testing.assert_array_equal(observation[:6], seen)
         np.testing.assert_array_equal(info["goal"], GOAL)
-    batch = gym.make_vec(MULTI, num_envs=16, vectorization_mode="vector_entry_point", backend=backend)
+    batch = gym.make_vec(MULTI, num_envs=16, vectorization_mode="vector_entry_point", backend=backend, dtype="float64")
     observations, _ = batch.reset(options={"goal": np.tile(GOAL, (16, 1)), "q": postures})
     np.testing.assert_array_equal(observations[:, 6:12], postures)
     observations, *_ = batch.step(np.zeros((16, 6)))
