@@ -378,9 +378,7 @@ class TabletopEnv(ArmEnv):
         randomise: Ranges | None = None,
         **options: Any,
     ) -> None:
-        super().__init__(
-            task=task, render_mode=render_mode, info=info, dtype=dtype, randomise=randomise, **options
-        )
+        super().__init__(task=task, render_mode=render_mode, info=info, dtype=dtype, randomise=randomise, **options)
 
     def _checked(self, options: dict[str, Any]) -> TabletopOptions:
         return TabletopOptions.of(options)

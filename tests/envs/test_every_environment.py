@@ -279,9 +279,8 @@ def test_arguments_are_keywords(name):
     every = {"pipeline", "width", "height", "rgb_noise", "depth_noise", "exposure"}
     assert cameras == every.intersection(names)
     flagless = {entry.name for entry in entries if entry.metadata["flag"] is None}
-    assert flagless == {"controls", "dtype", "frames", "goal_env", "goal_in", "info", "sights"}.intersection(names) | (
-        {"reward"} if name == LIFT else set()
-    )
+    none = {"control", "controls", "dtype", "frames", "goal_env", "goal_in", "info", "sights"}
+    assert flagless == none.intersection(names) | ({"reward"} if name == LIFT else set())
 
 
 @pytest.mark.parametrize("name", [SINGLE, MULTI, SPACE, BUTTON, MOVING, LIFT, REAL_ARM, OBSTACLES])

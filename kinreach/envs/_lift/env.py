@@ -47,6 +47,10 @@ class LiftEnv(GoalMethods, ForfeitEnv, ArmEnv):
     | 0 to 5 | change of the joint angles | -1 | 1 | 5 degrees |
     | 6 | change of the opening | -1 | 1 | 8 mm |
 
+    With `control="position"` the tip's place changes instead of the joints, in parts of 2 cm along the world's axes,
+    and with `control="pose"` its direction too, by a rotation vector in parts of 2 degrees, as in
+    `kinreach/UR5MultiStep-v0`, with `info["tip_share"]`.
+
     Changes count from where joints and fingers stand; they are sent to their servos in five parts.
     Each finger presses with 10 N for each millimetre that it is held off by, 120 N at most.
 

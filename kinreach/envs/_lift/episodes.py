@@ -88,6 +88,7 @@ class LiftEpisodes(Episodes):
         self._lifted_for, self._time = np.empty(count), np.empty(count)
         self._reasons, self._status = np.empty(count, dtype=object), np.empty(count, dtype=object)
         self._achieved = np.empty((count, 2))
+        self._held, self._share = np.empty((count, 3, 3)), np.zeros(count)  # the tips' rotations, and how far they came
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> LiftStart:
         return self.task.reset_options(options, count)
@@ -127,7 +128,9 @@ class LiftEpisodes(Episodes):
         self._stage[ids], self._steps[ids] = STARTED, 0
         self._lifted_for[ids] = self._time[ids] = self._clearance[ids] = 0.0
         self._gripped[ids], self._reasons[ids], self._status[ids] = False, "", ""
-        self._achieved[ids] = 0.0
+        self._achieved[ids] = self._share[ids] = 0.0
+        if self.task.tip is not None:
+            self._held[ids] = self.task.tip.directions(self.q[ids])
         self._distance[ids] = np.linalg.norm(self._tips(ids) - self.goals[ids], axis=1)
         self._see(ids, start.views)
 
@@ -332,11 +335,18 @@ class LiftEpisodes(Episodes):
         self._gripped[ids], self._clearance[ids] = now.gripped, now.clearance
         return now
 
+    def _sent_to(self, ids: Ids, changes: Floats) -> Floats:
+        """Return the postures [rad], shape (k, n), of changes of the joints or of the tip."""
+        if self.task.tip is None:
+            return held_in_limits(self.task.arm, self.q[ids] + STEP_ANGLE * changes)
+        q, self._share[ids] = self.task.tip.targets(self.q[ids], changes, self._held[ids])
+        return q
+
     def _small_step(self, ids: Ids, actions: Floats, acting: Flags) -> Outcome:
         task = self.task
         world: Any = self.world
         before = world.states(ids)
-        q = held_in_limits(task.arm, self.q[ids] + STEP_ANGLE * actions[ids, :-1])
+        q = self._sent_to(ids, actions[ids, :-1])
         opening = np.clip(self._opening[ids] + STEP_OPENING * actions[ids, -1], 0.0, task.gripper.stroke)
         world.steer(ids, q, opening, STEP_S)
         lost = self._put_back(world, ids, before)
@@ -431,7 +441,9 @@ class LiftEpisodes(Episodes):
     def _info(self, rows: Any, lifted: Flags, terms: dict[str, Floats]) -> dict[str, Any]:
         """Return the `info` of some arms, whose results have as many rows, without what an action led to."""
         ids = np.arange(self.count)[rows]
+        shares = {} if self.task.tip is None else {"tip_share": np.array(self._share[rows])}
         return {
+            **shares,
             **self.goal_info(rows),
             "q": np.array(self.q[rows]),
             "tip": self._tips(ids),

@@ -22,6 +22,7 @@ from kinreach._checks import (
     check_number,
     shown,
 )
+from kinreach.envs import _tip_control as tip_control
 from kinreach.envs._goals import DENSE, REWARD_NAMES, GoalOptions, goal_dict
 from kinreach.envs._options import about, given_options, option_rows
 from kinreach.envs._randomise import RANDOMISE, Ranges, check_randomise
@@ -33,6 +34,7 @@ from kinreach.envs._reach.reach_task import (
     joint_limits,
     seen_joints,
 )
+from kinreach.envs._tip_control import TipControl
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import THESIS_ARM, ArmDescription, Box, BoxRegion, get_arm
@@ -102,12 +104,16 @@ class LiftOptions(GoalOptions):
     attempts: int = field(default=1, metadata=about("grasps that may be tried in an episode of single steps"))
     randomise: Ranges | None = field(default=None, metadata=RANDOMISE)
 
+    control: str = field(default=tip_control.JOINTS, metadata=tip_control.about_control(*tip_control.SMALL_STEP))
     reward: str = field(default=DENSE, metadata=about('`"dense"`, or `"sparse"`: 0 for success, else -1', flag=None))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_known("steps", self.steps, STEPS)
         check_known("reward", self.reward, REWARD_NAMES)
+        check_known("control", self.control, tip_control.CONTROLS)
+        if self.control != tip_control.JOINTS and self.steps != MULTI:
+            raise InputError(f'control="{self.control}" is for steps="multi": else an action is a posture')
         for shape in self.shapes:
             check_known("shape", shape, SHAPES)
         arm = grasping_arm(self.arm)
@@ -212,6 +218,7 @@ class LiftTask:
         region: Where objects lie; z is the height of the table's top.
         layout: Where things are in an observation; its goal block describes the object.
         size: Numbers of an observation.
+        tip: Turns actions into postures where they change the tip; None where they change joints.
     """
 
     def __init__(self, options: LiftOptions) -> None:
@@ -236,6 +243,9 @@ class LiftTask:
         joints = len(arm.joints)
         self.layout = Layout.of(goal=KIND_END, joints=joints)
         self.size = self.layout.size + 3 + 3 * options.clutter
+        self.tip: TipControl | None = None
+        if options.control != tip_control.JOINTS:
+            self.tip = TipControl(self.arm, options.control, joint_limits(self.arm), tip_control.SMALL_STEP, alone=True)
 
     @cached_property
     def checker(self) -> CollisionChecker:
@@ -244,7 +254,8 @@ class LiftTask:
 
     @property
     def action_space(self) -> spaces.Box:
-        return spaces.Box(-1.0, 1.0, (len(self.home) + 1,), np.float32)
+        moved = len(self.home) if self.tip is None else self.tip.size
+        return spaces.Box(-1.0, 1.0, (moved + 1,), np.float32)
 
     @property
     def observation_space(self) -> spaces.Space[Any]:

@@ -39,8 +39,13 @@ class PostureEnv(ForfeitEnv):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        posture: Floats = self.episodes.task.targets(self.episodes.q, self.episodes.check_actions(action, None))[0]
+        posture: Floats = self._targets(self.episodes.check_actions(action, None))[0]
         return posture
+
+    def _targets(self, actions: Floats) -> Floats:
+        """Return the postures of checked actions [rad], shape (1, n)."""
+        targets: Floats = self.episodes.task.targets(self.episodes.q, actions)
+        return targets
 
     def action_for(self, q: ArrayLike) -> Floats:
         """Return the action that takes the arm to a posture, or in several steps straight towards it.
@@ -104,6 +109,10 @@ class ReachEnv(GoalMethods, PostureEnv, ArmEnv):
             else KinematicWorld(task, 1, explain=True)
         )
         return ReachEpisodes(task, self._world)
+
+    def _targets(self, actions: Floats) -> Floats:
+        targets: Floats = self.episodes.targets(actions)[0]
+        return targets
 
     @property
     def variant(self) -> ReachVariant:
@@ -288,6 +297,13 @@ class UR5MultiStepEnv(ReachEnv):
 
     The change counts from where the joint stands, not from where it was sent.
 
+    With `control="position"` an action is three numbers instead, the change of the tip's place along the world's axes
+    in units of 5 cm, while the tool keeps the direction in which the episode began. `control="pose"` has three more: a
+    rotation vector in the world in units of 5 degrees. The arm's closed form finds the posture, in the branch in which
+    the arm is. Where the end of its way is out of reach, outside the joint limits, past a singularity, or more than
+    0.5 rad away in a joint, the tip goes as far along it as six halvings find a posture, and the arm stays if none
+    does: `info["tip_share"]` is the part that it was sent, from 0 to 1, and 0 after a reset.
+
     ## Observation Space
     As in `kinreach/UR5SingleStep-v0`; the joint angles are those of the present posture, the goal is the one measured
     in the start pose.
@@ -353,7 +369,7 @@ class SpaceReachEnv(ReachEnv):
 
     ## Action Space
     `Box(-1, 1, (n,), float32)` for an arm of n joints: joint targets, -1 and 1 being the limits of each, or changes in
-    units of 5 degrees.
+    units of 5 degrees. `control="position"` and `"pose"` are as in `kinreach/UR5MultiStep-v0`.
 
     ## Observation Space
     `Box(6 + 3 + n + 1,), float32` with the two goal cameras (the UR5: 16 numbers), `Box(3 + 3 + n + 1,)` without. The

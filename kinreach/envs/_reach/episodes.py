@@ -22,7 +22,6 @@ from kinreach.envs._reach.reach_task import (
     TOOL_DOWN,
     ReachReset,
     ReachTask,
-    action_space,
     check_actions,
     distance_between,
     held_in_limits,
@@ -56,7 +55,7 @@ class ReachEpisodes(Episodes):
         self.directions = np.tile(TOOL_DOWN, (count, 1))
         self.task, self.options = task, task.options
         self.world = world
-        self.action_space = action_space(task.arm)
+        self.action_space = task.action_space
         self._observer = goal_observer(task)
         self._pixels = PixelObserver(task.arm, task.options) if task.options.observation == "pixels" else None
         self._pictures: dict[str, NDArray[Any]] = {}
@@ -69,6 +68,7 @@ class ReachEpisodes(Episodes):
         self._observation = np.empty((count, task.layout.size))
         self._observation[:, task.layout.gripper] = task.gripper_opening
         self._move_time = np.empty(count)
+        self._held = np.empty((count, 3, 3))  # rotations of the tips in which episodes began
         self._terms: tuple[str, ...] | None = None  # names of the reward's
         if self.options.goal_env:
             shape = (count, *task.observation_space["desired_goal"].shape)  # type: ignore[index]
@@ -83,7 +83,7 @@ class ReachEpisodes(Episodes):
         return self.task.reset_options(options, count)
 
     def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
-        return check_actions(actions, count, len(self.task.arm.joints))
+        return check_actions(actions, count, *self.action_space.shape)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an arm its own generators, for goals and for noise."""
@@ -114,6 +114,8 @@ class ReachEpisodes(Episodes):
         if start.directions is not None:
             self.directions[rows] = start.directions
             self._observation[rows, self.task.layout.direction] = start.directions
+        if self.task.tip is not None:
+            self._held[rows] = self.task.tip.directions(self.world.q[rows])
         if self.options.goal_env:
             q, tip = map(on_host, self.world.snapshot(ids))
             self._achieved[rows] = in_dtype(self.task.achieved(tip, q), self.options.dtype)
@@ -178,19 +180,21 @@ class ReachEpisodes(Episodes):
         nothing = Executed(nobody, np.zeros(count, dtype=np.uint8), [""] * count if self.world.explains else None)
         info = self._info(ids, nothing, score, q, tip, distance)
         info |= {"status": texts(count), "target": copied(q)}
+        if self.task.tip is not None:
+            info["tip_share"] = np.zeros(count)
         return info | {"target_tip": copied(tip)} if self.world.explains else info
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
         """Act with every arm, or where `acting` is True; actions are in [-1, 1], shape (count, n)."""
         variant = self.task.variant
-        targets = self.task.targets(self.world.q, actions)
+        targets, share = self.targets(actions)
         if acting is not None:
             targets = np.where(acting[:, None], targets, self.world.q)
         ends = targets if self.task.options.tolerance == 0.0 else self._ends(targets, acting)
         executed = self.world.execute(ends, two_phase=variant.two_phase, acting=acting)
         if executed.durations is not None:
             self._move_time += executed.durations
-        score, info = self._judge(targets, executed)
+        score, info = self._judge(targets, executed, share)
         self._changed |= True if acting is None else acting
         outcome = self._outcome(score, executed.status, info)
         return outcome if acting is None else outcome.of(acting)
@@ -229,7 +233,13 @@ class ReachEpisodes(Episodes):
         score, info = self._judge(self.world.q.copy(), Executed(everyone, statuses, [reason] * count))
         return Outcome(score.reward, everyone, ~everyone, info)
 
-    def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
+    def targets(self, actions: Floats) -> tuple[Floats, Floats | None]:
+        """Return postures that actions ask for [rad], shape (count, n), and the parts of the ways of moved tips."""
+        if self.task.tip is None:
+            return self.task.targets(self.world.q, actions), None
+        return self.task.tip.targets(self.world.q, actions, self._held)
+
+    def _judge(self, targets: Floats, executed: Executed, share: Floats | None = None) -> tuple[Score, dict[str, Any]]:
         q, tip = self.world.snapshot()
         goals, directions, impossible = self._on_device(self.goals, self.directions, executed.impossible)
         distance = distance_between(tip, goals)
@@ -242,6 +252,8 @@ class ReachEpisodes(Episodes):
             score = self.task.score(distance, q, impossible, directions)
         self._terms = tuple(score.terms)
         info = self._info(slice(None), executed, score, q, tip, distance) | {"target": targets}
+        if self.task.tip is not None:
+            info["tip_share"] = np.zeros(self.world.count) if share is None else share
         if self.world.explains:  # not in large kinematic batches, where it would take long
             info["target_tip"] = self._target_tips(targets, tip, executed.impossible)
         return score, info

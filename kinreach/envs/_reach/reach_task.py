@@ -27,6 +27,7 @@ from kinreach._checks import (
 )
 from kinreach._rotations import wrapped
 from kinreach._tensors import namespace
+from kinreach.envs import _tip_control as tip_control
 from kinreach.envs._batch import RowStreams, goal_streams
 from kinreach.envs._goals import REWARD_NAMES, GoalOptions, goal_dict
 from kinreach.envs._options import ARM_BACKENDS, about, check_box_actions, option_rows
@@ -41,6 +42,7 @@ from kinreach.envs._reach.rewards import (
     score_of_goals,
     scorer_of,
 )
+from kinreach.envs._tip_control import TipControl
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
 from kinreach.kinematics.inside import MARGIN
@@ -121,6 +123,7 @@ class ReachOptions(GoalOptions):
     end_on_reached: bool = field(
         default=True, metadata=about("whether reaching the goal ends an episode of several steps")
     )
+    control: str = field(default=tip_control.JOINTS, metadata=tip_control.about_control(*tip_control.MOVE))
     imperfections: Mapping[str, float] | Imperfections | None = field(
         default=None,
         metadata=about(
@@ -139,6 +142,7 @@ class ReachOptions(GoalOptions):
         if self.tolerance and self.backend != "kinematic":
             raise InputError(f'a tolerance is for backend="kinematic", got {self.backend!r}, where the dynamics decide')
         check_flag("end_on_reached", self.end_on_reached)
+        check_known("control", self.control, tip_control.CONTROLS)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
         if "camera" in check_randomise(self.randomise, backend=self.backend) and self.observation == "pixels":
@@ -387,6 +391,7 @@ class ReachTask:
         kinematics: From the world to the arm's default tip.
         gripper_opening: In which the arm reaches [m]; 0 without a gripper.
         directed: Whether goals have a direction of the tool.
+        tip: Turns actions into postures where they change the tip; None where they change joints.
     """
 
     directed = False
@@ -403,6 +408,20 @@ class ReachTask:
         _check_views(arm)
         self._half, self._middle = action_range(arm)
         self._endless = _endless(arm)
+        self.tip: TipControl | None = None
+        if options.control != tip_control.JOINTS:
+            if not variant.relative:
+                raise InputError(
+                    f'control="{options.control}" is of environments with several steps, such as kinreach/Reach-v0 '
+                    'with steps="multi": here an action is a posture'
+                )
+            alone = options.backend != "kinematic"
+            self.tip = TipControl(arm, options.control, joint_limits(arm), tip_control.MOVE, alone=alone)
+
+    @property
+    def action_space(self) -> spaces.Box:
+        """Actions, in [-1, 1]."""
+        return action_space(self.arm) if self.tip is None else spaces.Box(-1.0, 1.0, (self.tip.size,), np.float32)
 
     def default_reward(self) -> Scorer:
         """Return the reward without the option `reward`: the arm's own."""
@@ -523,6 +542,8 @@ class ReachTask:
 
     def action_for(self, q: Floats, target: Floats) -> Floats:
         """Return the action from a posture `q` to a target [rad], or straight towards it; shape (n,)."""
+        if self.tip is not None:
+            return self.tip.action_for(q, target)
         if self.variant.relative:
             way = (target - q) / self.variant.scale
             return np.asarray(way / max(1.0, float(np.abs(way).max())))
