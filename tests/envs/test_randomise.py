@@ -174,8 +174,8 @@ def test_a_range_of_one_value_is_that_imperfection(name, value):
 
 @pytest.mark.parametrize("case", ["multi", "lift", "kinematic"])
 def test_cameras_off_their_places_see_goals_elsewhere(case):
-    env, off = single(case), []
-    plain = single(case, randomise=None)
+    env, off = single(case, dtype="float64"), []
+    plain = single(case, randomise=None, dtype="float64")
     for seed in range(10):
         observation, info = env.reset(seed=seed)
         ideal, _ = plain.reset(seed=seed)
