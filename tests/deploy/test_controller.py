@@ -279,6 +279,7 @@ class TestProtectiveStops:
         np.testing.assert_allclose(ur.actual_q, stands, atol=1e-3)
         ur.release()
         np.testing.assert_allclose(ur.actual_q, HOME, atol=1e-9)
+        assert not ur.history  # of where the arm has not come from
         assert ur.run(program(f"movej({listed(HOME + 0.05)})")).reason == ""
 
     def test_a_singular_straight_line(self, ur):

@@ -17,7 +17,9 @@ LOOP = "def loop():\n  while True:\n    sync()\n  end\nend\n"
 
 @pytest.fixture
 def ur():
-    return Controller(get_arm("ur5e"))
+    controller = Controller(get_arm("ur5e"), log=(log := []).append)
+    controller.log = log
+    return controller
 
 
 def ticked(ur, seconds):
@@ -64,6 +66,9 @@ def test_a_program_is_paused_resumed_and_stopped(ur):
     assert answer(ticked(ur, 1.0), "programState") == "PLAYING loop"
     assert answer(ur, "stop") == "Stopped"
     assert answer(ticked(ur, 0.1), "programState") == "STOPPED <unnamed>"
+    assert ur.log == [
+        "program loop is running", "program is paused", "program is resumed", "program ended by request"
+    ]  # fmt: skip
 
 
 def test_power_and_brakes(ur):
@@ -79,6 +84,9 @@ def test_power_and_brakes(ur):
         if mode is not RobotMode.RUNNING:
             with pytest.raises(InputError, match=r"power of the arm is off|brakes are closed"):
                 ur.start(LOOP)
+    on, off, free = "the power of the arm is on", "the power of the arm is off", "the brakes are released"
+    running, ended = "program loop is running", "program ended by request"
+    assert [line for line in ur.log if "refused" not in line] == [running, off, ended, on, free, off, on, free]
     ur.start(LOOP)
     ur.emergency_stop()
     for command in ("power on", "brake release", "unlock protective stop", "restart safety"):  # none ends it

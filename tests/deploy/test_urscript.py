@@ -274,6 +274,38 @@ def test_memory_is_bounded(ur, text, reason):
     assert found.startswith("line ")
 
 
+def test_a_statement_leaves_nothing_behind(ur):
+    """However long a program runs: values that nobody takes, arguments, what `and` has begun, threads that ended."""
+    body = """
+def f(x):
+  return x
+end
+thread t():
+  sleep(0.001)
+end
+while True:
+  f(1)
+  sin(1)
+  sleep(0.001)
+  y = f(2) + sin(f(3))
+  if True and False or y > 0:
+    y = [1, f(4)]
+    y[1] = 2
+  end
+  run t()
+  sync()
+end
+"""
+    ur.start(program(body))
+    for _ in range(100):
+        ur.tick()
+    machine = ur._program
+    left = [value for value in machine._main._stack if value is not None]
+    assert (left, len(machine._main._stack) <= 1, len(machine._main._frames)) == ([], True, 1)
+    assert len(machine._threads) <= 3
+    assert machine.variables["y"] == (1.0, 2.0)
+
+
 def test_a_program_takes_a_bounded_number_of_steps_in_a_cycle(ur):
     ur.start(program("x = 0\nwhile True:\n  x = x + 1\nend"))
     counts = []
