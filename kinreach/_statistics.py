@@ -85,6 +85,18 @@ def wilson_interval(successes: int, total: int, *, confidence: float = CONFIDENC
     return float(interval.low), float(interval.high)
 
 
+def paired_p(better: int, worse: int) -> float:
+    """Return the two-sided p value of pairs in which one of two is better, or worse; pairs without a difference aside.
+
+    Of goals that only one of two methods reaches it is McNemar's exact test, of differences the sign test.
+    """
+    if not better + worse:
+        return 1.0
+    from scipy.stats import binomtest  # half a second to import
+
+    return float(binomtest(better, better + worse, 0.5).pvalue)
+
+
 def bootstrap_intervals(
     values: ArrayLike,
     statistics: Sequence[Statistic],
@@ -257,11 +269,19 @@ class Column:
             return found
         return 100 * found if self.summary == RATE else found[part or "median"]
 
-    def text(self, entry: Mapping[str, Any], show: str = "") -> str:
-        """Return the cell of a table for an entry of the results, `-` if nothing was measured."""
+    def text(self, entry: Mapping[str, Any], show: str = "", *, count: int | None = None) -> str:
+        """Return the cell of a table for an entry of the results, `-` if nothing was measured.
+
+        Args:
+            entry: Of a method.
+            show: Instead of the column's own.
+            count: Trials that have a value, as far as known: a rate of one is no share.
+        """
         show = show or self.show
         if not self.measured(entry):
             return "-"
+        if self.summary == RATE and (entry.get("goals") if count is None else count) == 1:
+            return "yes" if self.read(entry) else "no"
         if show == "interval":
             low, high = self.interval(entry)
             return f"{self.number(entry):.1f} [{100 * low:.1f}, {100 * high:.1f}]"

@@ -122,6 +122,7 @@ BUTTON_TASK = Task(
         "thread, one environment; the time of a step is that of choosing the action",
     },
     notes=_notes,
+    ranked=("decision_ms",),  # any press within 50 mm counts: to be nearer is worth nothing
     scene=_scene,
 )
 

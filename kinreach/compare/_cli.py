@@ -21,6 +21,7 @@ from kinreach._terminal import Console
 from kinreach.cli import HELP, Parser, print_notes, quoted
 from kinreach.compare._motion import with_motion
 from kinreach.compare._options import Flag, OptionFlags
+from kinreach.compare._ranking import part_of
 from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare._task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError, OtherResultsError
@@ -61,7 +62,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     )
     console = Console(width=10 * TABLE_WIDTH)  # a table that does not fit is printed whole
     columns = (with_motion(task) if arguments.motion else task).columns
-    for table in tables(columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
+    entries = sorted(results["methods"], key=part_of)
+    for table in tables(columns, entries, title=results["settings"]["title"], width=TABLE_WIDTH):
         console.print(table)
         console.print()
     files = ["results.json", "results.csv", "report.html", *(f"{name}.png" for name in task.figures)]

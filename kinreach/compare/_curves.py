@@ -7,6 +7,7 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator
@@ -129,52 +130,84 @@ def draw_shares(entry: str, *, title: str, label: str, of: str) -> Draw:
 def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Measure]) -> Draw:
     """Draw the median error against looks before, with its 95 % interval over robots, directions and balls.
 
-    Left: in the first move to a ball. Right: in the second, after the tip was seen beside it. Methods that do not
-    depend on looks are named above. `error_mm` is called with a number of looks and one of corrections.
+    Left: lines, in the first move to a ball; methods that do not depend on looks are named above. Right: dots, in the
+    second move, after the tip was seen beside the ball, where looks before hardly matter. `error_mm` is called with a
+    number of looks and one of corrections.
     """
 
     def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         figure, panels = new_figure(
             "Everything a little wrong: what looks are worth",
-            size=(10.6, 4.8),
+            size=(11.4, 4.8),
             columns=2,
             note=origin(results),
             grid="y",
         )
         measured = [budget for budget in budgets if any(trial.get(f"error_{budget}_0") is not None for trial in trials)]
         colours = dict(zip((method["name"] for method in results["methods"]), colours_in(results), strict=True))
-        ends: tuple[dict[str, tuple[float, float]], ...] = ({}, {})
-        for again, axes in enumerate(panels):
-            samples = {budget: by_method(trials, results, error_mm(budget, again)) for budget in measured}
-            unchanged: dict[str, list[str]] = {}
-            for method, colour in colours.items():
-                found = [
-                    (place, median(sample[method]), *bootstrap_intervals(sample[method], (median,))[0])
-                    for place, sample in enumerate(samples.values())
-                    if sample[method].size
-                ]
-                if not found:
-                    continue
-                place, middle, low, high = np.array(found).T
-                if len(found) > 1 and np.ptp(middle) < 0.01 * middle[0]:
-                    unchanged.setdefault(number(middle[0]), []).append(name_label(method))
-                    continue
-                axes.fill_between(place, low, high, color=colour, alpha=0.15, linewidth=0)
-                axes.plot(place, middle, color=colour, marker="o", ms=4, lw=1.6)
-                ends[again][method] = (place[-1], middle[-1])
-            axes.set(yscale="log", xlim=(-0.2, len(measured) - 0.8), xlabel="looks before")
-            axes.set_xticks(range(len(measured)), [str(budget) for budget in measured])
-            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            plain_ticks(axes.yaxis)
-            move = ("first move", "second move, having seen the first")[again]
-            flat = "; ".join(f"{', '.join(names)} ({mm} mm)" for mm, names in unchanged.items())
-            rest = fill(f"looks change nothing for {flat}", width=64) if flat else ""
-            key(axes, f"{move} · median distance to the ball [mm]\n{rest}")
-        low, high = (extreme(axes.get_ylim()[side] for axes in panels) for side, extreme in ((0, min), (1, max)))
-        for axes, last in zip(panels, ends, strict=True):
-            axes.set_ylim(low, high)
-            if last:
-                label_ends(axes, last, colours)
+        first, second = (
+            {budget: by_method(trials, results, error_mm(budget, again)) for budget in measured} for again in (0, 1)
+        )
+        _looks_lines(panels[0], first, colours)
+        _looks_dots(panels[1], second, colours)
         return figure
 
     return draw
+
+
+def _looks_lines(axes: Axes, samples: Mapping[int, Mapping[str, Any]], colours: Mapping[str, str]) -> None:
+    """Draw a line for each method that looks change."""
+    unchanged: dict[str, list[str]] = {}
+    ends = {}
+    for method, colour in colours.items():
+        found = [
+            (place, *_with_interval(sample[method]))
+            for place, sample in enumerate(samples.values())
+            if sample[method].size
+        ]
+        if not found:
+            continue
+        place, middle, low, high = np.array(found).T
+        if len(found) > 1 and np.ptp(middle) < 0.01 * middle[0]:
+            unchanged.setdefault(number(middle[0]), []).append(name_label(method))
+            continue
+        axes.fill_between(place, low, high, color=colour, alpha=0.15, linewidth=0)
+        axes.plot(place, middle, color=colour, marker="o", ms=4, lw=1.6)
+        ends[method] = (place[-1], middle[-1])
+    axes.set(yscale="log", xlim=(-0.2, len(samples) - 0.8), xlabel="looks before")
+    axes.set_xticks(range(len(samples)), [str(budget) for budget in samples])
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    plain_ticks(axes.yaxis)
+    flat = "; ".join(f"{', '.join(names)} ({mm} mm)" for mm, names in unchanged.items())
+    rest = fill(f"looks change nothing for {flat}", width=64) if flat else ""
+    key(axes, f"first move · median distance to the ball [mm]\n{rest}")
+    if ends:
+        label_ends(axes, ends, colours)
+
+
+def _looks_dots(axes: Axes, samples: Mapping[int, Mapping[str, Any]], colours: Mapping[str, str]) -> None:
+    """Draw a row of two dots for each method: without looks before, and with most of them."""
+    few, most = min(samples), max(samples)
+    rows = [method for method in colours if samples[most][method].size]
+    for row, method in enumerate(rows):
+        for budget in dict.fromkeys((few, most)):
+            if samples[budget][method].size:
+                y = row + (0.16 if budget == most else -0.16) * (few != most)
+                middle, low, high = _with_interval(samples[budget][method])
+                face = colours[method] if budget == most else "white"
+                axes.plot([low, high], [y, y], color=colours[method], lw=1.2)
+                axes.plot(middle, y, "o", ms=5, mfc=face, mec=colours[method], mew=1.4)
+    axes.set(xscale="log", ylim=(len(rows) - 0.4, -0.6))
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    plain_ticks(axes.xaxis)
+    axes.grid(axis="x", color="#e4e4e4", lw=0.8)
+    axes.set_yticks(range(len(rows)), [name_label(name) for name in rows], weight="bold")
+    for tick, name in zip(axes.get_yticklabels(), rows, strict=True):
+        tick.set_color(text_colour(colours[name]))
+    axes.set_xlabel("median distance to the ball [mm]")
+    key(axes, f"second move, having seen the first\nopen: {few} looks before · filled: {most}")
+
+
+def _with_interval(sample: Any) -> tuple[float, float, float]:
+    """Return the median of a sample with its 95 % interval."""
+    return float(median(sample)), *bootstrap_intervals(sample, (median,))[0]

@@ -105,9 +105,9 @@ def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
 
     def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         methods = results["methods"]
-        figure, (axes,) = new_figure(
-            "Where the distance comes from", size=(9.0, 2.1 + 0.46 * len(methods)), note=origin(results), grid="x"
-        )
+        seen = ", goals seen by the cameras" if results["settings"].get("observation") == "camera" else ""
+        size = (9.0, 2.1 + 0.46 * len(methods))
+        figure, (axes,) = new_figure(f"Where the distance comes from{seen}", size=size, note=origin(results), grid="x")
         for row, method in enumerate(methods):
             _budget_dots(axes, row, method, marks)
         axes.set_yticks(range(len(methods)), [name_label(method["name"]) for method in methods], weight="bold")
@@ -234,6 +234,9 @@ def draw_strips(
         low, high = np.log10(axes.get_xlim())
         axes.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
     plain_ticks(axes.xaxis)
+    # above the dots, where a report's first screen has it, and below
+    axes.xaxis.set_label_position("top")
+    axes.tick_params(axis="x", which="both", labeltop=True)
     axes.set_yticks(range(len(values)), [name_label(name) for name in values], weight="bold")
     for tick, colour in zip(axes.get_yticklabels(), colours, strict=True):
         tick.set_color(text_colour(colour))

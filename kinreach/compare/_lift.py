@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 from matplotlib.figure import Figure
 
-from kinreach._checks import Floats
+from kinreach._checks import Floats, listed
 from kinreach._registration import LIFT
 from kinreach._rotations import turn
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, thousandfold
@@ -60,8 +60,9 @@ def _scripted(name: str) -> Method:
 def draw_causes(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     """Draw the share that each method lifts, and what failed in the rest."""
     methods, shades = results["methods"], ("#111111", "#444444", "#777777", "#a6a6a6", "#d0d0d0")
+    shapes = results["settings"]["options"].get("shapes", ("object",))
     figure, (axes,) = new_figure(
-        "Objects lifted, and what failed",
+        f"{listed([f'{shape}s' for shape in shapes])} lifted, and what failed".capitalize(),
         size=(8.0, 1.3 + 0.5 * len(methods)),
         grid="x",
         note=f"the first stage that failed in the last attempt · {origin(results)}",

@@ -1,7 +1,7 @@
 """Write a comparison as one HTML file without external resources, and its finding in a few sentences.
 
 Texts are escaped, and the page's policy allows no script except its own, which sorts tables and links downloads.
-Methods are ranked by their intervals: which reach the goals, and which of those are nearest and fastest.
+`_ranking` says which methods reach the goals, and which of those are nearest and fastest.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ from typing import Any
 import gymnasium as gym
 from PIL import Image
 
-from kinreach._checks import listed, printable
+from kinreach._checks import printable
 from kinreach._files import replacing, write_text
 from kinreach._statistics import QUANTILES, SPREAD, Column, Trial, number
 from kinreach.compare._figures import DPI
 from kinreach.compare._options import options_class
+from kinreach.compare._ranking import PARTS, RESOLVED_MM, RESOLVED_TIME, Ranking, part_of
 from kinreach.compare._task import Task, arm_in
 from kinreach.errors import DrawingError, InstallationError
 from kinreach.sim.inside import PosedScene, Scene, ScenePicture
@@ -51,15 +52,7 @@ HEADINGS = {
     "errors": "What is off",
     "there": "In the second move",
 }
-#: Measures of a ranking, smaller is better -> a sentence about the best method.
-RANKED = {
-    "distance_mm": "comes nearest: {} mm in the median",
-    "decision_ms": "decides fastest: {} ms in the median",
-    "solve_ms": "decides fastest: {} ms in the median",
-}
 OBSERVATIONS = {"geometric": "the true goal", "camera": "where the cameras saw the goal"}
-
-Summary = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -111,6 +104,7 @@ def report_html(
     folder = resources.files("kinreach.compare")
     script = folder.joinpath("report.js").read_text(encoding="utf-8")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    ranking = Ranking(task, results, trials)
     pictures = [] if isinstance(renderings, str) else list(renderings)
     scene = next((picture for picture in pictures if picture.reached), next(iter(pictures), None))
     shown = [_chart(file, title) for title, file in charts.items()]
@@ -122,7 +116,7 @@ def report_html(
         title=escape(settings["title"]),
         finding=" ".join(
             escape(sentence) if number else f"<strong>{escape(sentence)}</strong>"
-            for number, sentence in enumerate(finding(results))
+            for number, sentence in enumerate(ranking.finding())
         ),
         criterion=f"A goal counts as <strong>reached</strong> if: {escape(settings['terms']['reached'])}. "
         f"{len(results['methods'])} methods, the same {goals} for each, seed {settings['seed']}, "
@@ -130,8 +124,8 @@ def report_html(
         opening=f'<div class="opening{"" if len(opening) > 1 else " alone"}">{"".join(opening)}</div>'
         if opening
         else "",
-        tables="\n".join(_tables(task.columns, results["methods"], trials)),
-        notes="<br>\n".join(map(escape, [*_legend(results["methods"]), *task.notes(results)])),
+        tables="\n".join(_tables(ranking)),
+        notes="<br>\n".join(map(escape, [*_legend(ranking), *task.notes(results)])),
         figures="\n".join(shown[1:]) or "<p>None besides the one above.</p>",
         failures=_failures(task, renderings, scene, results["methods"]),
         settings="\n".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in _words(task, results)),
@@ -147,10 +141,10 @@ def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any
     settings, entries = results["settings"], results["methods"]
     options = {name: value for name, value in task.options.items() if name != "observation"}
     own = {entry["name"]: [trial for trial in trials if trial["method"] == entry["name"]] for entry in entries}
-    ranked = reaching(entries)
-    best = next(iter([*best_in(ranked, "distance_mm"), *ranked]), None)
+    ranking = Ranking(task, results, trials)
+    best = next(iter([*ranking.best("distance_mm"), *(entry["name"] for entry in ranking.reaching)]), None)
     wanted: list[tuple[str, Trial]] = []
-    if best is not None and (success := ordinary_success(own[best["name"]])):
+    if best is not None and (success := ordinary_success(own[best])):
         wanted.append(("an ordinary success", success))
     if task.paths is None:
         for group in own.values():
@@ -219,13 +213,14 @@ def _caption(what: str, trial: Trial) -> str:
     return " · ".join(parts)
 
 
-def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]], trials: Sequence[Trial]) -> Iterable[str]:
+def _tables(ranking: Ranking) -> Iterable[str]:
     """Yield the columns with a heading as HTML tables, one a title.
 
     Columns in which nothing was measured are left out, and so is the second of two of the same value.
     """
+    entries, trials = sorted(ranking.results["methods"], key=part_of), ranking.trials
     found: dict[str, list[Column]] = {}
-    for column in columns:
+    for column in ranking.task.columns:
         same = any(column.value == other.value for other in found.get(column.table, ()))
         if (
             column.heading
@@ -234,17 +229,21 @@ def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]], tri
             and not same
         ):
             found.setdefault(column.table, []).append(column)
-    best = {key: {entry["name"] for entry in best_in(reaching(entries), key)} for key in RANKED}
-    best["reached"] = best["pressed"] = {entry["name"] for entry in reaching(entries)}
+    parts = sorted({part_of(entry) for entry in entries})
     for title, group in found.items():
         counts = {column.key: _counts(column, entries, trials) for column in group}
-        head = "".join(_heading(name, "text") for name in ("method", *([] if title else ["kind"])))
+        head = _heading("method", "text")
         head += "".join(_heading(column.heading, "number", counts[column.key]) for column in group)
-        rows = "\n".join(_row(entry, group, counts, best, kind=not title) for entry in entries)
+        rows = []
+        for part in parts:
+            if len(parts) > 1:
+                rows.append(f'<tr class="part"><th colspan="{1 + len(group)}">{escape(PARTS[part])}</th></tr>')
+            rows += [_row(entry, group, counts, ranking) for entry in entries if part_of(entry) == part]
         caption = f"<h3>{escape(title)}</h3>" if title else ""
+        body = "\n".join(rows)
         yield (
             f'{caption}<div class="wide"><table class="sortable">\n<thead><tr>{head}</tr></thead>\n'
-            f"<tbody>\n{rows}\n</tbody>\n</table></div>"
+            f"<tbody>\n{body}\n</tbody>\n</table></div>"
         )
 
 
@@ -265,19 +264,12 @@ def _heading(text: str, kind: str, counts: Mapping[str, int] | None = None) -> s
 
 
 def _row(
-    entry: Mapping[str, Any],
-    columns: Sequence[Column],
-    counts: Mapping[str, Mapping[str, int]],
-    best: Mapping[str, set[str]],
-    *,
-    kind: bool,
+    entry: Mapping[str, Any], columns: Sequence[Column], counts: Mapping[str, Mapping[str, int]], ranking: Ranking
 ) -> str:
     name = escape(entry["name"])
     long = ' class="long"' * (len(entry["name"]) > 24)
     dot = f'<i style="background: {escape(entry["colour"])}"></i>'
-    cells = [f'<th scope="row"{long} data-value="{name}">{dot}{name}</th>']
-    if kind:
-        cells.append(f'<td class="text" data-value="{escape(entry["kind"])}">{escape(entry["kind"])}</td>')
+    cells = [f'<th scope="row"{long} data-value="{name}" title="{escape(entry["kind"])}">{dot}{name}</th>']
     for column in columns:
         show = column.show or {QUANTILES: "quantiles", SPREAD: "quantiles", "rate": "interval"}.get(
             column.summary, "mean"
@@ -285,10 +277,14 @@ def _row(
         value = column.number(entry, show if show == "mean" else "")
         by = "" if value is None else escape(str(value))
         count = counts[column.key]
-        n = f" <small>n {own}</small>" if (own := count[entry["name"]]) and len({*count.values()} - {0}) > 1 else ""
-        text = _small(column.text(entry, show))
-        text = f"<strong>{text}</strong>" if entry["name"] in best.get(column.key, ()) else text
-        cells.append(f'<td data-value="{by}">{text}{n}</td>')
+        own = count[entry["name"]]
+        n = f" <small>(n = {own})</small>" if own and len({*count.values()} - {0}) > 1 else ""
+        text = _small(column.text(entry, show, count=own))
+        reached = column.key in ("reached", "pressed")
+        test = (ranking.reached if reached else ranking.measured(column.key)).get(entry["name"])
+        text = f"<strong>{text}</strong>" if test and test.same else text
+        why = f' title="{escape(test.words(reached))}"' if test and test.best != entry["name"] else ""
+        cells.append(f'<td data-value="{by}"{why}>{text}{n}</td>')
     return f"<tr>{''.join(cells)}</tr>"
 
 
@@ -301,12 +297,16 @@ def _small(text: str) -> str:
     return escape(text)
 
 
-def _legend(entries: Sequence[Mapping[str, Any]]) -> list[str]:
-    if not reaching(entries):
+def _legend(ranking: Ranking) -> list[str]:
+    if not ranking.reaching:
         return []
     return [
-        "Bold: the best, and what its 95 % interval cannot tell from it; distances and times are compared only among "
-        "the methods that reach as many goals as the best. n: trials that have a value."
+        "Bold: the best, and what a paired test on the same goals cannot tell from it (p ≥ 0.05): McNemar's exact test "
+        "of goals reached, the sign test of distances and times. Medians count as equal if they are less than "
+        f"{RESOLVED_MM:g} mm apart, which the simulation does not resolve, or {100 * RESOLVED_TIME:g} % of a time. "
+        "A cell names its test; hold the pointer over it. "
+        "Distances and times are compared only among the methods that reach as many goals as the best. "
+        "n: trials that have a value."
     ]
 
 
@@ -382,79 +382,3 @@ def _option(task: Task, name: str, value: Any) -> str:
 
 def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:].rstrip('.')}."
-
-
-def reaching(entries: Sequence[Summary]) -> list[Summary]:
-    """Return the methods with the largest share of goals reached, and those whose intervals overlap with it."""
-    shares = [entry for entry in entries if entry.get("reached")]
-    if not shares:
-        return []
-    best = max(shares, key=lambda entry: entry["reached"])
-    found = [entry for entry in shares if _overlap(entry["reached_ci"], best["reached_ci"])]
-    return sorted(found, key=lambda entry: -entry["reached"])
-
-
-def best_in(entries: Sequence[Summary], key: str) -> list[Summary]:
-    """Return the entry with the least median of a measure, then those that do not differ significantly.
-
-    If an entry lacks the measure, return none.
-    """
-    medians = [(entry.get(key) or {}).get("median") for entry in entries]
-    if not entries or None in medians:
-        return []
-    order = sorted(entries, key=lambda entry: float(entry[key]["median"]))
-    bounds = order[0][f"{key}_ci"]["median"]
-    return [entry for entry in order if entry is order[0] or _overlap(entry[f"{key}_ci"]["median"], bounds)]
-
-
-def finding(results: Mapping[str, Any]) -> list[str]:
-    """Return the finding in a few sentences; none if the task has no column of goals that were reached.
-
-    Methods are ranked only among those that reach as many goals as any, and are called indistinguishable where their
-    95 % intervals overlap.
-    """
-    entries, goals = results["methods"], results["settings"]["goals"]
-    if any(entry.get("reached") is None for entry in entries):
-        return []
-    ranked = reaching(entries)
-    if not ranked:
-        return [f"No method reaches any of {goals} goals."]
-    share = ranked[0]["reached"]
-    top = [entry for entry in ranked if entry["reached"] == share]
-    near = ranked[len(top) :]
-    every = f"every one of {goals} goals" if goals > 1 else "the goal"
-    share_text = every if share == 1 else f"{100 * share:.1f} % of {goals} goals"
-    who = listed(_names(top)) if len(top) <= 3 else f"{len(top)} of {len(entries)} methods"
-    if len(top) == len(entries) > 1:
-        who = "Both methods" if len(top) == 2 else f"All {len(top)} methods"
-    sentence = f"{who} {'reach' if len(top) > 1 else 'reaches'} {share_text}"
-    if near:
-        sentence += f"; {_shares(near)} {'are' if len(near) > 1 else 'is'} indistinguishable"
-    sentences = [sentence]
-    if len(ranked) > 1:
-        measures = [key for key in RANKED if all((entry.get(key) or {}).get("median") for entry in ranked)]
-        if "decision_ms" in measures:
-            measures.remove("solve_ms")
-        sentences += [_first(ranked, key) for key in measures]
-    rest = [entry for entry in entries if entry not in ranked]
-    if rest:
-        sentences.append(f"Not ranked, because fewer goals are reached: {_shares(rest)}")
-    return [f"{sentence}." for sentence in sentences]
-
-
-def _first(ranked: Sequence[Summary], key: str) -> str:
-    first, *same = best_in(ranked, key)
-    text = f"{first['name']} {RANKED[key].format(number(first[key]['median']))}"
-    return f"{text}; {listed(_names(same))} {'are' if len(same) > 1 else 'is'} indistinguishable" if same else text
-
-
-def _overlap(one: Sequence[float], other: Sequence[float]) -> bool:
-    return one[0] <= other[1] and other[0] <= one[1]
-
-
-def _names(entries: Sequence[Summary]) -> list[str]:
-    return [entry["name"] for entry in entries]
-
-
-def _shares(entries: Sequence[Summary]) -> str:
-    return listed([f"{entry['name']} ({100 * entry['reached']:.1f} %)" for entry in entries])

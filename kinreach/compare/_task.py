@@ -103,6 +103,7 @@ class Task:
         notes: From the contents of `results.json` to lines under the tables.
         scene: By default the environment's `arm` in its work cell, in the posture `q` with the ball at `goal`.
         paths: A figure of paths, instead of pictures of failures.
+        ranked: Keys of columns by which the report names the best methods, smaller is better.
     """
 
     name: str
@@ -123,6 +124,7 @@ class Task:
     notes: Callable[[Mapping[str, Any]], list[str]] = lambda results: []
     scene: MakeScene | None = None
     paths: DrawPaths | None = None
+    ranked: Sequence[str] = ("distance_mm", "decision_ms", "solve_ms")
 
     def __post_init__(self) -> None:
         keys = [column.key for column in self.columns]

@@ -8,11 +8,13 @@ function compare(first, second, column, kind, sign) {
 
 for (const table of document.querySelectorAll("table.sortable")) {
   const body = table.tBodies[0];
+  const parts = [...body.querySelectorAll("tr.part")];
   const headings = [...table.tHead.rows[0].cells];
   headings.forEach((heading, column) => heading.querySelector("button").addEventListener("click", () => {
     const ascending = heading.getAttribute("aria-sort") !== "ascending";
     headings.forEach((other) => other.removeAttribute("aria-sort"));
     heading.setAttribute("aria-sort", ascending ? "ascending" : "descending");
+    parts.forEach((part) => part.remove());  // rows are no longer in parts
     body.append(...[...body.rows].sort((a, b) => compare(a, b, column, heading.dataset.kind, ascending ? 1 : -1)));
   }));
 }

@@ -38,10 +38,14 @@ def test_a_method_that_looks_do_not_change_is_a_sentence(texts):
     methods = [{"name": name, "colour": "#0072B2"} for name in errors]
     draw = draw_looks((0, 5), lambda budget, again: lambda trial: trial[f"error_{budget}_{again}"])
     figure = draw(trials, {"methods": methods, "settings": SETTINGS})
-    for axes in figure.axes:
-        assert [len(line.get_xdata()) for line in axes.lines if line.get_marker() == "o"] == [2]
-        assert "looks change nothing for flat (5.00 mm)" in axes.get_title(loc="left")
-        assert "steep" in [text.get_text() for text in axes.texts]
+    first, second = figure.axes
+    assert [len(line.get_xdata()) for line in first.lines if line.get_marker() == "o"] == [2]
+    assert "looks change nothing for flat (5.00 mm)" in first.get_title(loc="left")
+    assert "steep" in [text.get_text() for text in first.texts]
+    dots = [float(line.get_xdata()[0]) for line in second.lines if line.get_marker() == "o"]
+    assert dots == pytest.approx([5.0, 5.0, 5.0, 5.0 / 6], rel=1e-3)  # a row a method: no looks before, and five
+    assert [tick.get_text() for tick in second.get_yticklabels()] == ["flat", "steep"]
+    assert "open: 0 looks before · filled: 5" in second.get_title(loc="left")
 
 
 def test_a_map_has_a_panel_a_method_and_crosses_where_it_failed(texts):

@@ -19,8 +19,8 @@ from kinreach._terminal import Console
 from kinreach.compare import Method, _report, _runner, get_task
 from kinreach.compare._lift import CAUSES
 from kinreach.compare._motion import with_motion
+from kinreach.compare._ranking import Ranking
 from kinreach.compare._real_arm import ALL, ALONE
-from kinreach.compare._report import finding
 from kinreach.compare._runner import Comparison, notes, results_of
 from kinreach.compare._task import _OWN, SOLVER
 from kinreach.envs.moving import PATHS, SPEEDS
@@ -129,7 +129,7 @@ def reported(task):
     trials = [trial for name, (far, refused) in METHODS.items() for trial in trials_of(name, far, refused)]
     results = results_of(comparison, trials, {"processor": "one"})
     results["versions"] = {"kinreach": "0", "placo": None}
-    yield from finding(results)
+    yield from Ranking(task, results, trials).finding()
     text = StringIO()
     for table in tables(task.columns, results["methods"], title=results["settings"]["title"], width=100):
         Console(file=text, width=1000).print(table)

@@ -114,6 +114,20 @@ def test_sections_of_the_thesis(path, notebook):
     assert [section for section in SECTIONS.get(path.name[:2], ()) if section not in shown] == []
 
 
+def test_no_two_figures_have_one_title():
+    titles = [
+        keyword.value.value
+        for path in NOTEBOOKS
+        for cell in code(nbformat.read(path, as_version=4))
+        for node in ast.walk(ast.parse(re.sub(r"^[%!].*", "", cell.source, flags=re.MULTILINE)))
+        if isinstance(node, ast.Call)
+        for keyword in node.keywords
+        if keyword.arg == "title" and isinstance(keyword.value, ast.Constant)
+    ]
+    assert len(titles) >= 30
+    assert sorted({title for title in titles if titles.count(title) > 1}) == []
+
+
 def test_one_switch_trains_again(path, notebook):
     """At the top, and it is off in what is shipped."""
     switches = [bool(re.search(r"^RETRAIN = False\b", cell.source, re.MULTILINE)) for cell in code(notebook)]
