@@ -77,6 +77,6 @@ if sys.argv[1:] == ["film"]:
         scene.place_ball([0.0, 0.0, -0.5])  # the scene has one, under the table
         scene.contacts()  # puts the links where they are
         image = Image.fromarray(render(scene, width=960, height=600))
-        frames.append(image.quantize(64))
+        frames.append(image.quantize(128, Image.Quantize.FASTOCTREE))
     film = {"append_images": frames[1:], "duration": 100, "loop": 0}
     frames[0].save("results/move_a_ur.gif", save_all=True, **film)
