@@ -77,7 +77,7 @@ def test_the_state_is_the_newest_however_long_nobody_reads(robot, client, second
 
 
 def test_every_state_is_kept_while_a_program_runs(robot, monkeypatch):
-    """However slowly they are looked at."""
+    """However slowly they are looked at; and again only some afterwards."""
     monkeypatch.setattr("kinreach.deploy._states.KEPT", 20)
     seen = []
 
@@ -88,6 +88,8 @@ def test_every_state_is_kept_while_a_program_runs(robot, monkeypatch):
 
     with connected(robot) as client:
         done = client.run(to(np.add(HOME, [0.2, 0, 0, 0, 0, 0])), watch=dawdle)
+        wait_for_clock(robot, 0.2)
+        assert len(client._states._waiting) <= 20
     np.testing.assert_allclose(np.diff(seen), 0.002, atol=1e-9)
     assert done.missing == 0
     assert len(seen) > 200
@@ -195,6 +197,9 @@ def test_a_program_that_is_refused_does_not_begin(robot, client, monkeypatch):
     program = to(HOME + 0.1)
     monkeypatch.setattr(Program, "text_of_run", lambda *_: "def f():\n  freedrive_mode()\nend\n")
     with pytest.raises(RobotError, match=r"did not begin: line 2, .*: function 'freedrive_mode'.*remote"):
+        client.run(program)
+    monkeypatch.setattr(URClient, "send", lambda *_: None)
+    with pytest.raises(RobotError, match=r"did not begin; is it in remote control"):  # for another reason
         client.run(program)
 
 

@@ -242,10 +242,14 @@ def test_what_cannot_be_used_is_refused_in_one_line(tmp_path, capsys, name):
 
 #: Collision shapes that are unread cost the collisions.
 UNREAD = {
-    "below zero": '<box size="-1 1 1"/>', "text": '<sphere radius="big"/>', "two numbers": '<box size="1 1"/>',
-    "left out": '<cylinder radius="1"/>', "unknown": '<plane normal="0 0 1"/>', "infinite": '<sphere radius="inf"/>',
-    "scale of two": '<mesh filename="box.stl" scale="1 1"/>',
-    "scale of zero": '<mesh filename="box.stl" scale="0 0 0"/>',
+    "below zero": ('<box size="-1 1 1"/>', "size of <box> is '-1 1 1'"),
+    "text": ('<sphere radius="big"/>', "radius of <sphere> is 'big'"),
+    "two numbers": ('<box size="1 1"/>', "size of <box> is '1 1'"),
+    "left out": ('<cylinder radius="1"/>', "length of <cylinder> is ''"),
+    "unknown": ('<plane normal="0 0 1"/>', "<plane> is not one of mesh, box, cylinder, sphere, capsule"),
+    "infinite": ('<sphere radius="inf"/>', "radius of <sphere> is 'inf'"),
+    "scale of two": ('<mesh filename="box.stl" scale="1 1"/>', "scale of <mesh> is '1 1'"),
+    "scale of zero": ('<mesh filename="box.stl" scale="0 0 0"/>', "scale of <mesh> is '0 0 0'"),
 }  # fmt: skip
 
 
@@ -254,11 +258,12 @@ def test_a_collision_shape_that_is_unread_costs_the_collisions(tmp_path, name):
     trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
     ball = shape(BALL, "collision")
     for more in ("", "<origin xyz='0 0 x'/>"):
-        solid = UNREAD[name] if not more else BALL
+        solid, said = UNREAD[name] if not more else (BALL, """its <origin> is 'xyz="0 0 x"'""")
         file = write(tmp_path, arm(links={1: MASS + ball, 6: MASS + shape(solid, "collision", more)}))
         described = ArmDescription.from_urdf(file)
         (note,) = described.notes
         assert note.startswith("no collision checks and no simulation: the collision shape of link 'l6' cannot be read")
+        assert said in note
         assert off(file, ArmKinematics(described, base="world")) < 1e-12
         for use in (CollisionChecker, build_scene):
             with pytest.raises(NoShapesError, match="the collision shape of link 'l6'"):
