@@ -13,15 +13,17 @@ from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, as_vector, check_count, check_number, shown
+from kinreach._checks import Floats, as_vector, check_count, check_flag, check_number, shown
 from kinreach._registration import MAX_EPISODE_STEPS, OBSTACLES
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, texts
 from kinreach.envs._lift.lift_task import table_of
 from kinreach.envs._options import EnvOptions, about, option_values, with_options
 from kinreach.envs._reach.env import PostureEnv
 from kinreach.envs._reach.reach_task import (
+    GOAL_RANGE,
     TOOL_DOWN,
     ReachOptions,
     ReachTask,
@@ -59,6 +61,8 @@ MAX_DRAWS = 1000
 MISSED = "missed"
 #: Terms of the reward.
 TERMS = ("distance", "reached", "collision")
+#: Bounds of what is observed of a box: whether there is one, centre and edges [m].
+LOW, HIGH = (0.0, *3 * [-GOAL_RANGE], *3 * [0.0]), (1.0, *6 * [GOAL_RANGE])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,6 +75,10 @@ class ObstaclesOptions(EnvOptions):
         default=PATH_MARGIN,
         metadata=about("distance that `accept`, `clearance` and `goal_postures` keep from everything [m]"),
     )
+    boxes: bool = field(
+        default=False,
+        metadata=about("observe the obstacles too: 20 rows of seven numbers, zeros where there is none", flag=None),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -82,6 +90,7 @@ class ObstaclesOptions(EnvOptions):
                 f"heights must be above 0 and at most 1 m, the smaller one first, got {shown(self.heights)}"
             )
         check_number("margin [m]", self.margin, least=MIN_MARGIN, most=0.05)
+        check_flag("boxes", self.boxes)
 
 
 def check_clutter(count: object) -> int:
@@ -137,6 +146,13 @@ class ObstaclesEpisodes(Episodes):
         self.options, self.count, self.kinematics = options, count, _kinematics()
         self.task = task = ReachTask(ReachOptions(), WAYPOINT)
         self.action_space, self.observation_space = action_space(task.arm), task.observation_space
+        if options.boxes:
+            seen: Any = task.observation_space
+            low, high = (
+                np.append(bound, np.tile(row, MAX_CLUTTER)) for bound, row in ((seen.low, LOW), (seen.high, HIGH))
+            )
+            self.observation_space = spaces.Box(low, high, dtype=np.float64)
+        self._boxes = np.zeros((count, MAX_CLUTTER, len(LOW)))
         self.obstacles: list[tuple[Box, ...]] = [() for _ in range(count)]
         self.directions = np.tile(TOOL_DOWN, (count, 1))
         self.goals, self.q = np.zeros((count, 3)), np.tile(task.home, (count, 1))
@@ -200,6 +216,9 @@ class ObstaclesEpisodes(Episodes):
             else:
                 raise InputError(f"none of {MAX_DRAWS} scenes with {count} obstacles has a free goal; choose fewer")
             self.q[index], self._length[index], self._time[index], self._begun[index] = home, 0.0, 0.0, True
+            self._boxes[index] = 0.0
+            for row_of_box, box in zip(self._boxes[index], self.obstacles[index], strict=False):
+                row_of_box[:] = 1.0, *box.position, *box.size
             self._observation[index, self.task.layout.goal] = goal_block(self.task.arm, self.goals[[index]])[0]
             self._measure(index)
             self._follow(index)
@@ -288,6 +307,8 @@ class ObstaclesEpisodes(Episodes):
 
     def observe(self) -> Floats:
         self._observation[:, self.task.layout.q] = self.q
+        if self.options.boxes:
+            return np.column_stack([self._observation, self._boxes.reshape(self.count, -1)])
         return self._observation.copy()
 
     def goal_info(self, rows: Any) -> dict[str, Any]:
@@ -347,6 +368,9 @@ class ObstaclesEnv(PostureEnv):
     | 3 to 5 | goal in the wrist camera | m |
     | 6 to 11 | joint angles | rad |
     | 12 | opening of the gripper | m |
+
+    With `boxes=True` it is `Box(153,), float32`: 20 rows of seven numbers follow, 1 where there is an obstacle, its
+    centre in the world and its edges [m]; rows without one are zeros.
 
     ## Rewards
     Minus the distance from the tip to the ball [m], 1 more where the goal is reached, and 1 less for a collision.

@@ -279,7 +279,7 @@ def test_arguments_are_keywords(name):
     every = {"pipeline", "width", "height", "rgb_noise", "depth_noise", "exposure"}
     assert cameras == every.intersection(names)
     flagless = {entry.name for entry in entries if entry.metadata["flag"] is None}
-    none = {"control", "controls", "dtype", "frames", "goal_env", "goal_in", "info", "randomise", "sights"}
+    none = {"boxes", "control", "controls", "dtype", "frames", "goal_env", "goal_in", "info", "randomise", "sights"}
     assert flagless == none.intersection(names) | ({"reward"} if name == LIFT else set())
 
 

@@ -199,3 +199,28 @@ def test_bad_calls(env, monkeypatch):
     env.reset(seed=0)
     with pytest.raises(InputError, match="shape"):
         env.step(np.zeros(5))
+
+
+def test_obstacles_can_be_observed():
+    """In a row each, as `info` has them, and zeros for the spare ones; else nothing changes."""
+    given = {"clutter": (0, 3, 20), "boxes": True, "dtype": "float64"}
+    env, plain = (
+        gym.make(NAME, **given),
+        gym.make(NAME, **{**given, "boxes": False}),
+    )
+    batch = gym.make_vec(NAME, 4, "vector_entry_point", **given)
+    together, counts = batch.reset(seed=0)[0], set()
+    for seed in range(4):
+        observation, info = env.reset(seed=seed)
+        boxes, count = observation[13:].reshape(20, 7), info["clutter"]
+        np.testing.assert_array_equal(observation[:13], plain.reset(seed=seed)[0])
+        np.testing.assert_array_equal(observation, together[seed])
+        np.testing.assert_array_equal(boxes[:, 0], np.arange(20) < count)
+        np.testing.assert_array_equal(boxes[:count, 1:], info["obstacles"][:count])
+        assert not boxes[count:].any()
+        assert env.observation_space.contains(observation)
+        counts.add(count)
+    assert len(counts) >= 2
+    assert env.observation_space.shape == (153,)
+    with pytest.raises(InputError, match="boxes must be true or false, got 'yes'"):
+        gym.make(NAME, boxes="yes")
