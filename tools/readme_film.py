@@ -135,8 +135,8 @@ def frames(motion: TriedMotion) -> Iterator[Image.Image]:
         lines = [f"{number} of {total}"]
         yield lettered(with_ghosts(opacities), step, lines, stage=stage, T=T)
     nearest = int(np.abs(solutions.q - path.q[-1]).max(axis=1).argmin())
-    for count in range(GOES):
-        opacities = [OPACITY * (1 - count / GOES if index != nearest else 1.0) for index in range(total)]
+    for count in range(2 * GOES):  # the one that is chosen goes last
+        opacities = [OPACITY * float(np.clip((index == nearest) + 1 - count / GOES, 0, 1)) for index in range(total)]
         yield lettered(with_ghosts(opacities), step, [f"{total} of {total}"], stage=stage, T=T)
 
     step = "3  The way around the box, tried in MuJoCo"
