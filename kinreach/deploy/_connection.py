@@ -68,7 +68,6 @@ class Connection:
         try:
             self.socket.settimeout(patience)
             self.socket.sendall(data)
-            self.socket.settimeout(TIMEOUT)
         except OSError as error:
             raise self.lost(error) from None
 
