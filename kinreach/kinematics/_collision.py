@@ -159,7 +159,7 @@ class CollisionChecker:
         check_known("meshes", meshes, MESHES_AS)
         self._obstacles, self.margin, self._meshes = around, margin, meshes
         self.model = self.kinematics.model
-        self.geometry = _shapes(description, self.model, around, meshes)
+        self.geometry = _shapes(self.kinematics, around, meshes)
         skipped = (*disabled_pairs(description), *description.workcell.touching)
         self._names = _pair_up(self.geometry, self.model, skipped)
         self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
@@ -340,7 +340,7 @@ def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
     if arm.disabled_collisions is not None:
         return arm.disabled_collisions
     model = build_model(arm)
-    geometry = _shapes(arm, model, (), HULLS)
+    geometry = _link_shapes(arm, model, HULLS)
     beside = neighbours(arm.robot)
     names = _pair_up(geometry, model, beside)
     results, data = _search_data(geometry, 0.0), model.createData()
@@ -385,8 +385,24 @@ def check_shapes(arm: ArmDescription) -> None:
         raise NoShapesError(f"arm {arm.name!r} has no collision checks and no simulation: {arm.missing_shapes}")
 
 
-def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box | Obstacle], meshes_as: str) -> Any:
+def _shapes(kinematics: ArmKinematics, obstacles: Sequence[Box | Obstacle], meshes_as: str) -> Any:
     """Build the geometry of the links, followed by the obstacles, fixed to the world."""
+    geometry = _shared_shapes(kinematics, meshes_as).copy()
+    for each in obstacles:
+        T, shape = _obstacle(each)
+        shape.computeLocalAABB()
+        geometry.addGeometryObject(pin.GeometryObject(each.name, WORLD, WORLD, pin.SE3(T), shape))
+    return geometry
+
+
+@lru_cache(maxsize=8)
+def _shared_shapes(kinematics: ArmKinematics, meshes_as: str) -> Any:
+    """Return the geometry of the links, which all checkers of an arm have in common: hulls take long."""
+    return _link_shapes(kinematics.arm, kinematics.model, meshes_as)
+
+
+def _link_shapes(arm: ArmDescription, model: Any, meshes_as: str) -> Any:
+    """Build the geometry of the links."""
     check_shapes(arm)
     robot = without_shapes(arm.robot, "visual")
     meshes = {
@@ -406,9 +422,6 @@ def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box | Obstacle]
     for shape in geometry.geometryObjects:
         if (mesh := meshes[_name(shape, model)].pop(0)) is not None:
             shape.geometry = _hull(shape.name, mesh.vertices) if meshes_as == HULLS else _triangles(mesh)
-    for each in obstacles:
-        T, shape = _obstacle(each)
-        geometry.addGeometryObject(pin.GeometryObject(each.name, WORLD, WORLD, pin.SE3(T), shape))
     for shape in geometry.geometryObjects:
         shape.geometry.computeLocalAABB()
     return geometry
@@ -462,9 +475,9 @@ def _pair_up(geometry: Any, model: Any, skipped: Iterable[tuple[str, str]]) -> l
     """Register the pairs to check, all but the skipped ones; returns their names in the same order."""
     left_out = {frozenset(pair) for pair in skipped}
     names: list[Pair] = []
-    for (i, one), (j, other) in combinations(enumerate(geometry.geometryObjects), 2):
-        a, b = _name(one, model), _name(other, model)
-        rigid = one.parentJoint == other.parentJoint and (one.parentFrame == WORLD) == (other.parentFrame == WORLD)
+    shapes = [(_name(each, model), (each.parentJoint, each.parentFrame == WORLD)) for each in geometry.geometryObjects]
+    for (i, (a, carrier)), (j, (b, other)) in combinations(enumerate(shapes), 2):
+        rigid = carrier == other
         if rigid or frozenset((a, b)) in left_out:
             continue
         geometry.addCollisionPair(pin.CollisionPair(i, j))
