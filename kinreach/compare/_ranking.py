@@ -32,6 +32,10 @@ RANKED = {
 RESOLVED_MM, RESOLVED_TIME = 0.03, 0.1
 
 
+#: Goals from which on a paired test can tell two methods apart: with five that are all better for one, p is 0.06.
+MIN_GOALS = 6
+
+
 class Test(NamedTuple):
     """A method beside the best: on how many goals it is better and worse, the p value, and whether they differ."""
 
@@ -140,7 +144,7 @@ class Ranking:
     def finding(self) -> list[str]:
         """Return the finding in a few sentences; none if the task has no column of goals that were reached.
 
-        Methods are ranked only among those that reach as many goals as any.
+        Methods are ranked only among those that reach as many goals as any, and only by `MIN_GOALS` or more.
         """
         entries, goals = self.results["methods"], self.results["settings"]["goals"]
         if any(entry.get("reached") is None for entry in entries):
@@ -157,6 +161,11 @@ class Ranking:
         if len(top) == len(entries) > 1:
             who = "Both methods" if len(top) == 2 else f"All {len(top)} methods"
         sentence = f"{who} {'reach' if len(top) > 1 else 'reaches'} {share_text}"
+        if len(entries) > 1 and goals < MIN_GOALS:
+            fewer = [entry for entry in entries if entry not in top]
+            said = f"{listed(_names(fewer))} {'reach' if len(fewer) > 1 else 'reaches'} fewer"
+            apart = f"It takes {MIN_GOALS} goals or more to tell methods apart"
+            return [f"{part}." for part in (sentence, *([said] if fewer else []), apart)]
         if near:
             sentence += f"; {self._shares(near)} {'are' if len(near) > 1 else 'is'} indistinguishable"
         sentences = [sentence]
@@ -181,9 +190,7 @@ class Ranking:
         return f"{listed(names)} {several}, indistinguishable: {span} {unit} in the median"
 
     def _shares(self, entries: Sequence[Summary]) -> str:
-        """Write shares with their p values against the best; of one goal, and of no reached goal, the name."""
-        if self.results["settings"]["goals"] == 1:
-            return listed(_names(entries))
+        """Write shares with their p values against the best."""
         parts = []
         for entry in entries:
             test = self.reached.get(entry["name"])

@@ -27,7 +27,7 @@ from kinreach._files import replacing, write_text
 from kinreach._statistics import QUANTILES, SPREAD, Column, Trial, number
 from kinreach.compare._figures import DPI
 from kinreach.compare._options import options_class
-from kinreach.compare._ranking import PARTS, RESOLVED_MM, RESOLVED_TIME, Ranking, part_of
+from kinreach.compare._ranking import MIN_GOALS, PARTS, RESOLVED_MM, RESOLVED_TIME, Ranking, part_of
 from kinreach.compare._task import Task, arm_in
 from kinreach.errors import DrawingError, InstallationError
 from kinreach.sim.inside import PosedScene, Scene, ScenePicture
@@ -269,6 +269,7 @@ def _row(
     name = escape(entry["name"])
     long = ' class="long"' * (len(entry["name"]) > 24)
     dot = f'<i style="background: {escape(entry["colour"])}"></i>'
+    enough = ranking.results["settings"]["goals"] >= MIN_GOALS
     cells = [f'<th scope="row"{long} data-value="{name}" title="{escape(entry["kind"])}">{dot}{name}</th>']
     for column in columns:
         show = column.show or {QUANTILES: "quantiles", SPREAD: "quantiles", "rate": "interval"}.get(
@@ -282,7 +283,7 @@ def _row(
         text = _small(column.text(entry, show, count=own))
         reached = column.key in ("reached", "pressed")
         test = (ranking.reached if reached else ranking.measured(column.key)).get(entry["name"])
-        text = f"<strong>{text}</strong>" if test and test.same else text
+        text = f"<strong>{text}</strong>" if test and test.same and enough else text
         why = f' title="{escape(test.words(reached))}"' if test and test.best != entry["name"] else ""
         cells.append(f'<td data-value="{by}"{why}>{text}{n}</td>')
     return f"<tr>{''.join(cells)}</tr>"
@@ -298,8 +299,8 @@ def _small(text: str) -> str:
 
 
 def _legend(ranking: Ranking) -> list[str]:
-    if not ranking.reaching:
-        return []
+    if not ranking.reaching or ranking.results["settings"]["goals"] < MIN_GOALS:
+        return ["n: trials that have a value."]
     return [
         "Bold: the best, and what a paired test on the same goals cannot tell from it (p ≥ 0.05): McNemar's exact test "
         "of goals reached, the sign test of distances and times. Medians count as equal if they are less than "

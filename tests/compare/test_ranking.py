@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binomtest
 
 from kinreach._statistics import paired_p, wilson_interval
-from kinreach.compare._ranking import PARTS, RESOLVED_MM, RESOLVED_TIME, Ranking, p_text, part_of
+from kinreach.compare._ranking import MIN_GOALS, PARTS, RESOLVED_MM, RESOLVED_TIME, Ranking, p_text, part_of
 from kinreach.compare._runner import prepare, results_of
 from kinreach.compare._task import get_task
 
@@ -140,9 +140,13 @@ def test_only_methods_that_reach_are_ranked_and_only_by_what_the_task_counts():
     assert get_task("button").ranked == ("decision_ms",)  # any press within 50 mm counts
 
 
+def test_no_test_can_tell_methods_apart_by_fewer_goals():
+    assert paired_p(MIN_GOALS, 0) < 0.05 < paired_p(MIN_GOALS - 1, 0)
+
+
 def test_of_one_goal_there_are_no_percentages():
     found = ranking(("a", [True], 1e-3, 1e-3), ("b", [False], 1e-3, 1e-3))
-    assert found.finding() == ["a reaches the goal.", "Not ranked, because fewer goals are reached: b."]
+    assert found.finding()[:2] == ["a reaches the goal.", "b reaches fewer."]
     column = next(column for column in found.task.columns if column.key == "reached")
     assert [column.text(entry, "interval") for entry in found.results["methods"]] == ["yes", "no"]
     assert "%" not in column.text({**found.results["methods"][0], "goals": 9}, "interval", count=1)
@@ -153,7 +157,7 @@ def test_no_method_that_reaches_is_a_sentence():
         "No method reaches any of 9 goals."
     ]
     one = ranking(("a", [True, True, True], 1.0, 1.0), ("b", [False, False, False], 1.0, 1.0))
-    assert one.finding()[1] == "Not ranked, because fewer goals are reached: b (0.0 %, p = 0.25)."
+    assert one.finding()[1:] == ["b reaches fewer.", "It takes 6 goals or more to tell methods apart."]
     found = ranking(("a", True, 1.0, [1.0, 2.0]))
     unknown = replace(found, results={**found.results, "methods": [{"name": "a", "reached": None}]})
     assert unknown.finding() == []
