@@ -1,5 +1,6 @@
 """The analytic policy gradient: what it goes down is the error, and it comes near in seconds."""
 
+import copy
 import io
 import math
 from dataclasses import replace
@@ -9,6 +10,7 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 import torch
+from stable_baselines3.common.logger import configure
 
 from kinreach.baselines import VALIDATION, evaluate, get_recipe, train
 from kinreach.baselines._descent import DOWN, GRIPPER_CLEARANCE, LEVER, WAY
@@ -84,6 +86,34 @@ def test_other_environments_are_refused(name):
     settings = {**SMALL.settings}
     with pytest.raises(InputError, match=r"analytic gradients are for postures|ranked PPO tries postures"):
         build(replace(SMALL, environment=recipe.environment, options=recipe.options, settings=settings), 0, steps=1)
+
+
+def test_each_step_goes_down_the_gradient_of_its_own_rows(trainee, monkeypatch):
+    model = trainee.model
+    seen = np.random.default_rng(0).uniform(-1.0, 1.0, (32, *model.observation_space.shape))
+    model.set_logger(configure(None, []))
+    monkeypatch.setattr(model, "batch_size", 8)
+    monkeypatch.setattr(model, "seen", lambda: seen)
+    monkeypatch.setattr(model, "objective", lambda _: lambda means, rows: ((means - 0.01 * rows[:, None]) ** 2).mean())
+    before, policy = copy.deepcopy(model.policy.state_dict()), copy.deepcopy(model.policy)
+    torch.manual_seed(3)
+    model.train()
+    (group,) = policy.optimizer.param_groups
+    group["lr"] = model.policy.optimizer.param_groups[0]["lr"]
+    torch.manual_seed(3)
+    inputs = torch.as_tensor(seen, dtype=torch.float32)
+    for _ in range(model.n_epochs):
+        for rows in torch.split(torch.randperm(32), 8):
+            policy.optimizer.zero_grad()
+            loss = ((policy.get_distribution(inputs[rows]).distribution.mean - 0.01 * rows[:, None]) ** 2).mean()
+            loss.backward()
+            policy.optimizer.step()
+    found, expected = (torch.cat([value.ravel() for value in one.parameters()]) for one in (model.policy, policy))
+    start = torch.cat([before[name].ravel() for name, _ in policy.named_parameters()])
+    torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-7)
+    assert (found != start).float().mean() > 0.3
+    assert model.logger.name_to_value["train/loss"] == pytest.approx(loss.item(), rel=1e-4)
+    model.policy.load_state_dict(before)
 
 
 def test_a_model_is_saved_without_its_task(trainee):
