@@ -1,10 +1,12 @@
-"""SAC with hindsight experience replay on goal environments: a learning curve of several seeds.
+"""SAC with hindsight experience replay on goal environments: learning curves, beside panda-gym's PandaReach.
 
-    python -m benchmarks.studies.hindsight --out results/hindsight
+    pip install panda-gym  # or kinreach[bench]
+    python -m benchmarks.studies.hindsight --figure docs/images/hindsight.png
 
-Rewards are sparse. Each seed has a folder with `curve.csv` (actions, reached of the test's goals in percent, median
-distance at the end of an episode), and what the training goes on from: the command begun again skips what is done.
-Not measured yet.
+Rewards are sparse, the learner and its settings the same everywhere. Each seed has a folder with `curve.csv` (actions,
+reached of the test's goals in percent, median distance at the end of an episode, processor time), and what the training
+goes on from: the command begun again skips what is done. At the end it prints a table and draws the curves. Not
+measured yet.
 """
 
 from __future__ import annotations
@@ -12,48 +14,95 @@ from __future__ import annotations
 import argparse
 import csv
 import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import torch
 from stable_baselines3 import SAC, HerReplayBuffer
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach._files import make_writable
+from benchmarks.studies.tables import head, line, spread
+from kinreach._checks import check_count
+from kinreach._engines import load_extra
+from kinreach._files import make_writable, replacing
 from kinreach.baselines import SB3VecEnv
+from kinreach.cli import Parser, finish
+from kinreach.plots._colours import own_colour
+from kinreach.plots._style import key, label_ends, new_figure
 
-ENVIRONMENT = "kinreach/Reach-v0"
-OPTIONS = {"steps": "multi", "backend": "kinematic", "goal_env": True, "reward": "sparse", "max_episode_steps": 50}
-NUM_ENVS, TEST_GOALS, TEST_SEED = 16, 100, 10_000
-COLUMNS = ("steps", "reached %", "distance mm")
+PROG = "python -m benchmarks.studies.hindsight"
+NUM_ENVS, TEST_GOALS, TEST_SEED, MOST_STEPS = 8, 50, 10_000, 50
+COLUMNS = ("steps", "reached %", "distance mm", "processor s")
+#: Of rl-zoo's PandaReach, but for two updates to eight actions, so that a training is some minutes of one core.
+SETTINGS: Mapping[str, Any] = {
+    "batch_size": 256,
+    "gamma": 0.95,
+    "tau": 0.05,
+    "learning_rate": 1e-3,
+    "learning_starts": 1_000,
+    "gradient_steps": 4,
+    "buffer_size": 100_000,
+    "policy_kwargs": {"net_arch": [64, 64]},
+}
 
 
-def batch(count: int) -> SB3VecEnv:
-    """Return a native batch of the goal environment."""
-    return SB3VecEnv(gym.make_vec(ENVIRONMENT, count, "vector_entry_point", **OPTIONS))
+@dataclass(frozen=True)
+class Contender:
+    """What is learned.
+
+    Attributes:
+        title: In table and figure.
+        criterion: When a goal is reached.
+        batch: Makes a number of environments.
+    """
+
+    title: str
+    criterion: str
+    batch: Callable[[int], VecEnv]
 
 
-def learner(env: SB3VecEnv, seed: int) -> SAC:
+def of_kinreach(count: int, **options: Any) -> VecEnv:
+    """Return a native batch of a goal environment with sparse rewards."""
+    options |= {"goal_env": True, "reward": "sparse", "max_episode_steps": MOST_STEPS}
+    return SB3VecEnv(gym.make_vec("kinreach/Reach-v0", count, "vector_entry_point", steps="multi", **options))
+
+
+def of_panda_gym(count: int) -> VecEnv:
+    """Return PandaReach, whose rewards are sparse, in one process."""
+    load_extra("panda_gym", "bench")
+    return DummyVecEnv([lambda: gym.make("PandaReach-v3", max_episode_steps=MOST_STEPS)] * count)
+
+
+CONTENDERS = {
+    "panda": Contender("PandaReach, position", "5 cm", of_panda_gym),
+    "position": Contender(
+        "Reach-v0, position", "1 cm, 0.15 rad", partial(of_kinreach, backend="kinematic", control="position")
+    ),
+    "joints": Contender("Reach-v0, joints", "1 cm, 0.15 rad", partial(of_kinreach, backend="kinematic")),
+}
+
+
+def learner(env: VecEnv, seed: int) -> SAC:
     """Return an untrained learner."""
+    replay = {"n_sampled_goal": 4, "goal_selection_strategy": "future"}
     return SAC(
         "MultiInputPolicy",
         env,
         replay_buffer_class=HerReplayBuffer,
-        replay_buffer_kwargs={"n_sampled_goal": 4, "goal_selection_strategy": "future"},
-        buffer_size=400_000,
-        batch_size=256,
-        gamma=0.95,
-        learning_rate=1e-3,
-        learning_starts=2_000,
-        gradient_steps=8,
-        policy_kwargs={"net_arch": [256, 256]},
+        replay_buffer_kwargs=replay,
         seed=seed,
+        **SETTINGS,
     )
 
 
-def tested(model: SAC, env: SB3VecEnv) -> tuple[float, float]:
+def tested(model: SAC, env: VecEnv) -> tuple[float, float]:
     """Return the share of the test's goals that are reached [%], and the median distance at the end [mm]."""
     env.seed(TEST_SEED)
     seen: Any = env.reset()
@@ -61,50 +110,113 @@ def tested(model: SAC, env: SB3VecEnv) -> tuple[float, float]:
     while not ended.all():
         seen, _, done, infos = env.step(model.predict(seen, deterministic=True)[0])
         for index in np.flatnonzero(done & ~ended):
-            reached[index], distance[index] = infos[index]["is_success"], infos[index]["distance"]
+            last = infos[index]["terminal_observation"]
+            reached[index] = infos[index]["is_success"]
+            distance[index] = np.linalg.norm((last["achieved_goal"] - last["desired_goal"])[:3])
         ended |= done
     return 100 * float(reached.mean()), 1000 * float(np.median(distance))
 
 
-def train(folder: Path, seed: int, steps: int, every: int) -> None:
+def rows_of(curve: Path) -> list[list[str]]:
+    """Return the rows of a curve, with the names of its columns."""
+    if not curve.exists():
+        return [list(COLUMNS)]
+    with curve.open(newline="", encoding="utf-8") as file:
+        return list(csv.reader(file))
+
+
+def train(contender: Contender, folder: Path, seed: int, steps: int, every: int) -> None:
     """Train one seed, or go on with it, and write its curve."""
     make_writable(folder)
     curve, saved, buffer = folder / "curve.csv", folder / "model.zip", folder / "buffer.pkl"
-    env, test = batch(NUM_ENVS), batch(TEST_GOALS)
-    if curve.exists():  # written last
-        with curve.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.reader(file))
-        if int(rows[-1][0]) >= steps:
-            return
+    rows = rows_of(curve)  # written last
+    if len(rows) > 1 and int(rows[-1][0]) >= steps:
+        return
+    env, test = contender.batch(NUM_ENVS), contender.batch(TEST_GOALS)
+    if len(rows) > 1:
         model = SAC.load(saved, env=env)
         with warnings.catch_warnings():  # episodes that were under way are cut off, as it warns
             warnings.filterwarnings("ignore", message="The last trajectory")
             model.load_replay_buffer(buffer, truncate_last_traj=True)
     else:
-        rows, model = [list(COLUMNS)], learner(env, seed)
+        model = learner(env, seed)
+    took = float(rows[-1][-1]) if len(rows) > 1 else 0.0
     while model.num_timesteps < steps:
+        began = process_time()
         model.learn(every, reset_num_timesteps=False)
+        took += process_time() - began
         reached, distance = tested(model, test)
-        rows.append([str(model.num_timesteps), f"{reached:.1f}", f"{distance:.2f}"])
+        rows.append([str(model.num_timesteps), f"{reached:.1f}", f"{distance:.2f}", f"{took:.1f}"])
         model.save(saved)
         model.save_replay_buffer(buffer)
-        with curve.open("w", newline="", encoding="utf-8") as file:
+        with replacing(curve) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows(rows)
-        print(f"seed {seed}: {model.num_timesteps} actions, {reached:.1f} % reached, {distance:.2f} mm", flush=True)
+        print(f"{contender.title}, seed {seed}: {', '.join(rows[-1])}", flush=True)
+    env.close()
+    test.close()
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Train the seeds one after the other."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.hindsight", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("results/hindsight"), help="folder of the seeds")
+def draw(curves: Mapping[str, list[np.ndarray[Any, Any]]], file: Path) -> None:
+    """Draw goals reached against actions: thin the seeds, thick their mean."""
+    note = f"{PROG}; SAC with HER, sparse rewards, {TEST_GOALS} goals; thin: seeds"
+    figure, (axes,) = new_figure("Reaching by hindsight", size=(7.6, 4.0), note=note)
+    names = ("random", "ppo-single", "ranked-single", "closed-form")
+    colours = {CONTENDERS[name].title: own_colour(like) for name, like in zip(CONTENDERS, names, strict=False)}
+    ends = {}
+    for name, seeds in curves.items():
+        title = CONTENDERS[name].title
+        for one in seeds:
+            axes.plot(one[:, 0], one[:, 1], color=colours[title], lw=0.7, alpha=0.5)
+        rows = min(map(len, seeds))
+        middle = np.mean([one[:rows] for one in seeds], axis=0)
+        axes.plot(middle[:, 0], middle[:, 1], color=colours[title], lw=2.0)
+        ends[title] = middle[-1, :2]
+    axes.set(ylim=(-3, 103), xlabel="actions")
+    key(axes, "goals reached [%]")
+    label_ends(axes, ends, colours)
+    with replacing(file) as temporary:
+        figure.savefig(temporary, format="png")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Train what is not trained yet, print a Markdown table, and draw a figure."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("results/hindsight"), help="folder of the trainings")
+    parser.add_argument("--only", nargs="+", choices=CONTENDERS, default=list(CONTENDERS), help="some of them")
     parser.add_argument("--seeds", type=int, default=5, help="how many (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=400_000, help="actions of a training (default: %(default)s)")
-    parser.add_argument("--every", type=int, default=20_000, help="actions between two tests (default: %(default)s)")
-    given = parser.parse_args(arguments)
+    parser.add_argument("--steps", type=int, default=40_000, help="actions of a training (default: %(default)s)")
+    parser.add_argument("--every", type=int, default=4_000, help="actions between two tests (default: %(default)s)")
+    parser.add_argument("--figure", type=Path, metavar="FILE", help="PNG file")
+    given = parser.parse_args(argv)
+    for name in ("seeds", "steps", "every"):
+        check_count(f"--{name}", getattr(given, name))
     torch.set_num_threads(1)
     for seed in range(given.seeds):
-        train(given.out / f"seed-{seed}", seed, given.steps, given.every)
+        for name in given.only:
+            train(CONTENDERS[name], given.out / name / f"seed-{seed}", seed, given.steps, given.every)
+    curves = {
+        name: [
+            np.array(rows_of(given.out / name / f"seed-{seed}" / "curve.csv")[1:], dtype=float)
+            for seed in range(given.seeds)
+        ]
+        for name in given.only
+    }
+    print(head("environment", "reached when within", "reached at the end, %", "distance, mm", "processor, s"))
+    for name, seeds in curves.items():
+        reached, distance, took = np.array([one[-1, 1:] for one in seeds]).T
+        print(
+            line(
+                CONTENDERS[name].title,
+                CONTENDERS[name].criterion,
+                spread(reached, 0),
+                spread(distance, 1),
+                spread(took, 0),
+            )
+        )
+    if given.figure is not None:
+        draw(curves, given.figure)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(finish(main, prog=PROG))
