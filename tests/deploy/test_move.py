@@ -17,7 +17,7 @@ import pytest
 import trimesh
 
 from kinreach.cli import main
-from kinreach.deploy import Program, SimulatedUR, URClient
+from kinreach.deploy import Program, SimulatedUR, URClient, _moving
 from kinreach.deploy._controller import FINISHED, Controller
 from kinreach.deploy._move_cli import Comparison
 from kinreach.deploy._moving import MotionPlanner
@@ -194,6 +194,18 @@ def test_rounded_corners_keep_the_distance(linear, gap, capsys):
     said = re.search(r"blend (\d+) mm \(reduced from 50 mm, to keep 5 mm from everything\)", out)
     assert int(said[1]) == pytest.approx(1000 * given[0.05], abs=0.51)
     assert "every way keeps 5 mm from everything" in out
+
+
+def test_a_run_that_comes_too_near_is_refused(monkeypatch):
+    """Though it touches nothing: as where a way is planned without what stands there."""
+    arm = with_pillar(0.003)
+    kin = ArmKinematics.of(arm, base="base")
+    start, blind = kin.nearest(pose(CORNER[0]), arm.home).q, CollisionChecker(kin, obstacles=(), margin=0.01)
+    planned = _moving.planned_program
+    monkeypatch.setattr(_moving, "planned_program", lambda kin, _, *rest, **more: planned(kin, blind, *rest, **more))
+    job = MotionPlanner(arm, [pose(goal) for goal in CORNER[1:]], linear=True, speed=0.25, blend=0.0)
+    with pytest.raises(InputError, match=r"the dry run comes too near to something, nothing is sent: .*pillar"):
+        job.tried(start)
 
 
 def test_whoever_the_start_check_lets_pass_keeps_the_distance():
