@@ -178,7 +178,7 @@ class Ghosts(Branch):
         self._looks: list[tuple[Colour, frozenset[str], float]] = []
 
     def take(self, ghosts: Sequence[Ghost], *, beside: Floats | None) -> None:
-        """Draw these ghosts only; links in one place are drawn once, those of the posture `beside` first."""
+        """Draw these ghosts only. Links in one place are drawn once, those of the posture `beside` before others."""
         ghosts = ghosts[: self._most]
         poses = np.zeros((self._most, len(self._figure.links), 7))
         poses[:, :, 3] = 1.0
