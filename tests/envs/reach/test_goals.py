@@ -82,9 +82,12 @@ def test_an_arm_without_goals_is_given_some_of_its_size(file):
     assert len(goals) == 8
 
 
-def test_goals_are_where_no_obstacle_is():
-    """A block fills half of the space about the arm, beside its base."""
-    bare = ArmDescription.from_urdf(ROBOTS / "ur_description/urdf/ur10_robot.urdf")
+@pytest.mark.parametrize("model", ["ur10", "ur10e"])
+def test_goals_are_where_no_obstacle_is(model):
+    """A block fills half of the space about the arm, beside its base; the base of one is turned in the world."""
+    bare = get_arm(model)
+    if model == "ur10":
+        bare = ArmDescription.from_urdf(ROBOTS / "ur_description/urdf/ur10_robot.urdf")
     block = Box("block", (3.0, 6.0, 3.0), (1.8, 0.0, 1.0))
     goals = {
         obstacles: with_goals(replace(bare, workcell=Workcell(obstacles=obstacles))).workcell.draw_goals(
