@@ -121,7 +121,8 @@ def main(argv: list[str] | None = None) -> int:
                     late.append(f"{name} with {worlds} worlds, {backend}")
                     found.append("not measured")
                 else:
-                    found.append(f"{rate(name, worlds, backend, arguments.device, arguments.threads):.0f}")
+                    steps = rate(name, worlds, backend, arguments.device, arguments.threads)
+                    found.append(f"{steps:.0f}" if steps >= 10 else f"{steps:.2f}")
             print(line(name, worlds, *found), flush=True)
     print("".join(f"\nout of time: {each}" for each in late))
     print(f"agreement within {TOLERANCE:g} rad: {'no' if wrong else 'yes'}")
