@@ -120,7 +120,8 @@ def test_ppo2_speaks_the_thesis_s_units_throughout(name, unit):
 
 def test_runs_leave_what_they_promise(tmp_path):
     run = train(small("ranked-single"), tmp_path, seed=4, export=True)
-    assert {"policy.safetensors", "curve.csv", "run.json", "tensorboard", "model.zip"} == set(os.listdir(tmp_path))
+    left = {"policy.safetensors", "curve.csv", "run.json", "tensorboard", "model.zip", "checkpoint.pt"}
+    assert left == set(os.listdir(tmp_path))
     logs = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
     columns = [name for name in COLUMNS[2:] if name != "return"]
     assert {name for name in logs.Tags()["scalars"] if name.startswith("curve/")} >= {

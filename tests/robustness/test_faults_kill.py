@@ -32,8 +32,8 @@ def whole(tmp_path_factory):
 
 def test_what_is_not_whole_is_found(whole):
     """The check can fail: half of each file is refused."""
-    assert kills.whole_files(whole) == 3
-    for path in ("policy.safetensors", "curve.csv", "run.json"):
+    assert kills.whole_files(whole) == 4
+    for path in ("policy.safetensors", "curve.csv", "run.json", "checkpoint.pt"):
         content = (whole / path).read_bytes()
         (whole / path).write_bytes(content[: len(content) // 2])
         with pytest.raises(BrokenPromiseError, match=path):

@@ -57,7 +57,7 @@ def test_the_panda_reaches_in_an_environment(panda, postures, backend):
     for q in postures[:6]:
         goal = env.kinematics.positions(q)
         observation, info = env.reset(options={"goal": goal})
-        np.testing.assert_array_equal(observation[:3], goal)
+        np.testing.assert_array_equal(observation[:3], goal.astype(np.float32))
         _, reward, terminated, _, info = env.step(env.action_for(q))
         assert terminated
         assert reward == -info["distance"]
