@@ -19,7 +19,7 @@ from kinreach._flags import may_be_degrees, numbers_of, pose_numbers_of, posture
 from kinreach._rotations import pose, pose_error
 from kinreach._tables import read_table
 from kinreach.cli import Parser, complain, print_notes
-from kinreach.deploy._remarks import tool_note, why_none
+from kinreach.deploy._remarks import arm_and_tip, tool_note, why_none
 from kinreach.deploy._surroundings import add_surroundings, surrounded
 from kinreach.errors import InputError, NoShapesError
 from kinreach.kinematics import (
@@ -243,7 +243,7 @@ def _one(answers: Answers, goal: Goal, *, degrees: bool) -> int:
     unit, scale = "degrees" if degrees else "rad", scales_of(kin, degrees=degrees)
     sliding = ", ".join(name for name, slides in zip(kin.arm.joints, kin.slides, strict=True) if slides)
     metres = f", {sliding} in m" if sliding else ""
-    print(printable(f"{kin.arm.title}: tip {kin.tip} in {kin.base}, angles in {unit}{metres}"))
+    print(printable(f"{arm_and_tip(kin)}, angles in {unit}{metres}"))
     found, reason = answers.all(goal)
     if not found:
         print(printable(f"no posture: {reason}"))

@@ -14,7 +14,7 @@ from kinreach._rotations import pose_error
 from kinreach.deploy._controller import FINISHED, Controller, Recording
 from kinreach.deploy._planning import SPEED, Leg, planned_program
 from kinreach.deploy._program import Program
-from kinreach.deploy._remarks import tool_note, why_none
+from kinreach.deploy._remarks import arm_and_tip, tool_note, why_none
 from kinreach.deploy._surroundings import add_meshes, add_surroundings, meshes_of, surrounded
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, CollisionChecker, joint_line, pose
@@ -227,7 +227,7 @@ class TriedMotion:
     def plan(self) -> Iterator[str]:
         """Lines on the start, and on the way to each goal."""
         kin = self.kinematics
-        yield f"{kin.arm.title}: tip {kin.tip} in {kin.base}, degrees"
+        yield f"{arm_and_tip(kin)}, degrees"
         yield f"from     {_degrees(self.start)}"
         for leg in self.legs:
             yield f"to       {_degrees(leg.end)}\n         {_way(kin, leg)}"

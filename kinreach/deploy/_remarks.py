@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
-from kinreach.robots.inside import TOOL, TOOL_BODY
+from kinreach.kinematics import ArmKinematics, CalibratedURKinematics, CollisionChecker, URKinematics
+from kinreach.robots.inside import TOOL, TOOL_BODY, ur_model
 
 #: A position farther away than this many lengths of the arm is not in metres.
 WRONG_UNIT = 10
@@ -19,6 +19,13 @@ def tool_note(checker: CollisionChecker) -> str:
     if checker.kinematics.tip != TOOL or TOOL_BODY in {shape.name for shape in checker.shapes}:
         return ""
     return "the tool has no shape, so it cannot collide; --tool-radius or --tool-mesh gives it one"
+
+
+def arm_and_tip(kinematics: ArmKinematics) -> str:
+    """Return whose answers they are: the arm, of a UR whether that of its data sheet, and the tip in its base."""
+    arm = kinematics.arm
+    real = isinstance(kinematics, CalibratedURKinematics) or ur_model(arm.name) is None
+    return f"{arm.title}{'' if real else ', by its data sheet'}: tip {kinematics.tip} in {kinematics.base}"
 
 
 def why_none(kinematics: ArmKinematics, T: Floats, reason: str) -> str:

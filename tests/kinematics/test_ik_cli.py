@@ -36,6 +36,20 @@ def reachable(kin, count, seed=0):
     return pose_vector(kin.fk(q))
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--arm", "ur10"), "UR10, by its data sheet: tip tool0 in base"),
+        (("--arm", "ur5e", "--tool", "0,0,0.1,0,0,0"), "UR5E with tool, by its data sheet: tip tool in base"),
+        (("--arm", "ur5e", "--calibration", REAL), "UR5E, calibrated by ur5e_a.yaml: tip tool0 in base"),
+        (("--arm", "panda"), "Panda: tip panda_hand_tcp in base_link"),
+    ],
+)
+def test_the_first_line_says_whose_answer_it_is(capsys, words, said):
+    ik(*words, "--pose", "0.3,0.1,0.3,0,3,0")
+    assert capsys.readouterr().out.splitlines()[0] == f"{said}, angles in rad"
+
+
 def test_one_pose(capsys):
     assert (
         ik("--arm", "UR5e", "--calibration", REAL, "--tool", "0,0,0.15,0,0,0", "--pose", "-0.4,-0.1,0.3,3.14,0,0") == 0
