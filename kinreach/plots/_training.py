@@ -120,7 +120,9 @@ def _columns(name: str, log: Mapping[str, ArrayLike]) -> dict[str, Floats]:
         raise InputError(f"the curve {name!r} has no column {missing[0]!r}; it has: {', '.join(log) or 'none'}")
     found = {column: as_floats(f"{column} of the curve {name!r}", log[column]) for column in COLUMNS}
     steps = found["steps"]
-    if steps.ndim != 1 or not steps.size or not np.all(np.diff(steps, prepend=0.0) > 0):
+    if not steps.size:
+        raise InputError(f"the curve {name!r} has no row yet: the training was too short to be drawn")
+    if steps.ndim != 1 or not np.all(np.diff(steps, prepend=0.0) > 0):
         raise InputError(f"steps of the curve {name!r} must be positive and increase")
     for column, values in found.items():
         if values.shape != steps.shape:

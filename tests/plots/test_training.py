@@ -125,7 +125,7 @@ def test_what_is_no_curve_is_refused(rng):
         ({}, "needs a curve and a panel, got 0 and 2"),
         ({"a": {"steps": [1.0]}}, "the curve 'a' has no column 'episodes'; it has: steps"),
         ({"a": {**log, "steps": log["steps"][::-1]}}, "steps of the curve 'a' must be positive and increase"),
-        ({"a": {name: [] for name in log}}, "steps of the curve 'a' must be positive"),
+        ({"a": {name: [] for name in log}}, "the curve 'a' has no row yet: the training was too short"),
         (
             {"a": {**log, "reward": log["reward"][1:]}},
             "reward of the curve 'a' must have shape \\(400,\\), got \\(399,\\)",
