@@ -30,7 +30,7 @@ from kinreach._rotations import wrap, wrapped
 from kinreach.errors import InputError
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._goals import PoseGoal, PositionGoal
-from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions, Row
+from kinreach.kinematics._solutions import Accept, IKBatch, IKResult, IKSolutions, Row
 from kinreach.robots import ArmDescription, Tool
 
 #: Frames are parallel whose rotations differ by less in every entry.
@@ -212,7 +212,7 @@ class Arm3Kinematics(ClosedFormKinematics):
         InputError: The arm is not of this kind.
     """
 
-    joints, branches, few = 3, BRANCHES, 3
+    joints, branches = 3, BRANCHES
     unsolved = "a three-joint arm cannot choose its orientation; give a PositionGoal"
 
     def __init__(
@@ -258,14 +258,29 @@ class Arm3Kinematics(ClosedFormKinematics):
     def _solve_position(self, goal: PositionGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         return self.nearest(goal.position, seed, accept=accept)
 
+    def _few(self, T: Floats, tol: float, *, limits: bool) -> IKBatch:
+        """As `all_solutions`, whose checks of each pose take longer than the formulas."""
+        targets = self._targets(T)
+        q, valid = np.full((len(T), BRANCHES, 3), np.nan), np.zeros((len(T), BRANCHES), dtype=np.bool_)
+        for index, p in enumerate(self._in_joint_frame(targets).T.tolist()):
+            found, _ = solve_position(p, self.geometry, tol=tol)
+            within = self._solutions(found, "", PositionGoal(targets[index]), None, limits, tol)
+            for branch, _, *angles in within.rows.tolist():
+                q[index, int(branch)], valid[index, int(branch)] = angles, True
+        return IKBatch(q, valid)
+
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
+        return solve_positions(self._in_joint_frame(self._targets(T)), self.geometry, tol=tol)
+
+    def _targets(self, T: Floats) -> Floats:
+        """Check positions (count, 3) or poses (count, 4, 4); return the positions."""
         if T.ndim == 3 and T.shape[1:] == (4, 4):
             check_poses("T", T)
             T = T[:, :3, 3]
         if T.ndim != 2 or T.shape[1] != 3:
             raise InputError(f"targets must have shape (count, 3) or (count, 4, 4), got {T.shape}")
         check_entries("targets", T, MAX_DISTANCE)
-        return solve_positions(self._in_joint_frame(T), self.geometry, tol=tol)
+        return T
 
     def _in_joint_frame(self, p: Floats) -> Floats:
         """Express points of the base frame (count, 3) in the first joint's (3, count)."""
