@@ -58,3 +58,20 @@ def test_where_a_look_was_taken_the_goal_is_seen_as_it_was(task, remembered):
     lost = ~found.found
     assert 10 < lost.sum() < LOOKS
     assert (found.views.reshape(-1, 2, 3)[lost] == 0).all()
+
+
+@pytest.mark.usefixtures("needs_gl")
+@pytest.mark.parametrize(("noise", "least"), [({"rgb_noise": 30.0}, 1e-6), ({"depth_noise": 0.02}, 1e-3)])
+def test_each_noise_of_the_cameras_moves_where_balls_are_seen(noise, least):
+    """Under the same random numbers, on more than half of the balls; without any they are seen alike."""
+    small = {"backend": "kinematic", "observation": "camera", "width": 160, "height": 90}
+    plain, task = (ReachTask(ReachOptions(**small, **more), SINGLE_STEP) for more in ({}, noise))
+    goals = plain.arm.workcell.draw_goals(np.random.default_rng(2), 8)
+    seen = []
+    for each in (plain, plain, task):
+        observer = CameraObserver(each.arm, each.options)
+        seen.append(observer.measure(goals, np.zeros(8, dtype=np.intp), [np.random.default_rng(3)]).seen)
+        observer.close()
+    np.testing.assert_array_equal(seen[0], seen[1])
+    moved = np.linalg.norm(seen[2] - seen[0], axis=1)
+    assert (moved > least).sum() >= 5, moved
