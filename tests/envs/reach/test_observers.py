@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import ks_2samp
 
+from kinreach.envs._lift.lift_task import LiftOptions
 from kinreach.envs._reach.observers import CameraObserver, RememberedObserver, goal_observer
 from kinreach.envs._reach.reach_task import SINGLE_STEP, ReachOptions, ReachTask, goal_block
 
@@ -75,3 +76,9 @@ def test_each_noise_of_the_cameras_moves_where_balls_are_seen(noise, least):
     np.testing.assert_array_equal(seen[0], seen[1])
     moved = np.linalg.norm(seen[2] - seen[0], axis=1)
     assert (moved > least).sum() >= 5, moved
+
+
+@pytest.mark.parametrize("options", [ReachOptions, LiftOptions])
+def test_noises_of_the_cameras_are_those_that_were_given(options):
+    noise = options(observation="camera", rgb_noise=3.0, depth_noise=0.002).noise
+    assert (noise.rgb_sigma, noise.depth_sigma) == (3.0, 0.002)
