@@ -163,23 +163,22 @@ def _parser_of(hint: Any) -> tuple[Callable[[str], Any], str, str] | None:
     origin, arguments = get_origin(hint), [kind for kind in get_args(hint) if kind not in (NoneType, Ellipsis)]
     if origin in (Union, UnionType) and len(arguments) == 1:
         return _parser_of(arguments[0])
-    if origin in (tuple, list, Sequence) and len(set(arguments)) == 1:
-        element = _parser_of(arguments[0])
-        if element is None or arguments[0] not in (int, float, str):
-            return None
-        parse, metavar, _ = element
-        words = "names" if arguments[0] is str else "numbers"
-        return (
-            lambda text: tuple(parse(part) for part in text.split(",")),
-            f"{metavar},{metavar}",
-            f"{words} with commas between them",
-        )
     known: Mapping[Any, tuple[Callable[[str], Any], str, str]] = {
         bool: (lambda text: {"true": True, "false": False}[text.lower()], "true|false", "true or false"),
         int: (int, "N", "a whole number"),
         float: (float, "X", "a number"),
         str: (str, "NAME", "a text"),
     }
+    if origin in (tuple, list, Sequence) and len(set(arguments)) == 1:
+        if arguments[0] not in (int, float, str):
+            return None
+        parse, metavar, _ = known[arguments[0]]
+        words = "names" if arguments[0] is str else "numbers"
+        return (
+            lambda text: tuple(parse(part) for part in text.split(",")),
+            f"{metavar},{metavar}",
+            f"{words} with commas between them",
+        )
     return known.get(hint)
 
 
