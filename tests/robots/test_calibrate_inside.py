@@ -10,6 +10,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose
 from kinreach.robots import PUBLISHED_CALIBRATIONS, PosePairs, _calibration, calibrate, get_arm, read_calibration
 from kinreach.robots._calibration_fit import calibration_from
+from kinreach.robots._pairs import pairs_of
 from kinreach.robots._urdf_chain import UrdfChain
 from kinreach.robots.inside import frames_of, moved_frames
 
@@ -70,3 +71,18 @@ def test_a_calibration_is_read_once(tmp_path, monkeypatch):
         assert "ur5e" in calibrate(file).models
     assert read == files[:2]
     assert len(parsed) == 4
+
+
+@pytest.mark.parametrize(
+    ("column", "most", "word"), [(0, 2 * np.pi + 0.1, "joint angles"), (11, 3 * np.pi, "rotations")]
+)
+def test_numbers_without_a_unit_are_radians_up_to_what_radians_can_be(column, most, word):
+    """Just below the bound they are, just above it they are degrees, and a note says so."""
+    rows = np.full((12, 12), 0.1)
+    for value, degrees in ((most - 0.01, False), (most + 0.01, True)):
+        rows[:, column] = value
+        text = "q1,q2,q3,q4,q5,q6,x,y,z,rx,ry,rz\n" + "\n".join(",".join(map(repr, row)) for row in rows.tolist())
+        pairs = pairs_of(text.encode(), "rows.csv")
+        assert any(f"the {word} of rows.csv are larger than radians can be" in note for note in pairs.notes) == degrees
+        if not column:
+            np.testing.assert_allclose(pairs.q[:, 0], np.radians(value) if degrees else value)
