@@ -21,6 +21,7 @@ from kinreach.baselines._learning_curve import COLUMNS, read_curve
 from kinreach.baselines._loop import rollout_batch
 from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.envs._reach.reach_task import ReachTask
+from kinreach.envs.inside import in_doubles
 from kinreach.errors import InputError
 
 Array = np.ndarray[Any, Any]
@@ -226,7 +227,7 @@ def trace(policy: LearnedPolicy, goals: ArrayLike, *, options: Mapping[str, Any]
         raise InputError(f"a trace needs a policy that observes numbers; {policy.name} takes pictures")
     if goals.ndim != 2 or goals.shape[1] != 3 or not len(goals):
         raise InputError(f"goals must have shape (n, 3), got {goals.shape}")
-    given = {**policy.needed_options, **(options or {})}
+    given = {**in_doubles(environment), **policy.needed_options, **(options or {})}
     env: Any = gym.make_vec(environment, num_envs=len(goals), vectorization_mode="vector_entry_point", **given)
     try:
         return _play(env, policy, goals)

@@ -34,12 +34,14 @@ SPEEDS, DIFFERENCE = slice(12, 15), slice(15, 18)
 
 def batch(actuation: Actuation, count: int) -> Any:
     """That many environments in step."""
-    return gym.make_vec(BUTTON, num_envs=count, vectorization_mode="vector_entry_point", actuation=actuation.name)
+    return gym.make_vec(
+        BUTTON, num_envs=count, vectorization_mode="vector_entry_point", actuation=actuation.name, dtype="float64"
+    )
 
 
 def one_increment(actuation: Actuation) -> float:
     """Speed of the first joint after one action from rest in the upright posture [rad/s]."""
-    with closing(gym.make(BUTTON, actuation=actuation.name)) as env:
+    with closing(gym.make(BUTTON, actuation=actuation.name, dtype="float64")) as env:
         env.reset(seed=0, options={"q": np.zeros(3)})
         return float(env.step(FIRST_UP)[0][SPEEDS][0])
 

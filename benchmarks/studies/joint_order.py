@@ -40,7 +40,7 @@ def targets(count: int) -> dict[str, Floats]:
     for goal in kinematics.arm.workcell.draw_goals(rng, count):
         found = kinematics.axis_solutions(goal, (0.0, 0.0, -1.0), seed=np.array(kinematics.arm.home)).q
         natural.append(found[posture_error(found) < REACHED_POSTURE_ERROR])
-    policy, env, answers = load_policy("thesis-ppo-single"), gym.make(SINGLE, backend="kinematic"), []
+    policy, env, answers = load_policy("thesis-ppo-single"), gym.make(SINGLE, backend="kinematic", dtype="float64"), []
     for seed in range(count):
         observation, _ = env.reset(seed=seed)
         answers.append(math.pi * policy.act(observation) + EXPLORING * rng.normal(size=6))

@@ -67,6 +67,7 @@ class _Scripted:
 
 def played(name: str, options: dict[str, Any], objects: int, seed: int, threads: int) -> tuple[dict[str, Any], float]:
     """Play one episode with each object; return arrays by name, and how many were played in a second of wall time."""
+    options = {"dtype": "float64", **options}
     policy: Any = _Scripted(name, gym.make(LIFT, **options)) if name in SOLVERS else load_policy(name)
     if name not in SOLVERS:
         options = {**options, "steps": policy.needed_options.get("steps", "single")}

@@ -43,6 +43,7 @@ from kinreach.baselines._recipes.reach import FINGERS
 from kinreach.cli import Parser, finish
 from kinreach.compare._methods.interception import Interception
 from kinreach.compare._task import get_task
+from kinreach.envs.inside import in_doubles
 from kinreach.envs.moving import AGE, DELAY, FRAMES, PATHS
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.kinematics import URKinematics
@@ -130,7 +131,7 @@ def make_world(options: Mapping[str, Any]) -> gym.Env[Any, Any]:
     task, beliefs = get_task("moving"), ("believed_delay", "late", "following")
     own = {name: value for name, value in options.items() if name not in beliefs}
     others = {name: options[name] for name in beliefs if name in options}
-    return Believing(gym.make(task.environment, **{**task.options, **own}), **others)
+    return Believing(gym.make(task.environment, **{**in_doubles(task.environment), **task.options, **own}), **others)
 
 
 def touched(name: str, speed: float, options: Mapping[str, Any], *, balls: int, seed: int, out: Path) -> list[bool]:
@@ -210,7 +211,7 @@ class Timed:
 def times(name: str, balls: int, seed: int) -> list[object]:
     """Return a method, its number of decisions, and their median, 95th percentile and longest time [ms]."""
     task = get_task("moving")
-    env = gym.make(task.environment, **{**task.options, "speeds": TABLE_SPEEDS})
+    env = gym.make(task.environment, **{**in_doubles(task.environment), **task.options, "speeds": TABLE_SPEEDS})
     policy = Timed(as_policy(task.methods[name].make(env)))
     first, *resets = task.resets(1 + balls * len(TABLE_SPEEDS), seed, env)
     list(rollout(env, policy, [first]))  # loads what it needs

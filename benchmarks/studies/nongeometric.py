@@ -27,6 +27,7 @@ from kinreach._statistics import bootstrap_intervals, median
 from kinreach.baselines._loop import as_policy, rollout
 from kinreach.cli import Parser, finish
 from kinreach.compare._task import get_task
+from kinreach.envs.inside import in_doubles
 from kinreach.envs.real_arm import ERRORS, LINKS, NONGEOMETRIC
 
 PROG = "python -m benchmarks.studies.nongeometric"
@@ -52,7 +53,7 @@ SEED = 100
 def measured(kind: str, name: str, goals: int) -> list[dict[str, Any]]:
     """Return, of each workplace, the robot's name and the distances [mm] in the order of `CELLS`."""
     task = get_task("real-arm")
-    env = gym.make(task.environment, **{**task.options, "errors": (kind,), "again": 1})
+    env = gym.make(task.environment, **{**in_doubles(task.environment), **task.options, "errors": (kind,), "again": 1})
     policy = as_policy(task.methods[name].make(env))
     return [
         {

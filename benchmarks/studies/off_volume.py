@@ -37,7 +37,7 @@ Map = tuple[Floats, Floats]
 
 def kinematic(policy: LearnedPolicy, goals: Floats, directions: Floats) -> Map:
     """Places (n, 2) [m] and errors [mm], not a number where the posture is impossible."""
-    options = {**policy.needed_options, "backend": "kinematic"}
+    options = {"dtype": "float64", **policy.needed_options, "backend": "kinematic"}
     env: Any = gym.make_vec(SPACE, num_envs=len(goals), vectorization_mode="vector_entry_point", **options)
     home = np.tile(get_arm("ur5-thesis").home, (len(goals), 1))
     trials = rollout_batch(env, policy, seed=0, options={"goal": goals, "direction": directions, "q": home})
@@ -69,7 +69,7 @@ def tilted(policy: LearnedPolicy, tilt: float) -> Map:
 
 def from_starts(policy: LearnedPolicy, spread: float, count: int) -> Map:
     """Goals and directions as in training, in MuJoCo, from starts that far around the start posture."""
-    options = {**policy.needed_options, "start_spread": spread}
+    options = {"dtype": "float64", **policy.needed_options, "start_spread": spread}
     env: Any = gym.make_vec(SPACE, num_envs=count, vectorization_mode="vector_entry_point", **options)
     trials = rollout_batch(env, policy, seed=0)
     goals = env.reset(seed=0)[1]["goal"]

@@ -23,7 +23,7 @@ def goals():
 def test_a_trace_is_what_single_environments_do(name, goals):
     policy = load_policy(name)
     traced = trace(policy, goals, options={"backend": "kinematic"})
-    env = gym.make(policy.card.environment, backend="kinematic")
+    env = gym.make(policy.card.environment, backend="kinematic", dtype="float64")
     lengths = []
     for index, goal in enumerate(goals):
         observation, info = env.reset(seed=0, options={"goal": goal})
@@ -53,7 +53,7 @@ def trained_with(name, **options):
 
 def test_it_is_traced_in_what_it_was_trained_with(goals):
     policy = trained_with("thesis-ppo-single", goal_in="image")
-    env = gym.make(policy.card.environment, backend="kinematic", goal_in="image")
+    env = gym.make(policy.card.environment, backend="kinematic", goal_in="image", dtype="float64")
     traced = trace(policy, goals, options={"backend": "kinematic"})
     for index, goal in enumerate(goals):
         observation, _ = env.reset(seed=0, options={"goal": goal})

@@ -119,7 +119,8 @@ def test_what_an_input_takes_is_answered(tab, capfd, monkeypatch):
             return ("", "no such file", "/", "a:b", "é" * 4000)
         return (element["min"], element["max"])
 
-    cases = [(element, value) for element in tab.inputs for value in odd(element)]
+    inputs = [element for element in tab.inputs if element["label"] != "arm"]  # which begins the page anew
+    cases = [(element, value) for element in inputs for value in odd(element)]
     for index in rng.permutation(len(cases)):
         element, value = cases[index]
         if open_for_input(tab, element) and value in odd(element):

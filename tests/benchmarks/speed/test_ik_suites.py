@@ -19,7 +19,7 @@ from kinreach._rotations import pose_error
 from kinreach.errors import InstallationError
 from kinreach.kinematics import ArmKinematics
 
-for module in ("eaik", "ssik", "ur_analytic_ik"):
+for module in ("eaik", "ik_geo", "ssik", "ur_analytic_ik"):
     pytest.importorskip(module)
 
 QUICK = Options(rounds=1, quick=True, seed=3)
@@ -28,7 +28,8 @@ HOME = np.array(FLANGE.arm.home)
 REFUSED = defaultdict(
     dict, {"ik-calibrated": {"EAIK": "Unknown Kinematic Class", ik_calibrated.SSIK: "takes minutes; not with --quick"}}
 )
-MODULES = {"pink": "pink", "mink": "mink", "ikpy": "ikpy", "roboticstoolbox": "roboticstoolbox", "TRAC-IK": "trac_ik"}
+MODULES = {"pink": "pink", "mink": "mink", "ikpy": "ikpy", "roboticstoolbox": "roboticstoolbox", "OptIK": "optik"}
+MODULES |= {"TRAC-IK": "trac_ik"}
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -102,7 +103,7 @@ def test_edge_cases_are_never_empty_and_never_wrong():
     (section,) = ik_edge_cases.run(QUICK, lambda *what: None)
     assert all(target.met for target in section.targets)
     assert [row[1] for row in section.rows] == ["0 (0.0)"] * 9
-    assert section.columns[2:6] == tuple(WITH_APPROXIMATE)
+    assert section.columns[2:7] == tuple(WITH_APPROXIMATE)
 
 
 def test_judge_counts_empty_wrong_and_raising():
