@@ -51,6 +51,8 @@ TOLERANCE = 1e-7
 CoreGoal = tuple[int, Floats]
 #: Joints that a full pose needs.
 POSE_JOINTS = 6
+#: Up to so many poses are solved one by one: a batch takes as long for two as for fifteen.
+FEW_POSES = 8
 #: Turns about the tip's z axis that are tried where the last joint does not do them alone [rad].
 TURNS_ABOUT = np.linspace(-np.pi, np.pi, 36, endpoint=False)
 
@@ -61,12 +63,10 @@ class ClosedFormKinematics(SolvesGoals, ArmKinematics):
     Attributes:
         joints: How many joints the arms have that this closed form is for.
         branches: Most postures of a pose.
-        few: Up to so many poses are solved one by one, where that is quicker than a batch.
     """
 
     joints: ClassVar[int]
     branches: int
-    few: ClassVar[int] = 8
     _closed_forms: ClassVar = {}
     knows_all_postures = True
 
@@ -133,7 +133,7 @@ class ClosedFormKinematics(SolvesGoals, ArmKinematics):
         if is_tensor(T):
             return self._tensor_batch(T, check_tolerance(tol), limits=limits)
         T, tol = as_floats("T", T), check_tolerance(tol)
-        if T.ndim > 1 and 0 < len(T) <= self.few:
+        if T.ndim > 1 and 0 < len(T) <= FEW_POSES:
             with suppress(InputError):  # the batch names the pose that is refused
                 return self._few(T, tol, limits=limits)
         q, valid = self._batch(T, None, tol, limits=limits)
@@ -153,7 +153,7 @@ class ClosedFormKinematics(SolvesGoals, ArmKinematics):
         T = as_floats("T", T)
         count = len(np.atleast_1d(T))
         start, tol = self._as_seeds(seeds, count), check_tolerance(tol)
-        if T.ndim > 1 and 0 < count <= self.few:
+        if T.ndim > 1 and 0 < count <= FEW_POSES:
             with suppress(InputError):
                 return self._few_nearest(T, start, tol)
         q, valid = self._batch(T, start, tol, limits=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
 from typing import Any
 
 from kinreach.robots import arm_names
@@ -69,7 +68,7 @@ class Page:
                 return
             setup = self._first
             if arm != setup.arm.name:
-                setup = replace(setup_of(arm, simple=setup.simple), words=("--arm", arm))
+                setup = setup_of(arm, simple=setup.simple)
             setup.figure  # noqa: B018  (an arm that cannot be drawn leaves the page as it is)
             for panel in self._built.values():
                 panel.close()

@@ -63,6 +63,10 @@ class Results:
     goals: Floats
     ends: tuple[Mapping[str, End], ...]
 
+    def reached(self, method: str) -> list[bool]:
+        """Return whether a method reached each of the goals that it tried."""
+        return [ends[method].reached for ends in self.ends if method in ends]
+
     def distances(self, method: str) -> Floats:
         """Return the distances of a method from the goals [m], shape (count,); NaN if unknown."""
         return np.array([ends[method].distance if method in ends else np.nan for ends in self.ends])

@@ -156,7 +156,7 @@ class ResultsPanel(Panel):
                     self._solid.take(posture)
         self._index.value = self.chosen
         self._table.content = html.ends(results, self.chosen, self.method)
-        reached = [end[self.method].reached for end in results.ends if self.method in end]
+        reached = results.reached(self.method)
         bad, caution = not any(reached), not all(reached)
         self._verdict.content = html.message(_verdict(results, self.method), bad=bad, caution=caution)
         shades = colours(np.linspace(0.0, 1.0, 24), 1.0)
@@ -178,7 +178,7 @@ class ResultsPanel(Panel):
 
 
 def _verdict(results: Results, method: str) -> str:
-    reached = [ends[method].reached for ends in results.ends if method in ends]
+    reached = results.reached(method)
     distances = results.distances(method)
     known = distances[np.isfinite(distances)]
     median = f", {length(float(np.median(known)))} from them in the median" if len(known) else ""

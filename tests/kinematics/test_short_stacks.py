@@ -9,8 +9,8 @@ from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, URKinematics
 from kinreach.robots import get_arm
 
-#: Up to so many postures are taken one after the other.
-FEW = 32
+#: Up to so many postures, and poses, are taken one after the other.
+FEW, FEW_POSES = 32, 8
 
 NARROW = get_arm("ur5e").with_limits({"wrist_3_joint": (-1.0, 1.0)})
 KINEMATICS = {
@@ -54,7 +54,7 @@ def test_poses(name):
     T[30:, :3, 3] *= 1.5
     T = T[:, :3, 3] if kin.n == 3 else T
     regular, postures, none = np.arange(40) >= 10, 0, 0
-    for limits, few in ((True, 1), (True, 3), (False, kin.few)):
+    for limits, few in ((True, 1), (True, 3), (False, FEW_POSES)):
         many = kin.batch(T, limits=limits)
         for start in range(0, 40, few):
             part = slice(start, min(start + few, 40))

@@ -28,8 +28,10 @@ HOME = np.array(FLANGE.arm.home)
 REFUSED = defaultdict(
     dict, {"ik-calibrated": {"EAIK": "Unknown Kinematic Class", ik_calibrated.SSIK: "takes minutes; not with --quick"}}
 )
-MODULES = {"pink": "pink", "mink": "mink", "ikpy": "ikpy", "roboticstoolbox": "roboticstoolbox", "OptIK": "optik"}
-MODULES |= {"TRAC-IK": "trac_ik"}
+MODULES = {
+    "pink": "pink", "mink": "mink", "ikpy": "ikpy", "roboticstoolbox": "roboticstoolbox",
+    "OptIK": "optik", "TRAC-IK": "trac_ik",
+}  # fmt: skip
 
 
 @pytest.mark.filterwarnings("ignore")
