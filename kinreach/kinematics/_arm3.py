@@ -1,21 +1,14 @@
-"""The 3-DOF arm: closed-form inverse kinematics, one pose or many.
-
-The third link's tip has to be at a point. In the frame that turns with the first joint the tip's sideways offset L
-is constant, so that -x sin q1 + y cos q1 = L gives two values of q1 (front and back); in the plane of the links the
-law of cosines gives two values of the elbow. The branch index is `2 * back + elbow`, elbow 0 for the bend
-that turns the same way as the joint's positive direction.
-"""
+"""The 3-DOF arm: closed-form inverse kinematics, one point or many; the formulas are in the core (`yaw_planar.c`)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag, auto
-from math import atan2, copysign, hypot, sqrt
+from math import atan2, hypot
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kinreach._checks import (
     MAX_DISTANCE,
@@ -25,12 +18,13 @@ from kinreach._checks import (
     check_entries,
     check_poses,
     check_tolerance,
+    is_tensor,
 )
-from kinreach._rotations import wrap, wrapped
 from kinreach.errors import InputError
-from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics, core_goal
+from kinreach.kinematics._core import NULL, Struct, doubles, flags, lib, longs
 from kinreach.kinematics._goals import PoseGoal, PositionGoal
-from kinreach.kinematics._solutions import Accept, IKBatch, IKResult, IKSolutions, Row
+from kinreach.kinematics._solutions import ANGLES, Accept, IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
 from kinreach.robots import ArmDescription, Tool
 
 #: Frames are parallel whose rotations differ by less in every entry.
@@ -107,87 +101,6 @@ class YawPlanarGeometry:
         )
 
 
-def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[list[Row], int]:
-    """Compute all postures that put the tip at a point p of the first joint's frame [m].
-
-    A point outside the reach by up to `tol` [m] counts as on its border.
-
-    Returns:
-        The solutions in the order of their branch index, and the `Miss` flags of the branches that have none.
-    """
-    x, y, z = p
-    (a, angle_a), (b, angle_b) = g.upper_polar, g.fore_polar
-    r, v = hypot(x, y), z - g.shoulder[1]
-    if r < abs(g.offset) - tol:
-        return [], int(Miss.BASE_CYLINDER)
-    if r > abs(g.offset):
-        m = sqrt((r - g.offset) * (r + g.offset))
-        sides: tuple[tuple[int, int, float], ...] = ((0, 0, m), (2, 0, -m))
-    else:
-        sides = ((0, int(Singularity.BASE), 0.0),)
-    found: list[Row] = []
-    miss = 0
-    for branch, flags, radial in sides:
-        u = radial - g.shoulder[0]
-        rho = hypot(u, v)
-        if rho > a + b + tol:
-            miss |= Miss.ELBOW_OUT
-            continue
-        if rho < abs(a - b) - tol:
-            miss |= Miss.ELBOW_IN
-            continue
-        cosine = (rho * rho - a * a - b * b) / (2.0 * a * b)
-        q1, phi = wrap(atan2(y, x) - atan2(g.offset, radial)), atan2(u, v) - angle_a
-        if -1.0 < cosine < 1.0:
-            sine = sqrt(1.0 - cosine * cosine)
-            bends: tuple[tuple[int, float], ...] = ((0, sine), (1, -sine))
-        else:
-            cosine, bends, flags = copysign(1.0, cosine), ((0, 0.0),), flags | int(Singularity.ELBOW)
-        for elbow, sine in bends:
-            q2 = wrap(phi - atan2(b * sine, a + b * cosine))
-            q3 = wrap(atan2(sine, cosine) - (angle_b - angle_a))
-            found.append((branch + elbow, flags, q1, q2, q3))
-    return found, int(miss)
-
-
-BRANCHES = 4
-
-
-@np.errstate(over="ignore", invalid="ignore")  # points at astronomic distances are just out of reach
-def solve_positions(p: Floats, g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[Floats, NDArray[np.bool_]]:
-    """As `solve_position`, by the same formulas, for many points, shape (3, count).
-
-    Returns:
-        q [rad] in [-pi, pi], shape (3, 4, count), NaN where not valid; and valid, shape (4, count).
-    """
-    x, y, z = p
-    r = np.hypot(x, y)
-    near = r <= abs(g.offset)
-    outside = r < abs(g.offset) - tol
-    m = np.sqrt(np.maximum(r * r - g.offset**2, 0.0))
-    heading, v = np.arctan2(y, x), z - g.shoulder[1]
-    (a, angle_a), (b, angle_b) = g.upper_polar, g.fore_polar
-    q = np.empty((3, BRANCHES, p.shape[1]))
-    valid = np.empty((BRANCHES, p.shape[1]), dtype=np.bool_)
-    for back, radial in enumerate((m, -m)):
-        u = radial - g.shoulder[0]
-        rho = np.hypot(u, v)
-        too_far, too_near = rho > a + b + tol, rho < abs(a - b) - tol
-        cosine = (rho * rho - a * a - b * b) / (2 * a * b)
-        edge = np.abs(cosine) >= 1.0
-        bend = np.arccos(np.clip(cosine, -1.0, 1.0))
-        reached = ~(outside | too_far | too_near) & ~(near & (back == 1))
-        for elbow, theta in enumerate((bend, -bend)):
-            branch = 2 * back + elbow
-            q[0, branch] = heading - np.arctan2(g.offset, radial)
-            q[1, branch] = np.arctan2(u, v) - angle_a - np.arctan2(b * np.sin(theta), a + b * np.cos(theta))
-            q[2, branch] = theta - (angle_b - angle_a)
-            valid[branch] = reached & ~(edge & (elbow == 1))
-    q = wrapped(q)
-    np.copyto(q, np.nan, where=~valid)
-    return q, valid
-
-
 class Arm3Kinematics(ClosedFormKinematics):
     r"""Kinematics of a turning base with a planar two-link arm, by default that of the button task.
 
@@ -212,7 +125,7 @@ class Arm3Kinematics(ClosedFormKinematics):
         InputError: The arm is not of this kind.
     """
 
-    joints, branches = 3, BRANCHES
+    joints, branches = 3, 4
     unsolved = "a three-joint arm cannot choose its orientation; give a PositionGoal"
 
     def __init__(
@@ -225,10 +138,15 @@ class Arm3Kinematics(ClosedFormKinematics):
     ) -> None:
         super().__init__(arm, tip=tip, base=base, tool=tool)
         self.geometry = YawPlanarGeometry.from_model(self.model, self.tip_frame)
-        self._T_joint_base: Floats = self.model.jointPlacements[1].inverse().homogeneous @ self.T_world_base
+        base_of_joint = self.model.jointPlacements[1].inverse().homogeneous @ self.T_world_base
+        (upper, upper_angle), (fore, fore_angle) = self.geometry.upper_polar, self.geometry.fore_polar
+        self._prepared = Struct(
+            "kr_yaw_planar", base=base_of_joint[:3].ravel().tolist(), shoulder=self.geometry.shoulder,
+            offset=self.geometry.offset, upper=upper, upper_angle=upper_angle, fore=fore, fore_angle=fore_angle,
+        )  # fmt: skip
 
     def all_solutions(
-        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
+        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = TOLERANCE
     ) -> IKSolutions:
         """Compute every posture that brings the tip to a point.
 
@@ -248,9 +166,24 @@ class Arm3Kinematics(ClosedFormKinematics):
         start = self._posture_or_none(seed)
         target, tol = as_floats("T", T), check_tolerance(tol)
         goal = PositionGoal(as_pose("T", target)[:3, 3] if target.shape == (4, 4) else target)
-        p = self._in_joint_frame(goal.position[None])[:, 0]
-        found, miss = solve_position(p.tolist(), self.geometry, tol=tol)
-        return self._solutions(found, "" if found else miss_text(miss), goal, start, limits, tol)
+        rows, count = self._rows(goal.position, start, limits=limits, tol=tol)
+        status, reason = Status.OK, ""
+        if not count and not rows[0, 0]:
+            status, reason = Status.OUT_OF_REACH, miss_text(int(rows[0, 1]))
+        elif not count:
+            every, all_of_them = self._rows(goal.position, None, limits=False, tol=tol)
+            status, reason = Status.OUT_OF_LIMITS, self._all_outside(every[:all_of_them])
+        return IKSolutions(rows[:count], status, reason, (self._errors, core_goal(goal)))
+
+    def _rows(self, p: Floats, seed: Floats | None, *, limits: bool, tol: float) -> tuple[Floats, int]:
+        """Rows of the postures, and how many; where there is none, as `kr_yaw_planar_solutions` leaves the first."""
+        rows, near = np.empty((self.branches, self.n + ANGLES.start)), NULL if seed is None else doubles(seed)
+        point = doubles(np.ascontiguousarray(p))
+        return rows, lib.kr_yaw_planar_solutions(*self._arguments, point, near, limits, tol, doubles(rows))
+
+    @property
+    def _arguments(self) -> tuple[Any, Any]:
+        return self._prepared.pointer, self._core.pointer
 
     def _solve_pose(self, goal: PoseGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         raise InputError(self.unsolved)
@@ -258,30 +191,30 @@ class Arm3Kinematics(ClosedFormKinematics):
     def _solve_position(self, goal: PositionGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         return self.nearest(goal.position, seed, accept=accept)
 
-    def _few(self, T: Floats, tol: float, *, limits: bool) -> IKBatch:
-        """As `all_solutions`, whose checks of each pose take longer than the formulas."""
-        targets = self._targets(T)
-        q, valid = np.full((len(T), BRANCHES, 3), np.nan), np.zeros((len(T), BRANCHES), dtype=np.bool_)
-        for index, p in enumerate(self._in_joint_frame(targets).T.tolist()):
-            found, _ = solve_position(p, self.geometry, tol=tol)
-            within = self._solutions(found, "", PositionGoal(targets[index]), None, limits, tol)
-            for branch, _, *angles in within.rows.tolist():
-                q[index, int(branch)], valid[index, int(branch)] = angles, True
+    def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE) -> IKBatch:
+        """Compute every posture of many goals; as `ClosedFormKinematics.batch`."""
+        if is_tensor(T):
+            return super().batch(T, limits=limits, tol=tol)
+        p, tol = self._targets(as_floats("T", T)), check_tolerance(tol)
+        q, valid = np.empty((len(p), self.branches, self.n)), np.empty((len(p), self.branches), dtype=np.bool_)
+        lib.kr_yaw_planar_solutions_of_each(*self._arguments, doubles(p), len(p), limits, tol, doubles(q), flags(valid))
         return IKBatch(q, valid)
 
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
-        return solve_positions(self._in_joint_frame(self._targets(T)), self.geometry, tol=tol)
+    def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = TOLERANCE) -> IKBatchNearest:
+        """Compute for each of many goals the posture nearest to its seed; as `ClosedFormKinematics.nearest_batch`."""
+        p, tol = self._targets(as_floats("T", T)), check_tolerance(tol)
+        start = np.ascontiguousarray(self._as_seeds(seeds, len(p)))
+        q, branch = np.empty((len(p), self.n)), np.empty(len(p), dtype=np.int64)
+        found = tol, doubles(q), longs(branch)
+        lib.kr_yaw_planar_nearest_of_each(*self._arguments, doubles(p), doubles(start), len(p), *found)
+        return IKBatchNearest(q, branch, branch >= 0)
 
     def _targets(self, T: Floats) -> Floats:
-        """Check positions (count, 3) or poses (count, 4, 4); return the positions."""
+        """Check positions (count, 3) or poses (count, 4, 4); return the positions in the order of C."""
         if T.ndim == 3 and T.shape[1:] == (4, 4):
             check_poses("T", T)
             T = T[:, :3, 3]
         if T.ndim != 2 or T.shape[1] != 3:
             raise InputError(f"targets must have shape (count, 3) or (count, 4, 4), got {T.shape}")
         check_entries("targets", T, MAX_DISTANCE)
-        return T
-
-    def _in_joint_frame(self, p: Floats) -> Floats:
-        """Express points of the base frame (count, 3) in the first joint's (3, count)."""
-        return self._T_joint_base[:3, :3] @ p.T + self._T_joint_base[:3, 3:]
+        return np.ascontiguousarray(T)

@@ -35,7 +35,7 @@ def test_single_targets_equal_the_batch():
     for i in range(500):
         solutions = KIN.all_solutions(T[i, :3, 3])
         np.testing.assert_array_equal(solutions.branch, np.flatnonzero(batch.valid[i]))
-        np.testing.assert_allclose(solutions.q, batch.q[i, solutions.branch], rtol=0, atol=1e-9)
+        np.testing.assert_array_equal(solutions.q, batch.q[i, solutions.branch])
         assert solutions.residual.max() < 1e-9
         np.testing.assert_allclose(KIN.nearest(T[i], q[i]).q, q[i], atol=1e-6)
 
@@ -56,9 +56,8 @@ def test_stretched_folded_and_just_beyond():
             assert solutions.success
             assert solutions.residual[:, 0].max() < 1e-7
             if scale:
-                for count in (1, 10):  # a few go one by one
-                    batch = KIN.batch(np.tile(target + scale * out, (count, 1)))
-                    np.testing.assert_array_equal(np.flatnonzero(batch.valid[-1]), solutions.branch)
+                batch = KIN.batch((target + scale * out)[None])
+                np.testing.assert_array_equal(np.flatnonzero(batch.valid[-1]), solutions.branch)
             checked += 1
         assert branch not in KIN.all_solutions(target + 1e-3 * out).branch
     assert checked == 600

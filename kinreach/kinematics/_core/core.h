@@ -194,6 +194,25 @@ int kr_solutions_of_each(int way, const void *prepared, const kr_arm *arm, const
 int kr_nearest_of_each(int way, const void *prepared, const kr_arm *arm, const double *T, const double *seeds,
                        int count, double tol, double *q, long long *branch);
 
+/* A base that turns about z and two links that turn about y (`yaw_planar.c`), whose tip has to be at a point. */
+typedef struct {
+    double base[12];         /* from the points' base to the frame of joint 1 */
+    double shoulder[2];      /* axis 2 in the turning frame: x and z */
+    double offset;           /* of the tip sideways, along y of the turning frame */
+    double upper, upper_angle, fore, fore_angle; /* length of either link, and its angle from z towards x at zero angles */
+} kr_yaw_planar;
+
+/* Every posture with the tip at a point, up to four; as `kr_solutions`, of rows (4, 5). */
+int kr_yaw_planar_solutions(const kr_yaw_planar *g, const kr_arm *arm, const double p[3], const double *seed, int limits,
+                            double tol, double *rows);
+
+/* The same without a seed for `count` points (count, 3), and the nearest to each of `count` seeds; as
+ * `kr_solutions_of_each` and `kr_nearest_of_each`. */
+void kr_yaw_planar_solutions_of_each(const kr_yaw_planar *g, const kr_arm *arm, const double *p, int count, int limits,
+                                     double tol, double *q, unsigned char *valid);
+void kr_yaw_planar_nearest_of_each(const kr_yaw_planar *g, const kr_arm *arm, const double *p, const double *seeds,
+                                   int count, double tol, double *q, long long *branch);
+
 /* An arm with seven joints has curves of postures for a pose (`self_motion.c`, `tracing.c`); A are its placements, and
  * behind them by how much each joint slides along its axis in a step of 1 [m], 0 if it turns. Slides are within ±pi. T is
  * the pose. A posture misses it by the larger of position [m] and orientation [rad]. */
