@@ -56,6 +56,7 @@ def test_stretched_folded_and_just_beyond():
             assert solutions.success
             assert solutions.residual[:, 0].max() < 1e-7
             if scale:
+                assert np.count_nonzero(solutions.branch // 2 == branch // 2) == 1
                 batch = KIN.batch((target + scale * out)[None])
                 np.testing.assert_array_equal(np.flatnonzero(batch.valid[-1]), solutions.branch)
             checked += 1
