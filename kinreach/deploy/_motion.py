@@ -16,6 +16,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach._rotations import PoseLine, small_motion, turn
 from kinreach.kinematics import ArmKinematics, pose
+from kinreach.kinematics.inside import determinant_sign
 from kinreach.sim.inside import TrapezoidalProfile
 
 #: Step in which a straight line is checked before it begins [m, rad].
@@ -24,10 +25,6 @@ STEP = 0.005
 ITERATIONS, RESIDUAL, MAX_STEP = 12, 1e-9, 0.3
 #: Metres that a turn by one radian counts as, in the length of a straight line.
 METRES_PER_RADIAN = 1.0
-
-
-#: A Jacobian's determinant that is nearer to 0 has no sign [m^3].
-NO_SIGN = 1e-7
 
 
 class LineError(Exception):
@@ -128,10 +125,10 @@ class StraightLine(Segment):
         q, steps, side = self.start, max(1, int(np.ceil(self.length / STEP))), 0.0
         for step in range(steps + 1):
             q = self._solved(step / steps, q) if step else q
-            determinant = float(np.linalg.det(self._kin.jacobian(q)))
-            if determinant * side < 0.0 and abs(determinant) > NO_SIGN:
+            now = float(determinant_sign(self._kin.jacobian(q)))
+            if now * side < 0.0:
                 raise LineError(f"the straight line passes a singularity before {100 * step / steps:.0f} % of the way")
-            side = side or (determinant if abs(determinant) > NO_SIGN else 0.0)
+            side = side or now
         return q
 
     def _solved(self, share: float, q: Floats) -> Floats:
@@ -363,6 +360,6 @@ class ToolSpeed:
         jacobian = self._kin.jacobian(middle)
         if not twist.any():
             return np.zeros_like(q)
-        if abs(float(np.linalg.det(jacobian))) < NO_SIGN:
+        if not determinant_sign(jacobian):
             raise LineError("the tool cannot keep its speed at a singularity")
         return np.asarray(np.linalg.solve(jacobian, twist), dtype=np.float64)

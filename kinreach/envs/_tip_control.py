@@ -14,6 +14,7 @@ from kinreach._checks import Floats
 from kinreach.envs._options import about
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics.inside import determinant_sign
 from kinreach.robots import ArmDescription
 
 Flags = NDArray[np.bool_]
@@ -29,8 +30,6 @@ MOVE, SMALL_STEP = (0.05, math.radians(5.0)), (0.02, math.radians(2.0))
 MAX_TURN = 0.5
 #: How often the way is halved where its end is not for the arm.
 HALVINGS = 6
-#: A determinant of the Jacobian that is nearer to 0 has no sign [m^3].
-NO_SIGN = 1e-8
 #: Poses that are solved one after the other, whatever else is in the batch.
 ALONE = 8
 
@@ -161,5 +160,4 @@ class TipControl:
 
     def _side(self, q: Floats) -> Floats:
         """Return the signs of the Jacobians' determinants, shape (m,); 0 where the arm is singular."""
-        determinants = np.linalg.det(self._each(q, self.kinematics.jacobian, self.kinematics.chain.jacobian))
-        return np.asarray(np.where(np.abs(determinants) > NO_SIGN, np.sign(determinants), 0.0))
+        return determinant_sign(self._each(q, self.kinematics.jacobian, self.kinematics.chain.jacobian))

@@ -54,6 +54,8 @@ PLAIN_AXES = {
 FEW = 32
 #: Joints that a pose needs.
 POSE_JOINTS = 6
+#: A determinant of the Jacobian that is nearer to 0 has no sign [m^3].
+NO_SIGN = 1e-8
 #: Methods of arms of which all postures are known, as a list or as curves.
 LISTS, CURVES = ("all_solutions", "batch", "nearest", "nearest_batch"), ("self_motions", "clearest", "manipulable")
 
@@ -448,6 +450,16 @@ class ArmKinematics:
 def link_frame(model: Any, link: str) -> int:
     """Return the index of a link's frame in a Pinocchio model; a joint may have the same name."""
     return int(model.getFrameId(link, pin.BODY))
+
+
+def determinant_sign(jacobians: Floats) -> Floats:
+    """Return the signs of determinants, which change where a posture passes a singularity; 0 at one.
+
+    Args:
+        jacobians: Shape (..., 6, 6).
+    """
+    determinants = np.linalg.det(jacobians)
+    return np.where(np.abs(determinants) > NO_SIGN, np.sign(determinants), 0.0)
 
 
 def sampling_limits(model: Any) -> tuple[Floats, Floats]:

@@ -49,8 +49,6 @@ from kinreach.kinematics._solutions import (
 TOLERANCE = 1e-7
 #: What is asked of the tip, as the core has it.
 CoreGoal = tuple[int, Floats]
-#: Joints that a full pose needs.
-POSE_JOINTS = 6
 #: Up to so many poses are solved one by one: a batch takes as long for two as for fifteen.
 FEW_POSES = 8
 #: Turns about the tip's z axis that are tried where the last joint does not do them alone [rad].

@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach._checks import Floats
 from kinreach._rotations import small_motion
 from kinreach.errors import InputError
-from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._arm import POSE_JOINTS, ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import PoseGoal, rigid_pose
 from kinreach.kinematics._solutions import Accept, IKResult, Status, Tolerance, check_accept
 from kinreach.kinematics._solvers.levenberg_marquardt import LevenbergMarquardtSolver
 
-#: Joints that a pose needs.
-POSE_JOINTS = 6
 #: How near a posture comes to its pose [m, rad], and starts of the search.
 EXACT, STARTS = Tolerance(1e-9, 1e-9), 8
 #: Steps from each start; the first and the shortest, in the joint that moves most [rad].

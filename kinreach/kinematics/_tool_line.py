@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from kinreach._checks import Floats, as_floats, check_number, check_poses
 from kinreach._rotations import PoseLine, pose
 from kinreach.errors import InputError, PathError
-from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._arm import ArmKinematics, determinant_sign
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._motion_check import MotionCheck
 
@@ -21,8 +21,6 @@ TURN_STEP = 0.02
 #: A joint that moves farther between two postures [rad] asks for one between them; where halving the way so often does
 #: not help, the branch ends in a singularity.
 MAX_JUMP, HALVINGS = 0.1, 8
-#: A determinant of the Jacobian that is nearer to 0 has no sign [m^3].
-NO_SIGN = 1e-8
 
 
 @dataclass(frozen=True)
@@ -110,7 +108,7 @@ def _as_poses(poses: ArrayLike) -> Floats:
 def _follow(
     kin: ArmKinematics, start: Floats, corners: Floats, step: float, motion: MotionCheck | None
 ) -> Floats | _Stop:
-    path, side = [start], _side(kin, start)
+    path, side = [start], float(determinant_sign(kin.jacobian(start)))
     for index in range(len(corners) - 1):
         line = PoseLine(corners[index], corners[index + 1])
         count = max(1, ceil(line.length / step), ceil(line.angle / TURN_STEP))
@@ -118,7 +116,7 @@ def _follow(
             known = len(path)
             stop = _extend(kin, path, line, (number - 1) / count, number / count, HALVINGS)
             for q in path[known:]:
-                now = _side(kin, q)
+                now = float(determinant_sign(kin.jacobian(q)))
                 if now * side < 0.0 and stop is None:
                     stop = (
                         (number - 1) / count,
@@ -131,12 +129,6 @@ def _follow(
             if stop is not None:
                 return _Stop(index, *stop)
     return np.array(path)
-
-
-def _side(kin: ArmKinematics, q: Floats) -> float:
-    """Return the sign of the Jacobian's determinant, which changes where a posture passes a singularity; 0 at one."""
-    determinant = float(np.linalg.det(kin.jacobian(q)))
-    return float(np.sign(determinant)) if abs(determinant) > NO_SIGN else 0.0
 
 
 def _extend(

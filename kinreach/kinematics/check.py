@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from kinreach._checks import Floats
 from kinreach.errors import InputError, InstallationError, NoShapesError
-from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._closed_form import POSE_JOINTS, ClosedFormKinematics
+from kinreach.kinematics._arm import POSE_JOINTS, ArmKinematics
+from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._five_axis import FiveAxisKinematics
 from kinreach.kinematics._goals import PoseGoal, PositionGoal

@@ -1,11 +1,12 @@
+from ._arm import POSE_JOINTS as POSE_JOINTS
 from ._arm import build_model as build_model
+from ._arm import determinant_sign as determinant_sign
 from ._arm import link_frame as link_frame
 from ._branches import SAME as SAME
 from ._branches import branch_of as branch_of
 from ._branches import described as described
 from ._branches import postures_of as postures_of
 from ._chain import SerialChain as SerialChain
-from ._closed_form import POSE_JOINTS as POSE_JOINTS
 from ._collision import MARGIN as MARGIN
 from ._collision import PATH_MARGIN as PATH_MARGIN
 from ._collision import check_shapes as check_shapes
