@@ -25,6 +25,8 @@ STEP = 0.005
 ITERATIONS, RESIDUAL, MAX_STEP = 12, 1e-9, 0.3
 #: Metres that a turn by one radian counts as, in the length of a straight line.
 METRES_PER_RADIAN = 1.0
+#: Where the Jacobian's determinant is less, the tool cannot keep its speed [m^3].
+SINGULAR = 1e-7
 
 
 class LineError(Exception):
@@ -360,6 +362,6 @@ class ToolSpeed:
         jacobian = self._kin.jacobian(middle)
         if not twist.any():
             return np.zeros_like(q)
-        if not determinant_sign(jacobian):
+        if abs(float(np.linalg.det(jacobian))) < SINGULAR:
             raise LineError("the tool cannot keep its speed at a singularity")
         return np.asarray(np.linalg.solve(jacobian, twist), dtype=np.float64)
