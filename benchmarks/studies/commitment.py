@@ -27,15 +27,19 @@ from kinreach._files import make_writable, replacing
 from kinreach.baselines import load_policy
 from kinreach.baselines._loop import as_policy, rollout
 from kinreach.cli import Parser, finish
-from kinreach.compare._methods.scenarios import ActFirst
+from kinreach.compare._methods.interception import Interception
+from kinreach.compare._methods.scenarios import ActFirst, Scenarios
 from kinreach.compare._task import get_task
 from kinreach.envs.moving import travel_times
+from kinreach.errors import InputError
 from kinreach.plots._style import new_figure
 from kinreach.robots import THESIS_ARM, get_arm
 
 PROG = "python -m benchmarks.studies.commitment"
 #: Delays [s], speeds [m/s] and strengths of the arm.
 DELAYS, SPEEDS, STRENGTHS = (0.05, 0.1, 0.2), (0.4, 0.8, 1.2), (1.0, 0.7)
+#: Planners that may decide in every so many frames.
+SLOW: dict[str, Any] = {"interception": Interception, "scenarios": Scenarios}
 #: Methods of the task, and with trainings the network alone and before the planner.
 METHODS, NETWORK, FIRST = ("interception", "scenarios", "ppo"), "network", "network, then interception"
 #: Seed of the balls, which nothing was chosen with.
@@ -65,10 +69,20 @@ def touched(method: str, file: str, world: Mapping[str, Any], *, balls: int, see
         if method == FIRST:
             policy = ActFirst(env, load_policy(file))
         else:
-            policy = load_policy(file) if method == NETWORK else task.methods[method].make(env)
+            policy = load_policy(file) if method == NETWORK else _planner(method, env)
         return [bool(trial["reached"]) for trial in rollout(env, as_policy(policy), task.resets(balls, seed, env))]
 
     return kept(out, {"method": method, "file": file, **world, "balls": balls, "seed": seed}, played)
+
+
+def _planner(method: str, env: Any) -> Any:
+    """Make a method of the task, which may decide in every so many frames, as `interception@3`."""
+    name, _, every = method.partition("@")
+    if not every:
+        return get_task("moving").methods[name].make(env)
+    if name not in SLOW or not every.isdecimal():
+        raise InputError(f"--methods: NAME@FRAMES with one of {', '.join(SLOW)}, got {method!r}")
+    return SLOW[name](env, every=int(every))
 
 
 def main(argv: list[str] | None = None) -> int:

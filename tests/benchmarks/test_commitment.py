@@ -1,5 +1,6 @@
 """The study of commitment: its axis, its table, and cells that are kept."""
 
+from contextlib import closing
 from importlib import resources
 
 import numpy as np
@@ -7,7 +8,9 @@ import pytest
 
 pytest.importorskip("torch")
 from benchmarks.studies import commitment
+from benchmarks.studies.moving_ball import make_world
 from benchmarks.studies.trainings import POLICY
+from kinreach.errors import InputError
 
 PRETRAINED = resources.files("kinreach.baselines") / "pretrained"
 
@@ -38,3 +41,12 @@ def test_the_table_is_resumed_and_drawn(tmp_path, capsys, monkeypatch):
     assert commitment.main([*arguments, "--figure", str(figure)]) == 0
     assert capsys.readouterr().out == table
     assert figure.stat().st_size > 10_000
+
+
+def test_a_planner_decides_in_every_so_many_frames():
+    with closing(make_world({"collisions": False})) as env:
+        assert commitment._planner("scenarios@4", env)._every == 4
+        assert commitment._planner("interception", env)._every == 1
+        for name in ("ppo@2", "interception@", "interception@x"):
+            with pytest.raises(InputError, match="NAME@FRAMES with one of interception, scenarios"):
+                commitment._planner(name, env)

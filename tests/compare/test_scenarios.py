@@ -13,7 +13,8 @@ from kinreach.compare._methods.futures import SPEEDS, Futures
 from kinreach.compare._methods.interception import Interception
 from kinreach.compare._methods.scenarios import ActFirst, Scenarios
 from kinreach.compare._methods.turn_rate import TurnRateFit
-from kinreach.envs import moving
+from kinreach.envs.inside import moving
+from kinreach.errors import InputError
 
 LOW, HIGH = np.array([0.3, -0.3]), np.array([0.65, 0.3])
 AHEAD = np.array([0.1, 0.2, 0.3])
@@ -110,6 +111,28 @@ def test_a_policy_acts_first_then_the_planner_that_has_seen_all(env):
         planner._sent[-1] = hybrid._sent[-1]
         assert planned.shape == (6,)
         observation, *_ = env.step(action)
+
+
+def test_a_slow_planner_follows_its_way_between_decisions():
+    """Each joint is where the way has it five frames after the decision, on which it goes on without another one."""
+    task, off = get_task("moving"), []
+    with closing(gym.make(task.environment, **{**task.options, "collisions": False})) as env:
+        for seed in range(3, 9):
+            planner = Interception(env, every=6)
+            observation, info = env.reset(seed=seed, options={"speed": 0.3})
+            planner.reset(observation, info)
+            way = None
+            for frame in range(12):
+                target = planner.act(observation)
+                if frame % 6 == 0:
+                    way = planner._followed
+                observation, *_ = env.step(target)
+            if way is not None and len(way) >= 6 * moving.PARTS:
+                off.append(np.abs(observation[moving.ANGLES] - way[6 * moving.PARTS - 1]).max())
+        with pytest.raises(InputError, match="every must be at least 1"):
+            Interception(env, every=0)
+    assert len(off) > 3
+    assert max(off) < 0.05
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach._checks import Floats
+from kinreach._checks import Floats, check_count
 from kinreach.baselines.inside import expert
 from kinreach.compare._methods.turn_rate import TurnRateFit
 from kinreach.envs.inside import moving as ball
@@ -105,10 +105,12 @@ class Interception(_ClosedForm):
     Args:
         env: `kinreach/Moving-v0`.
         noise: Standard deviation of a coordinate of a sight that is believed [m]; by default it is found.
+        every: Frames from a decision to the next, as if one took so long; in between the arm goes on its way.
     """
 
-    def __init__(self, env: gym.Env[Any, Any], *, noise: float | None = None) -> None:
+    def __init__(self, env: gym.Env[Any, Any], *, noise: float | None = None, every: int = 1) -> None:
         super().__init__(env)
+        self._every = check_count("every", every)
         self._counts = self._env.options.collisions
         self._checker = ball.ur5_checker(self._env.options.margin)
         self._noise = noise
@@ -126,6 +128,7 @@ class Interception(_ClosedForm):
         self._limits, self._late, self._missed = dict(self._known), 0, np.zeros((len(FRAMES_LATE), len(SHARES)))
         self._last, self._sent = (np.array(info["q"]), np.zeros(6)), len(FRAMES_LATE) * [self._target]
         self._escape, self._fast = self._target, False
+        self._followed: Floats | None = None
 
     def act(self, observation: Any) -> Floats:
         """Return the action of this frame on the way to the meeting."""
@@ -136,7 +139,11 @@ class Interception(_ClosedForm):
         age = self._fit.age + self._late / ball.FRAMES  # when the action is done, after those that are on their way
         for target in self._sent[len(self._sent) - self._late :]:
             q, v = self._after_a_frame(q, v, target, self._limits)
-        self._choose(q, v, age, observation[ball.BALL])
+        if (round(self._time * ball.FRAMES) - 1) % self._every == 0:
+            self._followed = None
+            self._choose(q, v, age, observation[ball.BALL])
+        elif self._followed is not None and len(self._followed) > ball.PARTS:
+            self._follow(q, v, self._followed[ball.PARTS :])
         if self._counts and not (self._fast and self._fit.noise <= TRUSTED_NOISE):
             self._keep_a_way_out(q, v)
         self._sent.append(self._target)
@@ -307,6 +314,7 @@ class Interception(_ClosedForm):
 
     def _follow(self, q: Floats, v: Floats, way: Floats) -> None:
         """Choose the target that leads each joint to where the way is some frames later, the most that are free."""
+        self._followed = way
         for frames in FRAMES_AHEAD:
             parts = min(frames * ball.PARTS, len(way))
             self._target = self._towards(q, v, way[parts - 1], parts)

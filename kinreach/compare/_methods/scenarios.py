@@ -38,10 +38,11 @@ class Scenarios(Interception):
     Args:
         env: `kinreach/Moving-v0`.
         count: Futures that are drawn in a decision.
+        every: As of `Interception`.
     """
 
-    def __init__(self, env: gym.Env[Any, Any], *, count: int = COUNT) -> None:
-        super().__init__(env)
+    def __init__(self, env: gym.Env[Any, Any], *, count: int = COUNT, every: int = 1) -> None:
+        super().__init__(env, every=every)
         self._count = count
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
@@ -50,7 +51,6 @@ class Scenarios(Interception):
         self._futures = Futures(self._low, self._high)
 
     def _choose(self, q: Floats, v: Floats, age: float, seen: Floats) -> None:
-        self._chosen: Floats | None = None
         super()._choose(q, v, age, seen)
         frames = np.arange(EVERY, HORIZON + 1, EVERY)
         xy = self._futures.draw(self._fit, self._count, age + frames / ball.FRAMES)
@@ -70,12 +70,8 @@ class Scenarios(Interception):
             if worth[index] < worth[0] + GAIN:
                 return
             if self._is_free(q, v, tried[index]):
-                self._target = tried[index]
+                self._target, self._followed = tried[index], None
                 return
-
-    def _follow(self, q: Floats, v: Floats, way: Floats) -> None:
-        self._chosen = way
-        super()._follow(q, v, way)
 
     def _postures_at(self, xy: Floats) -> Floats:
         """Return postures with the tool down at places [m], shape (k, n, 2) to (k, n, 6)."""
@@ -111,10 +107,10 @@ class Scenarios(Interception):
 
     def _met_on_the_way(self, xy: Floats, there: Any, frames: Any) -> Any:
         """Return which futures are touched on the way that `Interception` follows, shape (k,)."""
-        if self._chosen is None:
+        if self._followed is None:
             return np.zeros(len(xy), dtype=np.bool_)
-        parts = np.arange(1, len(self._chosen) + 1)
-        tips = self._kinematics.fk(self._chosen)[:, :2, 3]
+        parts = np.arange(1, len(self._followed) + 1)
+        tips = self._kinematics.fk(self._followed)[:, :2, 3]
         times = frames * ball.PARTS
         within = (parts >= times[0]) & (parts <= times[-1])
         near = np.zeros(len(xy), dtype=np.bool_)
