@@ -1,6 +1,7 @@
 """Calibration of any arm's chain, and how often a file is read."""
 
 from dataclasses import replace
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -41,6 +42,17 @@ def test_any_arm_is_calibrated_from_what_a_tracker_saw(tmp_path, with_rotations,
     assert np.abs(np.linalg.norm(apart[0][:, :3, 0], axis=1) - np.linalg.norm(apart[1][:, :3, 0], axis=1)).max() < 5e-6
     with pytest.raises(InputError, match=r"must end in \.urdf"):
         result.save(tmp_path / "panda.conf")
+
+
+def test_a_joint_whose_axis_is_not_written_turns_about_x():
+    """As URDF has it, whether `<axis>` is missing or says nothing."""
+    text = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+    <joint name="j" type="continuous"><parent link="a"/><child link="b"/><origin xyz="1 2 3"/></joint>
+    <joint name="k" type="continuous"><parent link="b"/><child link="c"/><origin xyz="0 1 0"/><axis/></joint></robot>"""
+    chain = UrdfChain.of(ET.fromstring(text), ("j", "k"), base="a", tip="c")
+    q = np.random.default_rng(6).uniform(-3, 3, (50, 2))
+    about_x = [pose([1, 2, 3, first, 0, 0]) @ pose([0, 1, 0, second, 0, 0]) for first, second in q]
+    np.testing.assert_allclose(frames_of(chain.placements, q)[-1], about_x, atol=1e-12)
 
 
 def test_a_calibration_is_read_once(tmp_path, monkeypatch):
