@@ -26,6 +26,9 @@ SNAP = 1e-11
 #: By how much the product of a rotation and its transpose may be off.
 ORTHONORMAL = 1e-15
 
+#: Turns about an axis goal's direction that are tried [rad].
+TURNS = np.linspace(-np.pi, np.pi, 120, endpoint=False)
+
 #: One number for each posture, an array of shape (m,) or a tensor, or one number for all, a float.
 Entry = Any
 Vector = Sequence[Entry]

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, as_floats, check_tolerance, is_tensor
-from kinreach._rotations import rotation_angle, small_motion, turns_about_z, wrapped
+from kinreach._rotations import rotation_angle, small_motion, turn, turns_about_z, wrapped
 from kinreach.errors import InputError
-from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics
-from kinreach.kinematics._goals import rigid_pose, rigid_poses
+from kinreach.kinematics._chain import TURNS, poses_about
+from kinreach.kinematics._closed_form import POSE_JOINTS, TOLERANCE, ClosedFormKinematics
+from kinreach.kinematics._goals import AxisGoal, Goal, PositionGoal, rigid_pose, rigid_poses
 from kinreach.kinematics._solutions import (
     ANGLES,
+    Accept,
     IKBatch,
     IKBatchNearest,
+    IKResult,
     IKSolutions,
     Status,
+    Tolerance,
+    check_accept,
     nearest_windings,
     past_limits,
 )
@@ -30,6 +36,8 @@ NOWHERE = 1e-9
 #: Steps of Newton's method, for postures that miss by less than this, and by more [m, rad]; a joint that moves the tip
 #: by less than this share of what another does is left where it is.
 STEPS, NEAR, EXACT, FREE = 2, 1e-5, 1e-12, 1e-6
+#: How far a joint that keeps its value may be from it [rad].
+KEPT = 1e-4
 #: Flag of a posture in which a joint is free, or that only just reaches.
 SINGULAR = 1
 
@@ -52,7 +60,9 @@ class SlidingKinematics(ClosedFormKinematics):
     pose has postures only if its orientation is one that the arm can have.
 
     Postures miss their pose by less than 1e-9 m and rad. Where a pose is singular, a joint that is free keeps the
-    seed's value, or is at 0.
+    seed's value, or is at 0. For a `PositionGoal` a SCARA's last joint that turns keeps the seed's value, of a gantry
+    every joint that turns. For an `AxisGoal` a gantry with three of them tries turns about the direction in steps of
+    3 degrees.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -64,7 +74,10 @@ class SlidingKinematics(ClosedFormKinematics):
         InputError: The arm is neither.
     """
 
-    unsolved = "an arm with joints that slide has a closed form for poses; give a PoseGoal, or use a numeric solver"
+    unsolved = (
+        "a gantry with fewer than three joints that turn has a closed form for poses and positions; give a PoseGoal, "
+        "or use a numeric solver"
+    )
 
     def _prepare(self) -> None:
         slides, self._still = self.slides, self.chain.fk(np.zeros((1, self.n)))[0]
@@ -102,6 +115,7 @@ class SlidingKinematics(ClosedFormKinematics):
         radii = [self._sign[i] * 1j * -(self._plane @ self._ways[:, i]) for i in turning]
         tip = complex(self._plane @ self._still[:3, 3])
         shoulder, elbow, wrist = (tip - radius for radius in radii)
+        self._last_turning = int(turning[2])
         self._shoulder, self._links = shoulder, (elbow - shoulder, wrist - elbow, tip - wrist)
         if min(map(abs, self._links[:2])) < NOWHERE:
             raise InputError(f"arm {self.arm.name!r}: two of its three axes are one")
@@ -156,6 +170,68 @@ class SlidingKinematics(ClosedFormKinematics):
             kept = kept[np.argsort(np.linalg.norm(kept[:, ANGLES] - start, axis=1), kind="stable")]
         return IKSolutions(kept, Status.OK, "", errors)
 
+    def _solve_position(self, goal: PositionGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        start = self.as_posture("seed", seed)
+        pose = self.fk(start)
+        pose[:3, 3] = goal.position
+        if self._find != self._scara_postures:
+            return self._nearest_of(goal, pose[None], start, accept)
+        found = self._scara_postures(pose, start, hold=True)
+        poses = self.fk(np.reshape(found.q, (-1, self.n)))
+        poses[:, :3, 3] = goal.position
+        return self._nearest_of(goal, poses, start, accept, keeps=self._last_turning, reason=found.reason)
+
+    def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
+        start = self.as_posture("seed", seed)
+        if self._find == self._scara_postures:
+            now, wanted = (z - self._axis * (self._axis @ z) for z in (self._still[:3, 2], goal.axis))
+            if min(np.linalg.norm(now), np.linalg.norm(wanted)) < PARALLEL:  # no turn about its axis changes it
+                held = self._solve_position(PositionGoal(goal.position), start, accept)
+                return self._with_direction(goal, held)
+            heading = float(np.arctan2(self._axis @ np.cross(now, wanted), now @ wanted))
+            pose = self._still.copy()
+            pose[:3, :3] = turn(self._axis, heading) @ pose[:3, :3]
+            pose[:3, 3] = goal.position
+            return self._with_direction(goal, self._nearest_of(goal, pose[None], start, accept))
+        if self.n < POSE_JOINTS:
+            raise InputError(self.unsolved)
+        return self._nearest_of(goal, poses_about(goal.position, goal.axis, TURNS), start, accept)
+
+    def _with_direction(self, goal: AxisGoal, found: IKResult) -> IKResult:
+        """A result for a goal's position, which has its direction, too, or says that it cannot."""
+        position, left = goal.error(self.fk(found.q))
+        found = replace(found, position_error=position, orientation_error=left)
+        if not found.success or left <= Tolerance().orientation:
+            return found
+        reason = f"its joints leave {left:.3g} rad of this direction"
+        return replace(found, status=Status.OUT_OF_REACH, reason=reason, branch=-1)
+
+    def _nearest_of(
+        self,
+        goal: Goal,
+        poses: Floats,
+        start: Floats,
+        accept: Accept | None,
+        *,
+        keeps: int | None = None,
+        reason: str = "",
+    ) -> IKResult:
+        """The accepted posture of several poses (m, 4, 4) that is nearest to the start, with the value of a joint."""
+        check_accept(accept)
+        every = [self.all_solutions(pose, seed=start) for pose in poses]
+        found = [each for one in every for each in one if keeps is None or abs(each.q[keeps] - start[keeps]) < KEPT]
+        found.sort(key=lambda each: float(np.linalg.norm(each.q - start)))
+        for each in found:
+            if accept is None or accept(each.q.copy()):
+                return IKResult.of(self, goal, each.q, branch=each.branch)
+        if found:
+            status, reason = Status.REJECTED, f"accept refused all {len(found)} postures"
+            return IKResult(found[0].q, status, *goal.error(self.fk(found[0].q)), reason)
+        limited = any(one.status is Status.OUT_OF_LIMITS for one in every)
+        status = Status.OUT_OF_LIMITS if limited else Status.OUT_OF_REACH
+        reason = next((one.reason for one in every if one.status is status), reason)
+        return IKResult(start.copy(), status, *goal.error(self.fk(start)), reason)
+
     def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = TOLERANCE) -> IKBatch:
         """Compute every posture of many poses, one after the other; as `ClosedFormKinematics.batch`."""
         if is_tensor(T):
@@ -195,13 +271,20 @@ class SlidingKinematics(ClosedFormKinematics):
     def _why(self, T: Floats) -> str:
         return "its joints cannot turn the tip to this orientation"
 
-    def _scara_postures(self, T: Floats, near: Floats) -> Found:
+    def _scara_postures(self, T: Floats, near: Floats, *, hold: bool = False) -> Found:
+        """Postures of a pose; with `hold` of its point, and the last joint that turns keeps its value."""
         R = T[:3, :3] @ self._still[:3, :3].T
         # the turn about the axis that is nearest to R: the others do not matter where it is one
-        turn = 2.0 * self._axis @ small_motion(T, self._still)[3:]
-        heading = float(np.arctan2(turn, np.trace(R) - self._axis @ R @ self._axis))
+        sine = 2.0 * self._axis @ small_motion(T, self._still)[3:]
+        heading = float(np.arctan2(sine, np.trace(R) - self._axis @ R @ self._axis))
         target = complex(self._plane @ T[:3, 3])
+        turning = np.flatnonzero(~self.slides)
         upper, fore, hand = self._links
+        held = float(self._sign[self._last_turning] * near[self._last_turning])
+        if hold:
+            fore, hand = fore + np.exp(1j * held) * hand, 0j
+            if abs(fore) < NOWHERE:
+                return Found([], [], [], f"with {self.arm.joints[self._last_turning]} there the tip is on another axis")
         way = target - self._shoulder - np.exp(1j * heading) * hand
         between = np.conj(upper) * fore
         cosine = (abs(way) ** 2 - abs(upper) ** 2 - abs(fore) ** 2) / (2.0 * abs(between))
@@ -211,7 +294,6 @@ class SlidingKinematics(ClosedFormKinematics):
             what = f"{far:.3g} m too far from" if far > close else f"{close:.3g} m too close to"
             reason = f"the goal is {what} the axis of {self.arm.joints[int(np.flatnonzero(~self.slides)[0])]}"
         bend, straight = float(np.arccos(np.clip(cosine, -1.0, 1.0))), abs(cosine) >= 1.0
-        turning = np.flatnonzero(~self.slides)
         slide = int(np.flatnonzero(self.slides)[0])
         found = Found([], [], [], reason)
         for branch, angle in enumerate((bend,) if straight else (bend, -bend)):
@@ -220,7 +302,8 @@ class SlidingKinematics(ClosedFormKinematics):
             free = abs(way) < NOWHERE
             first = self._sign[turning[0]] * near[turning[0]] if free else np.angle(way / arm)
             q = np.zeros(self.n)
-            q[turning] = self._sign[turning] * wrapped(np.array([first, second, heading - first - second]))
+            third = held if hold else heading - first - second
+            q[turning] = self._sign[turning] * wrapped(np.array([first, second, third]))
             q[slide] = self._sign[slide] * (self._axis @ (T[:3, 3] - self._still[:3, 3]))
             found.branch.append(branch)
             found.flags.append(SINGULAR if free or straight else 0)

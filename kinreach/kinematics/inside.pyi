@@ -21,6 +21,7 @@ from ._solutions import nearest_windings as nearest_windings
 from ._solutions import past_limits as past_limits
 from ._solvers import SOLVERS as SOLVERS
 from ._solvers import new_solver as new_solver
+from ._solvers.placo_solver import place_robot as place_robot
 from ._solvers.placo_solver import placo_program as placo_program
 from ._solvers.placo_solver import placo_robot as placo_robot
 from ._ur.geometry import Miss as Miss

@@ -24,9 +24,11 @@ from kinreach.robots._ur import ur_model
 from kinreach.robots._urdf import (
     WORLD,
     CheckedUrdf,
+    Follows,
     UrdfArm,
     check_home,
     check_urdf,
+    following_joints,
     link_before,
     links_below,
     named,
@@ -73,13 +75,13 @@ class ArmDescription:
         package_root: Returns the folder that `package://` stands for, or None if the URDF names no mesh.
         meshes: What collision checks use of a mesh: `"hulls"`, its convex hull, as MuJoCo does; or `"triangles"`, the
             mesh itself, the default of URDF files.
-        position_gains: Stiffness of the position servo of each joint [N m/rad]; default makes each servo answer in
-            1/30 s, by an estimate of the inertia that the joint carries.
-        speed_limit: Joint speed the controller commands [rad/s]; default is the slowest joint's limit, at most 3.
-        acceleration_limit: Joint acceleration the controller commands [rad/s^2]; default is what half of the joints'
-            torque can give, at most 10.
-        armature: Rotor inertia seen at each joint [kg m^2].
-        joint_damping: Viscous friction of each joint [N m s/rad]; default is that of the URDF.
+        position_gains: Stiffness of the position servo of each joint [N m/rad], of a slide [N/m]; default makes each
+            servo answer in 1/30 s, by an estimate of the inertia, or of the mass, that the joint carries.
+        speed_limit: Joint speed the controller commands [rad/s, m/s]; default is the slowest joint's limit, at most 3.
+        acceleration_limit: Joint acceleration the controller commands [rad/s^2, m/s^2]; default is what half of the
+            joints' torque or force can give, at most 10.
+        armature: Rotor inertia seen at each joint [kg m^2], at a slide [kg].
+        joint_damping: Viscous friction of each joint [N m s/rad, N s/m]; default is that of the URDF.
         gripper: The gripper, or None.
         moves_last: Joints that a two-phase move holds still until all others have arrived; default none.
         cameras: Cameras on the arm and around it; those with `observed=True` measure the goal, and `overview` is the
@@ -472,6 +474,12 @@ class ArmDescription:
 def between_phases(arm: ArmDescription, q: Floats, target: Floats) -> Floats:
     """Return the postures (..., n) between the phases of moves from `q`: all but `arm.moves_last` are at the target."""
     return np.where(np.isin(arm.joints, arm.moves_last), q, target)
+
+
+def followers(arm: ArmDescription) -> dict[str, Follows]:
+    """Return the joints that follow one of an arm's, by their names, and how."""
+    every = following_joints(arm.robot).items()
+    return {name: how for name, how in every if name not in arm.locked_joints and how.joint in arm.joints}
 
 
 def _checked_facts(facts: dict[str, Any]) -> dict[str, Any]:

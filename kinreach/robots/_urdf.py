@@ -700,23 +700,29 @@ class UrdfArm:
 
     @property
     def damping(self) -> tuple[float, ...]:
-        """Viscous friction of each joint [N m s/rad]; 0 where the URDF gives none."""
+        """Viscous friction of each joint [N m s/rad, N s/m]; 0 where the URDF gives none."""
         return tuple(self._number(joint, "dynamics", "damping") for joint in self.joints)
 
     @property
     def speed_limit(self) -> float:
-        """The slowest joint's limit [rad/s]."""
+        """The slowest joint's limit [rad/s, m/s]."""
         given = [speed for joint in self.joints if (speed := self._number(joint, "limit", "velocity")) > 0.0]
         return min([MAX_SPEED, *given])
 
     def acceleration_limit(self, armature: float) -> float:
-        """Return what every joint reaches with half of its torque [rad/s^2], from its rotor inertia [kg m^2]."""
+        """Return what every joint reaches with half of its torque or force [rad/s^2, m/s^2].
+
+        Armature is the inertia of its rotor [kg m^2, kg].
+        """
         torques = [self._number(joint, "limit", "effort") for joint in self.joints]
         loads = [inertia + armature for inertia in self._inertias]
         return min([MAX_ACCELERATION, *(t / (2.0 * load) for t, load in zip(torques, loads, strict=True) if t > 0.0)])
 
     def position_gains(self, armature: float) -> tuple[float, ...]:
-        """Return the stiffness of servos that answer at `SERVO_RATE` [N m/rad], from the rotor inertia [kg m^2]."""
+        """Return the stiffness of servos that answer at `SERVO_RATE` [N m/rad, N/m].
+
+        Armature is the inertia of their rotors [kg m^2, kg].
+        """
         return tuple(SERVO_RATE**2 * (inertia + armature) for inertia in self._inertias)
 
     @property
@@ -730,7 +736,7 @@ class UrdfArm:
 
     @cached_property
     def _inertias(self) -> list[float]:
-        """Inertia that each joint carries when the arm is stretched out [kg m^2]."""
+        """Inertia that each joint carries when the arm is stretched out [kg m^2]; of a slide the mass [kg]."""
         carried = dict.fromkeys(self.joints, 0.0)
         for name, link in self._links.items():
             inertial = link.find("inertial")
@@ -738,7 +744,8 @@ class UrdfArm:
             own = max(_value(inertial, "inertia", axis) for axis in ("ixx", "iyy", "izz"))
             for joint in reversed(self._path(name)):
                 if joint.get("name") in carried:
-                    carried[joint.get("name", "")] += mass * distance**2 + own
+                    turned = mass if joint.get("type") == "prismatic" else mass * distance**2 + own
+                    carried[joint.get("name", "")] += turned
                 distance += _length(joint)
         return list(carried.values())
 

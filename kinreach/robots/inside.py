@@ -4,8 +4,8 @@
 - Shapes of links, obstacles and meshes, for drawing, simulation and collision checks.
 - Moves of two phases: `between_phases`.
 - URDF elements: `neighbours`, `origin_of`, `without_shapes`, `skeleton`.
-- Joints without end: `endless_joints`, `one_number_each`; those that follow others: `following_joints`,
-  `set_follows`; that slide: `sliding_joints`.
+- Joints without end: `endless_joints`, `one_number_each`; those that follow others: `followers`, `following_joints`,
+  `set_follows`.
 - URs: names of joints and frames, and what the maker's tables say of each model.
 - Identification: an arm's frames from measured positions or poses, with a prior.
 """

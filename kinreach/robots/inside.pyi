@@ -1,5 +1,6 @@
 from ._calibration import nominal_dh as nominal_dh
 from ._description import between_phases as between_phases
+from ._description import followers as followers
 from ._flags import ArmFlags as ArmFlags
 from ._identification import IdentifiedArm as IdentifiedArm
 from ._identification import JointTerms as JointTerms
@@ -32,6 +33,5 @@ from ._urdf import one_number_each as one_number_each
 from ._urdf import origin_of as origin_of
 from ._urdf import set_follows as set_follows
 from ._urdf import skeleton as skeleton
-from ._urdf import sliding_joints as sliding_joints
 from ._urdf import without_shapes as without_shapes
 from ._workcell import as_obstacles as as_obstacles

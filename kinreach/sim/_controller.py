@@ -11,7 +11,7 @@ How the servos are led to a target is in `kinreach.sim._setpoints`; what is move
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -25,6 +25,7 @@ from kinreach.kinematics.inside import past_limits
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import between_phases
 from kinreach.sim._engine import mujoco
+from kinreach.sim._joints import ArmJoints, as_index
 from kinreach.sim._movable_boxes import box_names
 from kinreach.sim._plants import Ids, Plant, rows_and_columns
 from kinreach.sim._setpoints import ARRIVED, DIVERGED, LATE, MOVING, Following, SetpointPlanner
@@ -145,6 +146,7 @@ class JointController:
     Attributes:
         tolerance: How far from its target a joint may come to rest [rad].
         lower, upper: Joint limits [rad], shape (n,).
+        joints: Where the arm's joints are in MuJoCo's arrays, with those that follow them.
         qpos, ctrl: Where the arm's joints are in MuJoCo's `qpos` and `ctrl`.
         obstacles: Names of the bodies that are not links.
         objects: Those of them that are free objects. One that is held, or pushed, makes no target impossible.
@@ -164,19 +166,19 @@ class JointController:
         self.arm = arm
         self.model = model
         self.tolerance = check_number("tolerance", tolerance, above=0.0, most=np.pi)
-        joints = [model.joint(name) for name in arm.joints]
-        self.qpos = as_index([joint.qposadr[0] for joint in joints])
+        self.joints = ArmJoints(arm, model)
+        self.qpos = self.joints.qpos
         endless = (-np.inf, np.inf)
+        joints = [model.joint(name) for name in arm.joints]
         ranges = [joint.range if model.jnt_limited[joint.id] else endless for joint in joints]
         self.lower, self.upper = np.array(ranges).T
         self.ctrl = as_index([model.actuator(name).id for name in arm.joints])
         free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         self.objects = frozenset(model.body(model.jnt_bodyid[joint]).name for joint in free)
         self.obstacles = frozenset(box.name for box in arm.workcell.obstacles) | self.objects | {*box_names(boxes)}
-        dof = as_index([joint.dofadr[0] for joint in joints])
-        self._following = Following(self.qpos, dof, self.ctrl, tolerance, model.opt.timestep, encoder_noise)
+        self._following = Following(self.qpos, self.joints.dof, self.ctrl, tolerance, model.opt.timestep, encoder_noise)
         self._planner = SetpointPlanner(
-            arm, planned_with or model, qpos=self.qpos, dof=dof, servos=self.ctrl, period=self._following.period
+            arm, planned_with or model, joints=self.joints, servos=self.ctrl, period=self._following.period
         )
         self.encoder_noise: Floats | None = None
         self._scratch = mujoco.MjData(model)
@@ -264,11 +266,3 @@ class JointController:
         mujoco.mj_kinematics(model, self._scratch)
         mujoco.mj_collision(model, self._scratch)
         return self._scratch
-
-
-def as_index(addresses: Sequence[int]) -> slice | NDArray[np.intp]:
-    """Return where the joints are in one of MuJoCo's arrays; a slice (a view, and faster) if they lie side by side."""
-    index = np.array(addresses, dtype=np.intp)
-    if (np.diff(index) == 1).all():
-        return slice(int(index[0]), int(index[-1]) + 1)
-    return index

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.errors import InputError
 from kinreach.robots import Gripper
-from kinreach.sim._controller import JointController, as_index, pairs_in_contact, touches
+from kinreach.sim._controller import JointController, pairs_in_contact, touches
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import BODY_FIELDS, GEOM_FIELDS, OBJECT, OBJECTS, Objects
 from kinreach.sim._imperfections import encoder_errors
+from kinreach.sim._joints import as_index
 from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, rows_and_columns
 from kinreach.sim._setpoints import CONTROL_PERIOD
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
@@ -88,7 +89,7 @@ class Grasping:
             plant.home(ids)
         else:
             mujoco.mj_resetDataKeyframe(plant.model, plant.data, plant.model.key("home").id)
-        plant.qpos[rows_and_columns(ids, controller.qpos)] = q
+        controller.joints.put(plant.qpos, ids, q)
         plant.ctrl[rows_and_columns(ids, controller.ctrl)] = q
 
     def put_fingers(self, ids: Ids, openings: Floats) -> None:

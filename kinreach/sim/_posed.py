@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from kinreach._checks import MAX_DISTANCE, Floats, as_vector
 from kinreach.robots import ArmDescription
 from kinreach.sim._engine import mujoco
+from kinreach.sim._joints import ArmJoints
 from kinreach.sim._scene import BALL, scene_model
 
 #: Time between two postures of `go` [s].
@@ -31,17 +32,17 @@ class PosedScene:
         self.data: Any = mujoco.MjData(self.model)
         self.watch: Callable[[], object] | None = None
         mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("home").id)
-        self._qpos = [int(self.model.joint(name).qposadr[0]) for name in arm.joints]
+        self._joints = ArmJoints(arm, self.model)
         self._ball = int(self.model.body(BALL).mocapid[0])
 
     @property
     def q(self) -> Floats:
         """Posture [rad], shape (n,)."""
-        return self.data.qpos[self._qpos]
+        return self.data.qpos[self._joints.qpos].copy()
 
     def put(self, q: ArrayLike, *, ball: ArrayLike | None = None, time: float | None = None) -> None:
         """Put the arm into a posture (n,) [rad], within its limits or not; ball [m] and time [s] stay if not given."""
-        self.data.qpos[self._qpos] = as_vector("q", q, len(self.arm.joints))
+        self._joints.put(self.data.qpos[None], slice(None), as_vector("q", q, len(self.arm.joints)))
         if ball is not None:
             self.data.mocap_pos[self._ball] = as_vector("ball", ball, 3, most=MAX_DISTANCE)
         if time is not None:

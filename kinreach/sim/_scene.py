@@ -20,7 +20,7 @@ from kinreach._checks import check_number
 from kinreach.errors import InputError
 from kinreach.kinematics.inside import check_shapes, disabled_pairs
 from kinreach.robots import ArmDescription
-from kinreach.robots.inside import collision_mesh, following_joints, sliding_joints
+from kinreach.robots.inside import collision_mesh, followers
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import add_free_objects
 from kinreach.sim._imperfections import IDEAL, PAYLOAD, Imperfections
@@ -35,8 +35,10 @@ BALL_GROUP = 1  # of its own, so that it can be drawn alone
 BALL_COLOUR = (0.86, 0.04, 0.03, 1.0)
 #: Stiffness of a finger's drive [N/m]: full force 12 mm from where it wants to be.
 GRIPPER_GAIN = 10_000.0
-#: Angles of the first joint at which it is tried what the first link touches.
+#: Angles, or places, of the first joint at which it is tried what the first link touches.
 ANGLES = 361
+#: MuJoCo's `solimp` of joints that follow others: how little they yield.
+COUPLING = [0.999, 0.9999, 0.001, 0.5, 2.0]
 #: Rotor inertia of the gripper's drive seen at a finger [kg].
 GRIPPER_ARMATURE = 0.1
 
@@ -61,13 +63,13 @@ def build_scene(
         InputError: An unusable or missing mesh, or an arm that MuJoCo refuses.
     """
     check_shapes(arm)
-    _check_joints(arm)
     with _refusals_of(arm):
         spec = _import_urdf(arm)
         spec.option.timestep = timestep
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         _drive_joints(spec, arm)
         _drive_gripper(spec, arm)
+        _couple_joints(spec, arm)
         _spoil(spec, arm, imperfections)
         _add_workcell(spec, arm, marker=objects == 0)
         _exclude_out_of_reach(spec, arm)
@@ -82,18 +84,6 @@ def build_scene(
         add_movable_boxes(spec, boxes)
         _add_home(spec, arm)
     return spec
-
-
-def _check_joints(arm: ArmDescription) -> None:
-    """Refuse joints of `q` that slide, and joints that follow one."""
-    follows = [name for name in following_joints(arm.robot) if name not in arm.locked_joints]
-    does = [f"joint {name!r} follows another" for name in follows]
-    does += [f"joint {name!r} slides" for name in sliding_joints(arm.robot) if name in arm.joints]
-    if does:
-        raise InputError(
-            f"arm {arm.name!r}: {does[0]}; the simulation takes joints that turn, each alone. Hold it with held=, or "
-            'use backend="kinematic", which has no dynamics'
-        )
 
 
 def check_timestep(timestep: object) -> None:
@@ -166,6 +156,14 @@ def _drive_gripper(spec: Any, arm: ArmDescription) -> None:
         _add_servo(spec, spec.joint(name), GRIPPER_GAIN)
 
 
+def _couple_joints(spec: Any, arm: ArmDescription) -> None:
+    """Constraints that bring joints to where those that they follow have them, as stiff as the timestep allows."""
+    for name, how in followers(arm).items():
+        coupling = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=name, name2=how.joint, solimp=COUPLING)
+        coupling.data[:5] = how.offset, how.factor, 0.0, 0.0, 0.0
+        coupling.solref[0] = 2.0 * spec.option.timestep
+
+
 def _add_servo(spec: Any, joint: Any, gain: float) -> None:
     """Critically damped position servo; its torque is limited by the joint's `actfrcrange`, the URDF's effort."""
     joint.actgravcomp = True
@@ -218,7 +216,7 @@ def _add_workcell(spec: Any, arm: ArmDescription, *, marker: bool) -> None:
 
 
 def _exclude_out_of_reach(spec: Any, arm: ArmDescription) -> None:
-    """Spare MuJoCo the obstacles that the first link cannot touch at any angle: a tenth of the time of every step.
+    """Spare MuJoCo the obstacles that the first link cannot touch anywhere: a tenth of the time of every step.
 
     That link is so near to what carries the arm that nothing but the search for a contact itself tells them apart.
     """
@@ -227,10 +225,12 @@ def _exclude_out_of_reach(spec: Any, arm: ArmDescription) -> None:
     joint = model.joint(arm.joints[0])
     link = model.body(model.jnt_bodyid[joint.id])
     low, high = joint.range if model.jnt_limited[joint.id] else (-np.pi, np.pi)
+    slides = joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE
     step = (high - low) / (ANGLES - 1)
     for geom in range(link.geomadr[0], link.geomadr[0] + link.geomnum[0]):
-        # Between two angles no point of the shape moves further.
-        model.geom_margin[geom] = step * (model.geom_rbound[geom] + np.linalg.norm(model.geom_pos[geom]))
+        # Between two places of the joint no point of the shape moves further.
+        arm_of = 1.0 if slides else model.geom_rbound[geom] + np.linalg.norm(model.geom_pos[geom])
+        model.geom_margin[geom] = step * arm_of
     touched = {name for pair in arm.workcell.touching for name in pair if link.name in pair}
     for angle in np.linspace(low, high, ANGLES):
         data.qpos[joint.qposadr] = angle
@@ -244,6 +244,7 @@ def _exclude_out_of_reach(spec: Any, arm: ArmDescription) -> None:
 
 def _add_home(spec: Any, arm: ArmDescription) -> None:
     position = {**dict(zip(arm.joints, arm.home, strict=True)), **arm.locked_joints}
+    position |= {name: how.factor * position[how.joint] + how.offset for name, how in followers(arm).items()}
     spec.add_key(
         name="home",
         qpos=[number for joint in spec.joints for number in _at_home(joint, position)],

@@ -18,6 +18,7 @@ from kinreach._checks import Floats
 from kinreach.robots import ArmDescription
 from kinreach.sim._engine import mujoco
 from kinreach.sim._imperfections import encoder_errors
+from kinreach.sim._joints import ArmJoints
 from kinreach.sim._plants import Ids, Plant, rows_and_columns
 
 #: Time between two setpoints [s].
@@ -105,11 +106,10 @@ class SetpointPlanner:
     not depend, to the bit, on what else is planned with it.
     """
 
-    def __init__(self, arm: ArmDescription, model: Any, *, qpos: Any, dof: Any, servos: Any, period: float) -> None:
+    def __init__(self, arm: ArmDescription, model: Any, *, joints: ArmJoints, servos: Any, period: float) -> None:
         self._arm = arm
         self._model = model
-        self._qpos = qpos
-        self._dof = dof
+        self._joints = joints
         self._period = period
         self._stiffness, self._lag = servo_response(model, servos)
         self._scratch = mujoco.MjData(model)
@@ -143,13 +143,13 @@ class SetpointPlanner:
         full, product = np.zeros(self._model.nv), np.empty(self._model.nv)
         for row, everything in enumerate(state):
             self._scratch.qpos[:] = everything
-            self._scratch.qpos[self._qpos] = q[row]
+            self._joints.put(self._scratch.qpos[None], slice(None), q[row])
             mujoco.mj_kinematics(self._model, self._scratch)
             mujoco.mj_comPos(self._model, self._scratch)
             mujoco.mj_makeM(self._model, self._scratch)
-            full[self._dof] = direction[row]
+            self._joints.spread(direction[row], full)
             mujoco.mj_mulM(self._model, self._scratch, product, full)
-            result[row] = product[self._dof]
+            result[row] = self._joints.gathered(product)
         return result
 
 

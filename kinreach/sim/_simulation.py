@@ -114,7 +114,7 @@ class ArmSimulation:
         q = as_vector("q", self.arm.home if q is None else q, len(self.arm.joints))
         self.controller.refuse_outside_limits(q)
         mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("home").id)
-        self.data.qpos[self.controller.qpos] = q
+        self.controller.joints.put(self._plant.qpos, self._only, q)
         self.data.ctrl[self.controller.ctrl] = q
 
     def place_ball(self, position: ArrayLike) -> None:
@@ -330,7 +330,7 @@ class BatchSimulation:
         for posture in q[self.controller.outside_limits(q).any(axis=1)]:
             self.controller.refuse_outside_limits(posture)
         self._plant.home(ids)
-        self._plant.qpos[rows_and_columns(ids, self.controller.qpos)] = q
+        self.controller.joints.put(self._plant.qpos, ids, q)
         self._plant.ctrl[rows_and_columns(ids, self.controller.ctrl)] = q
 
     def place_ball(self, ids: ArrayLike, positions: ArrayLike) -> None:

@@ -20,7 +20,6 @@ from kinreach.kinematics import (
 )
 from kinreach.kinematics.inside import new_solver
 from kinreach.robots import ArmDescription, Box
-from kinreach.sim import ArmSimulation
 from tests.robots.peoples_files import arm, shape
 
 RIGHT = "1.5707963267948966"
@@ -69,6 +68,24 @@ SCARA = (
     ("j2", "revolute", {"xyz": "0.25 0 0", "limits": (-2.5, 2.5)}),
     ("z", "prismatic", {"xyz": "0.2 0 0", "axis": "0 0 -1", "limits": (0.0, 0.18)}),
     ("j4", "continuous", {}),
+)
+RAIL = (
+    ("rail", "prismatic", {"xyz": "0 0 0.1", "axis": "0 1 0", "limits": (-0.4, 0.6)}),
+    ("j1", "revolute", {"xyz": "0 0 0.15"}),
+    ("j2", "revolute", {"xyz": "0 0.1 0", "rpy": f"{RIGHT} 0 0", "limits": (0.0, 3.1)}),
+    ("j3", "revolute", {"xyz": "0.4 0 0", "limits": (-2.0, 2.0)}),
+    ("j4", "revolute", {"xyz": "0.35 0 0"}),
+    ("j5", "revolute", {"xyz": "0 -0.1 0", "rpy": f"{RIGHT} 0 0"}),
+    ("j6", "revolute", {"xyz": "0 0.09 0", "rpy": f"-{RIGHT} 0 0"}),
+)
+COUPLED_WRIST = (
+    ("j1", "revolute", {"xyz": "0 0 0.2"}),
+    ("j2", "revolute", {"xyz": "0 0 0.1", "rpy": f"-{RIGHT} 0 0", "limits": (-1.2, 1.2)}),
+    ("j3", "revolute", {"xyz": "0.4 0 0", "limits": (-1.0, 2.0)}),
+    ("j4", "revolute", {"xyz": "0.05 0 0", "rpy": f"-{RIGHT} 0 0"}),
+    ("j5a", "revolute", {"xyz": "0 0 0.3", "rpy": "0.9 0 0"}),
+    ("j5b", "revolute", {"xyz": "0 0 0.1", "rpy": "-1.2 0 0", "mimic": follows("j5a", -1, 0.3)}),
+    ("j6", "revolute", {"xyz": "0 0 0.1", "rpy": "0.6 0 0"}),
 )
 
 
@@ -310,13 +327,6 @@ def test_limits_by_number_are_of_joints_that_turn(tmp_path):
     assert (kin.lower[2], kin.upper[2]) == (0.05, 0.1)
     with pytest.raises(InputError, match=r"joint 'z' at 0.5 m, outside its limits 0 to 0.18"):
         ArmDescription.from_urdf(tmp_path / "arm.urdf", home=(0, 0, 0.5, 0))
-
-
-@pytest.mark.parametrize(("joints", "said"), [(SCARA, "'z' slides"), (PALLETIZER, "'j2m' follows another")])
-def test_what_dynamics_do_not_take_is_named(joints, said, tmp_path):
-    described = written(tmp_path, chain(*joints)).arm
-    with pytest.raises(InputError, match=f"joint {said}; the simulation takes joints that turn.*kinematic"):
-        ArmSimulation(described)
 
 
 def test_followers_that_cannot_be_within_their_limits(tmp_path):

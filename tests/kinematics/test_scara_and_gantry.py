@@ -10,6 +10,7 @@ from kinreach.kinematics import (
     AxisGoal,
     LevenbergMarquardtSolver,
     PoseGoal,
+    PositionGoal,
     SixAxisKinematics,
     SlidingKinematics,
     Status,
@@ -175,6 +176,31 @@ def test_slides_are_not_wound(tmp_path):
     assert beyond.reason == "all 1 postures are outside the joint limits (s0)"
 
 
+def test_points_and_directions(tmp_path):
+    """What the goal leaves free keeps the seed's value: of a SCARA the last joint that turns, of a gantry the wrist."""
+    rng, solved, directed, refused = np.random.default_rng(8), 0, 0, 0
+    for kin in arms(rng, tmp_path):
+        scara = kin.n == 4 and kin.slides.sum() == 1
+        free = np.flatnonzero(~kin.slides)[2:3] if scara else np.flatnonzero(~kin.slides)
+        for q in rng.uniform(*kin.sampling_limits, (8, kin.n)):
+            T, seed = kin.fk(q), q + 0.05 * (kin.arm.home - q)
+            seed[free] = q[free]
+            found = kin.solve(PositionGoal(T[:3, 3]), seed)
+            assert found.success, found.reason
+            assert found.position_error < 1e-9
+            np.testing.assert_allclose(found.q[free], seed[free], atol=1e-6)
+            assert np.linalg.norm(found.q - seed) <= np.linalg.norm(q - seed) + 1e-6
+            refused += kin.solve(PositionGoal(T[:3, 3]), seed, accept=lambda q: False).status is Status.REJECTED
+            solved += 1
+            if scara or kin.n == 6:
+                found = kin.solve(AxisGoal(T[:3, 3], T[:3, 2]), seed)
+                assert found.success, found.reason
+                assert max(found.position_error, found.orientation_error) < 1e-9
+                directed += 1
+    assert solved == refused == 96
+    assert directed >= 64
+
+
 def test_why_there_is_none(tmp_path):
     kin = written(tmp_path, chain(*SCARA))
     T = kin.fk([0.3, 0.5, 0.1, 0.2])
@@ -191,8 +217,11 @@ def test_why_there_is_none(tmp_path):
         assert said in kin.nearest(pose, kin.arm.home).reason
     rejected = kin.nearest(T, kin.arm.home, accept=lambda q: False)
     assert rejected.status is Status.REJECTED
+    sideways = kin.solve(AxisGoal(T[:3, 3], [1.0, 0.0, 0.0]), kin.arm.home)
+    assert (sideways.status, sideways.reason) == (Status.OUT_OF_REACH, "its joints leave 1.57 rad of this direction")
+    gantry = written(tmp_path, random_gantry(np.random.default_rng(3), 1))
     with pytest.raises(InputError, match="give a PoseGoal, or use a numeric solver"):
-        kin.solve(AxisGoal(T[:3, 3], T[:3, 2]), kin.arm.home)
+        gantry.solve(AxisGoal(T[:3, 3], T[:3, 2]), gantry.arm.home)
     with pytest.raises(InputError, match="has a joint that slides; SixAxisKinematics takes joints that turn"):
         SixAxisKinematics(kin.arm)
 

@@ -11,7 +11,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach._engines import load
 from kinreach.kinematics import AxisGoal
-from kinreach.kinematics.inside import placo_program, placo_robot
+from kinreach.kinematics.inside import place_robot, placo_program, placo_robot
 
 pin: Any = load("pinocchio")
 
@@ -53,11 +53,9 @@ class WeightedPlaco:
         if not np.isfinite(self._seen).all():
             self.reason = "no camera found the ball"
             return None
-        kin, joints = self._kin, self._kin.arm.joints
+        kin = self._kin
         self._task.T_world_frame = kin.T_world_base @ self._aim()
-        for name, angle in zip(joints, self._q, strict=True):
-            self._robot.set_joint(name, angle)
-        self._robot.update_kinematics()
+        place_robot(kin, self._robot, self._q)
         q, steps, longest = self._q, 0, np.inf
         while steps < MAX_STEPS and longest > SETTLED:
             try:
@@ -65,7 +63,7 @@ class WeightedPlaco:
             except RuntimeError:  # rarely, placo finds NaN in what its program gives
                 break
             self._robot.update_kinematics()
-            last, q = q, np.array([self._robot.get_joint(name) for name in joints])
+            last, q = q, np.array([self._robot.get_joint(name) for name in kin.arm.joints])
             steps, longest = steps + 1, float(np.abs(q - last).max())
         self.diagnostics = {"iterations": steps}
         return self._env.action_for(np.clip(q, *kin.sampling_limits))

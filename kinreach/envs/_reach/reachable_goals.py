@@ -24,7 +24,8 @@ POSTURES, MAX_TRIES = 2000, 500
 class ReachableGoals:
     """Tip positions of random postures, kept where a solver reaches them as the task asks, without a collision.
 
-    They lie above the base, at 35 to 75 % of the arm's reach. The solver is Levenberg-Marquardt with restarts: a goal
+    They lie above the base, but for an arm whose tip is always below it, such as a SCARA's, and at 35 to 75 % of the
+    arm's reach. The solver is Levenberg-Marquardt with restarts: a goal
     that it does not find is left out for all methods.
     """
 
@@ -39,7 +40,7 @@ class ReachableGoals:
         for _ in range(MAX_TRIES):
             point = kin.positions(rng.uniform(*kin.sampling_limits))
             away = np.hypot(*(point - self._base)[:2])
-            if point[2] < self._base[2] or not MIN_SHARE * self._reach < away < MAX_SHARE * self._reach:
+            if point[2] < self._lowest or not MIN_SHARE * self._reach < away < MAX_SHARE * self._reach:
                 continue
             if self._solver.solve(tool_goal(self.arm, point), home, accept=self._checker.free).success:
                 return point
@@ -58,10 +59,19 @@ class ReachableGoals:
         return placement
 
     @cached_property
-    def _reach(self) -> float:
+    def _from_base(self) -> Floats:
+        """Tip positions of random postures, from the first joint [m], shape (POSTURES, 3)."""
         kin = self._kinematics
         q = np.random.default_rng(0).uniform(*kin.sampling_limits, (POSTURES, kin.n))
-        return float(np.hypot(*(kin.positions(q) - self._base)[:, :2].T).max())
+        return kin.positions(q) - self._base
+
+    @cached_property
+    def _reach(self) -> float:
+        return float(np.hypot(*self._from_base[:, :2].T).max())
+
+    @cached_property
+    def _lowest(self) -> float:
+        return float(self._base[2]) if (self._from_base[:, 2] >= 0.0).any() else -np.inf
 
     @cached_property
     def _checker(self) -> CollisionChecker:

@@ -11,7 +11,7 @@ from kinreach._checks import MAX_ANGLE, Floats, as_pose
 from kinreach._rotations import pose_error
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._chain import poses_about
+from kinreach.kinematics._chain import TURNS, poses_about
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, Goal, SolvesGoals, check_goal, nearest_rotations
 from kinreach.kinematics._seven_axis.curves import SelfMotions, surfaces_within_limits, within_limits
@@ -20,8 +20,6 @@ from kinreach.kinematics._seven_axis.tracing import SelfMotionTracer
 from kinreach.kinematics._six_axis.methods import WAYS
 from kinreach.kinematics._solutions import Accept, IKResult, Status, check_accept, nearest_windings
 
-#: Turns about an axis goal's direction that are tried [rad].
-TURNS = np.linspace(-np.pi, np.pi, 120, endpoint=False)
 UNREACHED = "no posture reaches the goal"
 
 

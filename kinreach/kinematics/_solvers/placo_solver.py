@@ -20,7 +20,7 @@ from kinreach.kinematics._solvers.iterative import (
     Descent,
     SteppingSolver,
 )
-from kinreach.robots.inside import following_joints, skeleton
+from kinreach.robots.inside import followers, skeleton
 
 pin: Any = load("pinocchio")
 
@@ -46,7 +46,7 @@ class PlacoSolver(SteppingSolver):
 
     def _prepare(self) -> None:
         ends = dict(zip(self.kin.arm.joints, self.joint_space.search_upper, strict=True))
-        follows = following_joints(self.kin.arm.robot)
+        follows = followers(self.kin.arm)
         free = [name for name in ends if np.isinf(ends[name])]
         free += [name for name, how in follows.items() if how.joint in free]
         self._work = _WorkSpace(self.kin, self.tolerance, self.dt, free)
@@ -130,13 +130,30 @@ def placo_robot(kin: ArmKinematics) -> tuple[Any, str]:
 
 
 def placo_program(kin: ArmKinematics, robot: Any) -> Any:
-    """Return a solver of placo for that robot, which moves neither its base nor the joints that are held."""
+    """Return a solver of placo for that robot, which moves neither its base nor the joints that are held.
+
+    Joints that follow others do, in its steps.
+    """
     placo: Any = load("placo")
     solver = placo.KinematicsSolver(robot)
     solver.mask_fbase(True)
     for name in kin.arm.locked_joints:
         solver.mask_dof(name)
+    if follows := followers(kin.arm):
+        gears = solver.add_gear_task()
+        gears.configure("followers", "hard", 1.0)
+        for name, how in follows.items():
+            gears.add_gear(name, how.joint, how.factor)
     return solver
+
+
+def place_robot(kin: ArmKinematics, robot: Any, q: Floats) -> None:
+    """Put that robot into a posture [rad, m], shape (n,), with the joints that follow others."""
+    for name, place in zip(kin.arm.joints, q, strict=True):
+        robot.set_joint(name, place)
+    for name, how in followers(kin.arm).items():  # their offsets are in their places: see `skeleton`
+        robot.set_joint(name, how.factor * q[kin.arm.joints.index(how.joint)])
+    robot.update_kinematics()
 
 
 class _WorkSpace(threading.local):
@@ -147,9 +164,7 @@ class _WorkSpace(threading.local):
         # Base, then all joints of the URDF. A copy, because state.q is a view of memory that placo replaces.
         self.configuration: Floats = self.robot.state.q.copy()
         self.entries = [self.robot.get_joint_offset(name) for name in kin.arm.joints]
-        follows = {
-            name: how for name, how in following_joints(kin.arm.robot).items() if name not in kin.arm.locked_joints
-        }
+        follows = followers(kin.arm)
         factors = np.zeros((len(follows), kin.n))
         for row, how in enumerate(follows.values()):
             factors[row, kin.arm.joints.index(how.joint)] = how.factor
@@ -163,11 +178,6 @@ class _WorkSpace(threading.local):
             solver.enable_joint_limits(True)
             solver.enable_velocity_limits(True)
             solver.dt = dt
-            if follows:
-                gears = solver.add_gear_task()
-                gears.configure("followers", "hard", 1.0)
-                for name, how in follows.items():
-                    gears.add_gear(name, how.joint, how.factor)
             self.problems[kind] = _Problem(kind, solver, self.tip, tolerance)
 
 
