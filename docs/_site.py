@@ -176,6 +176,8 @@ class Numbers(SphinxPostTransform):
             if UNBROKEN.search(text) and not isinstance(text.parent, nodes.literal | nodes.literal_block):
                 text.parent.replace(text, nodes.Text(UNBROKEN.sub("\N{NO-BREAK SPACE}", text)))
         for table in self.document.findall(nodes.table):
+            before = table.previous_sibling()
+            table["classes"] += ["data"] * bool(before and before.astext().startswith("<!-- table "))  # `tables.py`
             rows = [list(row.findall(nodes.entry)) for row in table.findall(nodes.row)]
             for column in zip(*rows, strict=False):
                 texts = [cell.astext().strip() for cell in column[1:]]

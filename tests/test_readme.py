@@ -186,8 +186,11 @@ def test_github_draws_the_pages_behind_links():
     texts = {page: (ROOT / page).read_text() for page in pages}
     assert [page for page, text in texts.items() if re.search(r"^(```|:::+)\{", text, re.MULTILINE)] == []
     tables = runpy.run_path(str(ROOT / "docs/tables.py"))
-    assert [page for page, text in texts.items() if tables["with_tables"](ROOT / page) != text] == []
     assert sum(len(tables["PLACE"].findall(text)) for text in texts.values()) >= 2
+    everywhere = {page: page.read_text() for page in sorted((ROOT / "docs").rglob("*.md"))}
+    assert [page for page, text in everywhere.items() if tables["with_tables"](page) != text] == []
+    assert [page for page, text in everywhere.items() if "{csv-table}" in text] == []
+    assert sum(len(tables["PLACE"].findall(text)) for text in everywhere.values()) >= 50
 
 
 @pytest.mark.slow

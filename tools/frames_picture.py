@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -21,6 +22,8 @@ from kinreach.robots._shapes import link_shapes
 OUT = Path(__file__).resolve().parents[1] / "docs/images/frames.png"
 #: Colours of the axes x, y and z.
 COLOURS = ("#c23b22", "#2e8b57", "#2b5fa8")
+#: Of the arm and of its tool.
+LINK, TOOL = "#f4f5f8", "#bcd2f0"
 POSTURE = np.radians([-60.0, -75.0, 95.0, -110.0, -90.0, 0.0])
 
 
@@ -28,12 +31,17 @@ def main() -> None:
     """Draw the frames of a UR5e with a tool."""
     arm = get_arm("ur5e").with_tool(Tool.tube([0.0, 0.0, 0.15, 0.0, 0.0, 0.0], 0.03))
     figure = Figure(figsize=(6.4, 5.2))
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
-    for shape in link_shapes(arm, "collision"):
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
+    faces, colours = [], []
+    for shape in link_shapes(arm):
         T = ArmKinematics(arm_with_tip(arm, shape.link), tip="link", base="world").fk(POSTURE)
         corners = shape.vertices @ T[:3, :3].T + T[:3, 3]
-        colour = "#7d9cc4" if shape.link == "tool_body" else "#c4c8cf"
-        axes.add_collection3d(Poly3DCollection(corners[shape.faces], color=colour, alpha=0.25, linewidth=0))
+        faces += list(corners[shape.faces])
+        colours += [TOOL if shape.link == "tool_body" else LINK] * len(shape.faces)
+    light = LightSource(azdeg=160.0, altdeg=50.0)
+    axes.add_collection3d(
+        Poly3DCollection(faces, facecolors=colours, edgecolors=colours, lw=0.3, shade=True, lightsource=light)
+    )
     frames = {
         "base_link": (ArmKinematics(arm, base="base_link").T_world_base, 0.36),
         "base": (ArmKinematics(arm, base="base").T_world_base, 0.36),
@@ -45,6 +53,8 @@ def main() -> None:
             if (name, letter) == ("base", "z"):  # that of base_link
                 continue
             axes.plot(*zip(T[:3, 3], T[:3, 3] + length * axis, strict=True), color=colour, linewidth=2.2, zorder=9)
+            if (name, letter) == ("tool0", "z"):  # where the tool's x is
+                continue
             text = f"{letter} {name}" if name.startswith("base") and letter != "z" else letter
             away = length + (0.09 if name.startswith("base") else 0.05)
             axes.text(*(T[:3, 3] + away * axis), text, color=colour, fontsize=10, ha="center", va="center", zorder=9)

@@ -25,6 +25,8 @@ ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs/images/thesis"
 #: Pixels.
 WIDTH = 1400
+#: Width of the figures whose words a phone shows at a readable size [inches].
+NARROW, PHONE = ("5.1", "5.2", "5.3", "5.4", "5.5", "5.6"), 6.4
 #: Notebook, then the figure's number in the thesis and what only the code of its cell has.
 PICTURES = {
     "01_reward_geometry": {
@@ -43,7 +45,7 @@ PICTURES = {
         "5.5": "(figure 5.5)",
         "5.6": "(figure 5.6)",
         "6.1": "(figure 6.1)",
-        "6.2": "figure 6.2",
+        "6.2": '(figure 6.2)"',
     },
 }
 
@@ -82,6 +84,8 @@ def main(argv: list[str] | None = None) -> int:
     os.chdir(ROOT / "notebooks")
     for name, wanted in PICTURES.items():
         for number, figure in figures_of(ROOT / "notebooks" / f"{name}.ipynb", wanted).items():
+            if number in NARROW:
+                figure.set_figwidth(PHONE)
             save(figure, folder / f"{number}.png")
             print(folder / f"{number}.png")
     return 0

@@ -60,10 +60,10 @@ def draw_training(
 ) -> Figure:
     """Draw learning curves as the thesis does: rewards (figures 5.1 and 5.3), and goals reached (5.2 and 5.4).
 
-    The horizontal axis counts episodes where each step is one, else steps. Bars are the goals in about 1000 of them, a
-    whole number of the log's rows; the label has their width. They are of the seed with the median of all goals. Twice
-    the thesis's 150 000 or more have at most 150 bars, with the share of episodes that reached the goal. Rewards and
-    distances are means over as many, and over at least 30 episodes.
+    The horizontal axis counts episodes where each step is one, else steps. Bars are goals per 1000 of them, as the
+    thesis counts. Each is a whole number of the log's rows, about 1000 wide. They are of the seed with the median of
+    all goals. Twice the thesis's 150 000 or more have at most 150 bars, with the share of episodes that reached the
+    goal. Rewards and distances are means over as many, and over at least 30 episodes.
 
     Args:
         curves: Name of a seed -> its learning curve: the columns that `kinreach.baselines.read_curve` returns.
@@ -214,10 +214,10 @@ def _bars(axes: Axes, seeds: Mapping[str, _Training], unit: str) -> None:
     shown = known[ordered[(len(ordered) - 1) // 2]] if ordered else next(iter(seeds.values()))
     widths = shown.end - shown.start
     counted = widths[0] < 2 * PER
-    heights = shown.reached if counted else 100.0 * shown.reached / np.maximum(shown.ended, 1.0)
-    axes.set_ylabel(
-        f"goals reached\nin {_grouped(widths[0])} {unit}" if counted else "episodes that\nreached the goal [%]"
-    )
+    # by the width of a whole bar: the last one, which may be narrower, is no rate of its own
+    heights = shown.reached * PER / widths[0] if counted else 100.0 * shown.reached / np.maximum(shown.ended, 1.0)
+    axes.set_ylabel(f"goals reached\nper {PER} {unit}" if counted else "episodes that\nreached the goal [%]")
+    width = f" · a bar is {_grouped(widths[0])} {unit}" if counted and round(widths[0]) != PER else ""
     axes.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1, steps=[1, 2, 5, 10]))
     if ordered:
         axes.bar(shown.start, heights, widths, align="edge", color=PALETTE[0], lw=0)
@@ -227,13 +227,13 @@ def _bars(axes: Axes, seeds: Mapping[str, _Training], unit: str) -> None:
         over = f"{_grouped(whole)} {unit} of {_seeds(len(seeds))}"
         text = f"no goal reached in {over}" if ordered else "this environment does not say what is reached"
         axes.set_ylim(0.0, 4.0)
-        axes.annotate(text, (0.5, 0.5), xycoords="axes fraction", ha="center", fontsize=10, color=FAINT)
+        axes.annotate(text, (0.62, 0.5), xycoords="axes fraction", ha="center", fontsize=10, color=FAINT)
     elif len(ordered) == 1:
-        key(axes, f"{_grouped(totals[ordered[0]])} goals in all")
+        key(axes, f"{_grouped(totals[ordered[0]])} goals in all{width}")
     else:
         name = ordered[(len(ordered) - 1) // 2]
         others: Sequence[str] = [_grouped(totals[each]) for each in ordered]
-        key(axes, f"bars: {verbatim(name)}, the median of {', '.join(others)} goals")
+        key(axes, f"bars: {verbatim(name)}, the median of {', '.join(others)} goals{width}")
 
 
 def _seeds(count: int) -> str:

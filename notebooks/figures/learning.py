@@ -154,16 +154,18 @@ def draw_distances(
     title: str,
     near: float = REACHED_DISTANCE,
     marks: Mapping[str, tuple[float, float]] | None = None,
+    log: bool = True,
     xlabel: str = "step of the episode",
     note: str = "",
 ) -> Figure:
-    """Draw the distance from the tip to the goal during episodes, on a log axis (thesis, figure 5.5).
+    """Draw the distance from the tip to the goal during episodes (thesis, figure 5.5).
 
     Args:
         episodes: Name -> distance [m] before the first and after every step, shape (n,).
         title: Of the figure.
         near: Distance at which a goal counts as reached [m].
         marks: Text -> step and distance [m]: results that others have reported.
+        log: Logarithmic vertical axis; a linear one begins at 0.
         xlabel: What is counted.
         note: Small print.
     """
@@ -175,9 +177,10 @@ def draw_distances(
         ax.plot(mm, color=colours[name], lw=1.8, marker="o", ms=2.5)
         ends[name] = (len(mm) - 1, mm[-1])
     ax.set(xlabel=xlabel, ylabel="distance to the goal [mm]", xlim=_hull([0, *(x for x, _ in ends.values())]))
-    if marks:
-        ax.set_ylim(bottom=min(ax.get_ylim()[0], 0.7e3 * min(d for _, d in marks.values())))
-    _log_axis(ax)
+    if log:
+        _log_axis(ax)
+    else:
+        ax.set_ylim(bottom=0.0)
     _mark(ax, {text: (step, 1e3 * d) for text, (step, d) in (marks or {}).items()})
     limit = 1e3 * near
     if ax.get_ylim()[0] < limit:
@@ -230,10 +233,11 @@ def _mark(axes: Axes, points: Mapping[str, tuple[float, float]]) -> None:
     """Draw results that others have reported: diamonds, with words at their left, or right where the border is near."""
     left, right = axes.get_xlim()
     for text, (x, y) in points.items():
-        beside = 1 if x < left + (right - left) / 8 else -1
+        beside = 1 if x < left + (right - left) / 6 else -1
         axes.plot(x, y, marker="D", ms=7, mfc="white", mec=INK, mew=1.6, ls="", clip_on=False, zorder=5)
-        words = axes.annotate(text, (x, y), xytext=(9 * beside, 5), textcoords="offset points", fontsize=8.5,
-                              ha="left" if beside > 0 else "right", color=INK, weight="bold", zorder=5)  # fmt: skip
+        words = axes.annotate(text, (x, y), xytext=(9, -12) if beside > 0 else (-9, 5), textcoords="offset points",
+                              ha="left" if beside > 0 else "right", fontsize=8.5, color=INK, weight="bold",
+                              zorder=5)  # fmt: skip
         words.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 
 

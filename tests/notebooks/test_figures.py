@@ -106,6 +106,8 @@ class TestLearning:
         assert points(ax) == pytest.approx(np.array([[0, 500], [1, 50], [2, 5]]))
         assert points(ax, 2)[0] == pytest.approx([1, 30])
         assert ax.get_yscale() == "log"
+        (linear,) = figures.draw_distances({"a": [0.5, 0.05]}, title="T", log=False).axes
+        assert (linear.get_yscale(), linear.get_ylim()[0]) == ("linear", 0.0)
         assert "dashed: 10 mm, near enough to reach the goal" in texts(figure)
 
     def test_discounted_rewards(self, rng, texts):

@@ -49,12 +49,15 @@ def test_one_goal_is_one_however_wide_a_row_is(rng):
         row, length = int(rng.choice([128, 256, 300, 1000, 1024])), int(rng.choice([1, 100]))
         log = curve(rng, row=row, rows=int(rng.integers(20, 150_000 // row)), length=length)
         (axes,) = draw_training({"seed 0": log}, environment=SINGLE, panels=["reached"]).axes
-        heights = [height for *_, height in bars(axes)]
-        assert heights == pytest.approx(np.round(heights))
-        assert sum(heights) == pytest.approx(goals_of(log))
+        width = axes.patches[0].get_width()
+        goals = [height * width / 1000 for *_, height in bars(axes)]
+        assert goals == pytest.approx(np.round(goals))
+        assert sum(goals) == pytest.approx(goals_of(log))
+        assert axes.get_ylabel() == f"goals reached\nper 1000 {'episodes' if length == 1 else 'steps'}"
+        assert (f"a bar is {width:.0f}" in axes.get_title("left")) == (bool(goals) and round(width) != 1000)
         widths = {round(width) for _, width, _ in bars(axes)[:-1]}
         assert all(width % row == 0 and 600 <= width <= 1400 for width in widths)
-        cases += bool(heights)
+        cases += bool(goals)
     assert cases > CASES / 2
 
 
@@ -65,9 +68,12 @@ def test_the_seed_with_the_median_of_all_goals_is_drawn(rng, texts):
         figure = draw_training(logs, environment=SINGLE, panels=["reached"])
         totals = {name: goals_of(log) for name, log in logs.items()}
         median = sorted(totals, key=totals.get)[2]
-        assert sum(height for *_, height in bars(figure.axes[0])) == pytest.approx(totals[median])
+        drawn = bars(figure.axes[0])
+        width = drawn[0][1]
+        assert sum(height * width / 1000 for *_, height in drawn) == pytest.approx(totals[median])
         words = next(text for text in texts(figure) if text.startswith("bars: "))
-        assert words == f"bars: {median}, the median of {', '.join(map(str, sorted(totals.values())))} goals"
+        counted = ", ".join(map(str, sorted(totals.values())))
+        assert words == f"bars: {median}, the median of {counted} goals · a bar is {width:.0f} episodes"
         cases += 1
     assert cases == 5
 
