@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from kinreach._checks import Floats, as_floats, check_tolerance, is_tensor
 from kinreach._rotations import rotation_angle, small_motion, turn, turns_about_z, wrapped
 from kinreach.errors import InputError
+from kinreach.kinematics._arm import POSE_JOINTS
 from kinreach.kinematics._chain import TURNS, poses_about
-from kinreach.kinematics._closed_form import POSE_JOINTS, TOLERANCE, ClosedFormKinematics
+from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics
 from kinreach.kinematics._goals import AxisGoal, Goal, PositionGoal, rigid_pose, rigid_poses
 from kinreach.kinematics._solutions import (
     ANGLES,

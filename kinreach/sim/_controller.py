@@ -25,9 +25,8 @@ from kinreach.kinematics.inside import past_limits
 from kinreach.robots import ArmDescription
 from kinreach.robots.inside import between_phases
 from kinreach.sim._engine import mujoco
-from kinreach.sim._joints import ArmJoints, as_index
 from kinreach.sim._movable_boxes import box_names
-from kinreach.sim._plants import Ids, Plant, rows_and_columns
+from kinreach.sim._plants import ArmJoints, Ids, Plant, as_index, rows_and_columns
 from kinreach.sim._setpoints import ARRIVED, DIVERGED, LATE, MOVING, Following, SetpointPlanner
 
 #: The thesis's tolerance: "the smallest value where the environment still gets the joint angles close" [rad].

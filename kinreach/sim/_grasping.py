@@ -14,8 +14,7 @@ from kinreach.sim._controller import JointController, pairs_in_contact, touches
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import BODY_FIELDS, GEOM_FIELDS, OBJECT, OBJECTS, Objects
 from kinreach.sim._imperfections import encoder_errors
-from kinreach.sim._joints import as_index
-from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, rows_and_columns
+from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, as_index, rows_and_columns
 from kinreach.sim._setpoints import CONTROL_PERIOD
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from kinreach._checks import MAX_DISTANCE, Floats, as_vector
 from kinreach.robots import ArmDescription
 from kinreach.sim._engine import mujoco
-from kinreach.sim._joints import ArmJoints
+from kinreach.sim._plants import ArmJoints
 from kinreach.sim._scene import BALL, scene_model
 
 #: Time between two postures of `go` [s].

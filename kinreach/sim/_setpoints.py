@@ -18,8 +18,7 @@ from kinreach._checks import Floats
 from kinreach.robots import ArmDescription
 from kinreach.sim._engine import mujoco
 from kinreach.sim._imperfections import encoder_errors
-from kinreach.sim._joints import ArmJoints
-from kinreach.sim._plants import Ids, Plant, rows_and_columns
+from kinreach.sim._plants import ArmJoints, Ids, Plant, rows_and_columns
 
 #: Time between two setpoints [s].
 CONTROL_PERIOD = 0.008
