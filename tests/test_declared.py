@@ -1,4 +1,4 @@
-"""What is declared stays: signatures, options of commands, tasks with methods and columns, recipes.
+"""What is declared stays: signatures, options of commands, tasks with methods and columns, recipes, arms.
 
 Each is a list in tests/data/declared; what is new needs no line there. `KINREACH_KEEP=1 pytest tests/test_declared.py`
 keeps what there is now; its change in git is to be read before it is committed.
@@ -23,6 +23,7 @@ from kinreach.baselines._recipes.reach import REACH_RECIPES
 from kinreach.cli import COMMANDS
 from kinreach.compare import get_task
 from kinreach.compare._task import _OWN
+from kinreach.robots import arm_names, get_arm
 
 KEPT = Path(__file__).parent / "data" / "declared"
 FACES = sorted(f"kinreach.{each.name}" for each in pkgutil.iter_modules(kinreach.__path__) if each.name[0] != "_")
@@ -104,7 +105,16 @@ def recipes():
         yield from listed(recipe, recipe.name)
 
 
-@pytest.mark.parametrize("declared", [signatures, commands, tasks, recipes])
+def arms():
+    """Without the shapes of links, which other tests see."""
+    for name in arm_names():
+        arm = get_arm(name)
+        for field in fields(arm):
+            if field.name not in ("build_urdf", "notes", "package_root"):
+                yield from listed(getattr(arm, field.name), f"{name}.{field.name}")
+
+
+@pytest.mark.parametrize("declared", [signatures, commands, tasks, recipes, arms])
 def test_what_is_declared_stays(declared):
     lines = list(declared())
     assert len(lines) > 40
