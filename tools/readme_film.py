@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
+from scipy.cluster.vq import kmeans2
 
 from kinreach._checks import Floats
 from kinreach.cli import Parser, finish
@@ -38,7 +40,7 @@ COMMAND = (
 )
 WIDTH, HEIGHT = 720, 450
 #: Milliseconds of a frame, and colours of the file.
-FRAME_MS, COLOURS = 60, 160
+FRAME_MS, COLOURS = 60, 256
 CAMERA = CameraMount("overview", "world", (1.62, -0.22, 0.82), (0.12, 0.02, 0.32), fovy=38.0)
 #: Frames: that a step stands still, that a posture takes to appear, that all take to go, and that the arm takes back.
 STILL, APPEARS, GOES, BACK = 14, 4, 8, 22
@@ -189,6 +191,24 @@ def font(name: str, size: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / f"fonts/ttf/{name}.ttf"), size)
 
 
+def palette_of(images: Sequence[Image.Image]) -> Image.Image:
+    """Return colours near to those of every third image, by k-means from an octree's; rare ones weigh more.
+
+    Without it a pale posture in front of the floor is pink in one frame and grey in the next.
+    """
+    shown = np.concatenate([np.asarray(image) for image in images[::3]])
+    octree = Image.fromarray(shown).quantize(COLOURS, Image.Quantize.FASTOCTREE)
+    first = np.reshape(octree.getpalette() or [], (-1, 3))[:COLOURS].astype(float)
+    colours, counts = np.unique((shown.reshape(-1, 3) // 2).astype(np.int64) @ (1 << 16, 1 << 8, 1), return_counts=True)
+    weighed = np.repeat(colours, np.maximum(1, np.sqrt(counts) / 4).astype(int))
+    pixels = 2.0 * np.stack([weighed >> 16, weighed >> 8 & 255, weighed & 255], axis=1) + 1.0
+    with warnings.catch_warnings(action="ignore"):  # of colours that no pixel is nearest to
+        found, _ = kmeans2(pixels, first, iter=12, minit="matrix")
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.round(found).astype(np.uint8).tobytes())
+    return palette
+
+
 def motion() -> TriedMotion:
     """Plan and try what `COMMAND` says."""
     arguments = _parser("kinreach move").parse_args(shlex.split(COMMAND)[2:])
@@ -203,11 +223,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=FILE, metavar="FILE", help="default: docs/images/ur5e.gif")
     arguments = parser.parse_args(argv)
     images = list(frames(motion()))
-    some = images[:: len(images) // 24]
-    sheet = Image.new("RGB", (WIDTH, HEIGHT * len(some)))
-    for index, image in enumerate(some):
-        sheet.paste(image, (0, HEIGHT * index))
-    palette = sheet.quantize(COLOURS, Image.Quantize.FASTOCTREE)
+    palette = palette_of(images)
     first, *rest = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
     first.save(arguments.out, save_all=True, append_images=rest, duration=FRAME_MS, loop=0, optimize=False)
     print(f"{arguments.out}: {len(images)} frames, {arguments.out.stat().st_size / 1e6:.1f} MB")
