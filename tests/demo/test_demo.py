@@ -137,6 +137,7 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
     assert path.stat().st_size > 10_000
     if ending == ".gif":
         with Image.open(path) as film:
+            assert film.info["loop"] == 0  # without end
             assert film.n_frames > 15  # the move takes more than a second
             assert film.size == (960, 540)
             film.seek(film.n_frames - 1)

@@ -464,3 +464,17 @@ def test_a_straight_line_within_the_reach_ends_where_a_closed_form_ends():
 
 def test_a_segment_of_no_length_is_done_at_once():
     assert JointLine(HOME, HOME, 1.0, 1.0).done
+
+
+@pytest.mark.parametrize(("kind", "speed", "acceleration"), [
+    ("movej", 1.05, 1.4), ("movel", 0.25, 1.2), ("movep", 0.25, 1.2), ("movec", 0.25, 1.2),
+])  # fmt: skip
+def test_what_a_program_leaves_out_of_a_motion_is_the_manuals(ur, kind, speed, acceleration):
+    """Its speed [m/s, rad/s], and the acceleration."""
+    goals = [f"p{listed(shifted(ur, *off))}" for off in ((0.1, 0.0, 0.1), (0.0, 0.0, 0.2))][kind != "movec" :]
+    done = ur.run(program(f"{kind}({', '.join([listed(HOME + [1.5, 0, 0, 0, 0, 0])] if kind == 'movej' else goals)})"))
+    assert done.reason == ""
+    way = done.commanded.q[:, :1] if kind == "movej" else np.array([ur.tcp_pose(q)[:3] for q in done.commanded.q])
+    rates = np.linalg.norm(np.diff(way, axis=0), axis=1) / ur.cycle
+    assert rates.max() == pytest.approx(speed, rel=2e-3)
+    assert np.median(np.diff(rates)[:50]) / ur.cycle == pytest.approx(acceleration, rel=1e-2)
