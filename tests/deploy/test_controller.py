@@ -472,7 +472,8 @@ def test_a_segment_of_no_length_is_done_at_once():
 def test_what_a_program_leaves_out_of_a_motion_is_the_manuals(ur, kind, speed, acceleration):
     """Its speed [m/s, rad/s], and the acceleration."""
     goals = [f"p{listed(shifted(ur, *off))}" for off in ((0.1, 0.0, 0.1), (0.0, 0.0, 0.2))][kind != "movec" :]
-    done = ur.run(program(f"{kind}({', '.join([listed(HOME + [1.5, 0, 0, 0, 0, 0])] if kind == 'movej' else goals)})"))
+    aside = listed(np.add(HOME, (1.5, 0, 0, 0, 0, 0)))
+    done = ur.run(program(f"{kind}({aside if kind == 'movej' else ', '.join(goals)})"))
     assert done.reason == ""
     way = done.commanded.q[:, :1] if kind == "movej" else np.array([ur.tcp_pose(q)[:3] for q in done.commanded.q])
     rates = np.linalg.norm(np.diff(way, axis=0), axis=1) / ur.cycle
