@@ -28,6 +28,9 @@ CLIENTS := $(CLIENTS_VENV)/.installed
 UR_CLIENTS_VENV ?= build/venv-ur-clients
 UR_CLIENTS := $(UR_CLIENTS_VENV)/.installed
 
+# Some machines ask Python to keep nothing that it compiled. Tests start a hundred interpreters, and each would compile all of kinreach again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help setup compare view examples test test-all newest lint bench clients ur-clients wheels core-check digest endurance notebooks docs clean
 

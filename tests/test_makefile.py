@@ -53,6 +53,26 @@ def test_what_the_readme_installs_is_not_installed_again(there, root, tmp_path):
         assert (f"-e .[{extra}]" in ran) != there
 
 
+def test_what_python_compiled_is_kept(root, tmp_path):
+    """A hundred tests start interpreters, and each would compile the package again."""
+    if shutil.which("make") is None:
+        pytest.skip("make is not installed")
+    venv, log = tmp_path / "venv", tmp_path / "log"
+    (venv / "bin").mkdir(parents=True)
+    python = venv / "bin" / "python"
+    python.write_text(f'#!/bin/sh\necho "$@, ${{PYTHONDONTWRITEBYTECODE-kept}}" >> {log}\n')
+    python.chmod(0o755)
+    for name in ("core", "view", "dev"):
+        (venv / f".installed-{name}").touch()
+    command = ["make", "test", "test-all", f"VENV={venv}"]
+    env = {"PATH": os.environ["PATH"], "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(command, cwd=root, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    ran = log.read_text().splitlines()
+    assert len(ran) == 2
+    assert all(line.startswith("-m pytest") and line.endswith(", kept") for line in ran)
+
+
 def test_there_is_one_description_of_the_install(root):
     """README has its commands; the other pages link to it."""
     texts = {name: (root / name).read_text() for name in ("README.md", "docs/start.md")}

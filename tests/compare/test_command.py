@@ -55,6 +55,7 @@ OTHER_SETTINGS = [
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_no_default_folder_is_that_of_other_settings(tmp_path, monkeypatch, capsys):
     """As `make compare` and then other commands in the same folder: what was finished stays, byte for byte."""
     monkeypatch.chdir(tmp_path)

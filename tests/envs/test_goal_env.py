@@ -115,10 +115,10 @@ def test_rewards_of_goals_are_those_of_steps(form, reward):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reward", REWARDS)
-@pytest.mark.parametrize("form", ["reach", "plane", "lift, by geometry"])
-def test_rewards_of_goals_are_those_of_a_hundred_thousand_steps(form, reward):
-    found, reached, impossible = agreeing(form, reward, 100_000, 500)
-    assert found >= 100_000
+@pytest.mark.parametrize(("form", "steps"), [("reach", 100_000), ("plane", 100_000), ("lift, by geometry", 30_000)])
+def test_rewards_of_goals_are_those_of_many_steps(form, steps, reward):
+    found, reached, impossible = agreeing(form, reward, steps, 500)
+    assert found >= steps
     assert reached > 1000
     assert impossible > 1000
 
