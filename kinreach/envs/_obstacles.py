@@ -53,6 +53,8 @@ EDGE, X, Y = (0.04, 0.10), (0.20, 0.75), (-0.45, 0.45)
 FROM_BALL = 0.04
 #: Samples of a motion that is judged: no joint moves farther from one to the next [rad].
 DENSE = 0.002
+#: So many of them are judged before it is looked whether one is impossible.
+AT_ONCE = 32
 #: A move in which no joint turns farther than this ends the episode [rad].
 STANDING = 1e-3
 #: So many scenes in a row may be without a goal that can be reached.
@@ -284,11 +286,12 @@ class ObstaclesEpisodes(Episodes):
         self._length[index] += float(np.linalg.norm(target - now))
         self._time[index] += moved.duration
         samples, checker = self._dense(np.array(taken)), self.checker(index)
-        causes = checker.causes(samples)
-        if causes.any():
-            first = int((causes != 0).argmax())
-            self.q[index] = samples[first]
-            return str(STATUSES[STATUS_OF_CAUSE[causes[first]]]), checker.reason(samples[first])
+        for begin in range(0, len(samples), AT_ONCE):  # what comes after the first impossible one does not count
+            causes = checker.causes(samples[begin : begin + AT_ONCE])
+            if causes.any():
+                first = int((causes != 0).argmax())
+                self.q[index] = stopped = samples[begin + first]
+                return str(STATUSES[STATUS_OF_CAUSE[causes[first]]]), checker.reason(stopped)
         self.q[index] = moved.q
         return MISSED if moved.reached else moved.status.value, moved.reason
 
