@@ -67,8 +67,8 @@ def test_round_trip(tmp_path):
 
 def test_every_truncation_is_refused(file):
     whole = file.read_bytes()
-    cuts = np.unique(np.linspace(0, len(whole) - 1, 100).astype(int))
-    assert len(cuts) == 100
+    cuts = np.unique(np.linspace(0, len(whole) - 1, 50).astype(int))
+    assert len(cuts) == 50
     for cut in cuts:
         file.write_bytes(whole[:cut])
         with pytest.raises(InputError, match="is not a policy"):
@@ -79,7 +79,7 @@ def test_flipped_bits_are_refused_or_change_numbers_only(file):
     whole = file.read_bytes()
     rng = np.random.default_rng(0)
     refused = 0
-    for _ in range(200):
+    for _ in range(100):
         damaged = bytearray(whole)
         damaged[rng.integers(len(whole))] ^= 1 << rng.integers(8)
         file.write_bytes(bytes(damaged))
@@ -90,7 +90,7 @@ def test_flipped_bits_are_refused_or_change_numbers_only(file):
         else:
             assert action.shape == (6,)
             assert np.isfinite(action).all()
-    assert 20 < refused < 200
+    assert 10 < refused < 100
 
 
 class Bomb:

@@ -345,7 +345,8 @@ def test_a_summary_that_is_unknown_is_refused():
         Column("mine", "reached", "shares")
 
 
-def test_every_environment_is_closed(tmp_path, closings):
+def test_every_environment_is_closed(tmp_path, closings, monkeypatch):
+    monkeypatch.setattr("kinreach.compare._figures.write_figures", lambda *arguments: {})  # they take seconds
     made = closings(gym, "make")
     compare("ur5", methods=["closed-form"], goals=1, out=tmp_path)
     assert len(made) >= 1

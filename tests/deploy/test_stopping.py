@@ -178,7 +178,7 @@ def sigterm_elsewhere():
 def test_a_signal_anywhere_stops_the_robot(robot, client, sigterm_elsewhere):
     """After any line of Python that a program's run executes, of this package and of its locks."""
     rng, cases, places = np.random.default_rng(2), 0, set()
-    for _ in range(12):
+    for _ in range(8):
         after, left = int(rng.choice([0, 1, 2, 60])), int(rng.integers(0, 80))
         seen = [0]
 
@@ -209,8 +209,8 @@ def test_a_signal_anywhere_stops_the_robot(robot, client, sigterm_elsewhere):
         assert stands(robot)
         cases += 1
         back(robot, client)
-    assert cases == 12
-    assert len(places) > 6
+    assert cases == 8
+    assert len(places) > 4
 
 
 def test_a_signal_before_the_program_is_sent_sends_nothing(robot, client):

@@ -111,7 +111,7 @@ def test_infos_of_native_batches_are_of_one_kind(name, mode):
     env.action_space.seed(0)
     _, info = env.reset(seed=0)
     known, ended, restarted = kinds(info), 0, 0
-    for _ in range(7):
+    for _ in range(5):
         _, _, terminated, truncated, info = env.step(env.action_space.sample())
         over = terminated | truncated
         for told in (info, info.get("final_info", info)):

@@ -204,14 +204,14 @@ def test_triangles_collide_only_where_hulls_do(name):
 def test_answers_of_triangles_agree():
     checker, wide = (CollisionChecker("ur5-thesis", meshes="triangles", margin=margin) for margin in (0.0, 0.02))
     near = 0
-    for q in random_postures("ur5-thesis", 100, seed=6):
+    for q in random_postures("ur5-thesis", 60, seed=6):
         distance, contacts = checker.distance(q).distance, checker.contacts(q)
         assert checker.in_collision(q) == bool(contacts) == (distance <= 0)
         assert wide.in_collision(q) == (distance < 0.02)
         if checker.causes(q[None])[0]:
             assert tuple(sorted(checker.reason(q).split(" - "))) in contacts
         near += 0 < distance < 0.02
-    assert near > 3
+    assert near > 1
 
 
 def test_an_owner_s_arm_is_judged_by_its_triangles(tmp_path):

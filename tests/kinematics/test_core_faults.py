@@ -134,7 +134,7 @@ def test_numbers_of_any_kind_go_through_the_classes_of_six_axes(tmp_path):
 def test_no_length_makes_a_wrong_posture(scale):
     """Arms of any size: what is returned without a flag reaches the pose, in units of the arm's size."""
     rng, right = np.random.default_rng(1), 0
-    for _ in range(500):
+    for _ in range(200):
         d1, a2, a3, d4, d5, d6 = scale * rng.uniform(0.01, 1.0, 6)
         g = URGeometry(d1, -a2, -a3, d4, d5, d6)
         q, arm, miss = rng.uniform(-3, 3, 6), core_arm(g), ffi.new("int *")
@@ -144,7 +144,7 @@ def test_no_length_makes_a_wrong_posture(scale):
         off[..., 3] /= scale
         assert off.max(initial=0.0) < 1e-5
         right += n
-    assert right > 1_000
+    assert right > 400
 
 
 def test_numbers_of_any_kind_go_through_the_self_motion_of_seven_axes():

@@ -117,14 +117,14 @@ def test_random_arms_are_pinocchios(tmp_path):
     """One posture, stacks of them and tensors, with limits within which every joint is."""
     torch = pytest.importorskip("torch")
     rng, sliding, coupled = np.random.default_rng(0), 0, 0
-    for number in range(40):
+    for number in range(24):
         text = random_arm(rng, slides=number % 4, followers=number // 4 % 3)
         kin = written(tmp_path, text, tip="q6_link", joints=leaders(text))
         model, alone = pin.buildModelFromXML(text, mimic=True), pin.buildModelFromXML(text)
         assert kin.n == model.nq
         data, frame = model.createData(), model.getFrameId("q6_link", pin.BODY)
         assert (kin.upper > kin.lower).all()
-        Q = rng.uniform(kin.lower, kin.upper, (12, kin.n))
+        Q = rng.uniform(kin.lower, kin.upper, (8, kin.n))
         places = np.array([[each.factor, each.offset, each.entry] for each in kin.moves])
         every = places[:, 0] * Q[:, places[:, 2].astype(int)] + places[:, 1]
         assert (every >= alone.lowerPositionLimit - 1e-9).all()
@@ -141,8 +141,8 @@ def test_random_arms_are_pinocchios(tmp_path):
             np.testing.assert_allclose(kin.fk(q), T, atol=1e-10)
             np.testing.assert_allclose(kin.jacobian(q), J, atol=1e-10)
         sliding, coupled = sliding + kin.slides.any(), coupled + (len(kin.moves) > kin.n)
-    assert sliding >= 20
-    assert coupled >= 15
+    assert sliding >= 12
+    assert coupled >= 9
 
 
 @pytest.mark.parametrize("name", ["lm", "qp", "placo"])

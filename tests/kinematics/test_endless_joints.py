@@ -207,9 +207,9 @@ def test_solvers_follow_a_closed_curve(name, tmp_path, request):
 def test_every_posture_once(tmp_path):
     """Without a seed within a turn; with one in the turns nearest to it, whatever the other joints' limits."""
     rng, count = np.random.default_rng(0), 0
-    for name in [*CLASSES, *OTHERS]:
+    for number, name in enumerate([*CLASSES, *OTHERS]):
         chain = some_arm(rng, name)
-        for joints in ((), ("j1", "j4"), ("j2", "j6")):
+        for joints in ((), (("j1", "j4"), ("j2", "j6"))[number % 2]):
             kin, judge = written(tmp_path, endless(urdf(chain), *joints)), Judge(chain)
             free = np.isinf(kin.upper)
             assert free.sum() == (len(joints) or 6)
@@ -226,7 +226,7 @@ def test_every_posture_once(tmp_path):
             alike = kin.batch(T[None]).q[0][found.branch]
             np.testing.assert_array_equal(alike, found.q)
             count += len(found)
-    assert count > 100
+    assert count > 70
 
 
 def test_the_way_through_half_a_turn_is_short(tmp_path):

@@ -71,7 +71,7 @@ def test_the_class_is_chosen_by_the_number_of_joints(kin):
 
 def test_every_posture_meets_the_point_and_is_stationary(kin):
     rng, seen = np.random.default_rng(0), {}
-    for T in poses_of(kin, rng, 12):
+    for T in poses_of(kin, rng, 6):
         for axis_only in (False, True):
             goal = AxisGoal(T[:3, 3], T[:3, 2]) if axis_only else NearestOrientationGoal(T)
             found, oracle = stationary(kin, T, axis_only=axis_only), Oracle(kin, T, axis_only=axis_only)
@@ -92,8 +92,8 @@ def test_every_posture_meets_the_point_and_is_stationary(kin):
                     assert expected[kind]
                     seen[kind] = seen.get(kind, 0) + 1
             assert list(found.left) == pytest.approx(sorted(found.left), abs=1e-7)
-    assert seen["minimum"] > 40
-    assert seen["maximum"] > 10
+    assert seen["minimum"] > 20
+    assert seen["maximum"] > 5
 
 
 def _at_the_point(oracle, q, steps):
@@ -122,13 +122,13 @@ def test_the_posture_of_a_pose_is_found_with_nothing_left(kin):
 @pytest.mark.parametrize("axis_only", [False, True])
 def test_none_is_missed_of_those_from_many_starts(kin, axis_only):
     rng, tried = np.random.default_rng(2), 0
-    for T in poses_of(kin, rng, 3):
+    for T in poses_of(kin, rng, 2):
         found = stationary(kin, T, axis_only=axis_only)
         free = kin.n - 1 if axis_only and kin._five.pointer.last_turns_tip else None
         for q in Oracle(kin, T, axis_only=axis_only).stationary(rng, 80)[0]:
             assert apart(q, found.q, free).min() < 1e-4
             tried += 1
-    assert tried >= (6 if axis_only else 12)
+    assert tried >= (4 if axis_only else 8)
 
 
 def found_by_many_starts(kin, T, rng, starts):
@@ -144,12 +144,12 @@ def found_by_many_starts(kin, T, rng, starts):
 @pytest.mark.parametrize("n", [4, 5])
 def test_none_is_missed_of_arms_of_random_geometry(n, tmp_path):
     rng, tried = np.random.default_rng(n), 0
-    for _ in range(6):
+    for _ in range(4):
         kin = kinematics_of(tmp_path, *random_joints(n, rng))
         assert kin.solved == "by a search over two angles"
         for T in poses_of(kin, rng, 1):
             tried += found_by_many_starts(kin, T, rng, 120)
-    assert tried > 20
+    assert tried > 13
 
 
 def test_none_is_missed_of_arms_with_three_parallel_axes(tmp_path):
@@ -368,12 +368,12 @@ def test_the_edge_of_reach_is_reached(kin):
         kin.fk(np.concatenate([q[:2], bend, q[4:]]))
         return -np.linalg.norm(kin.data.oMf[kin.tip_frame].translation - kin.data.oMi[2].translation)
 
-    for q in rng.uniform(-np.pi, np.pi, (15, kin.n)):
+    for q in rng.uniform(-np.pi, np.pi, (8, kin.n)):
         starts = [minimize(near, rng.uniform(-np.pi, np.pi, 2), args=(q,), tol=1e-14) for _ in range(4)]
         q[2:4] = min(starts, key=lambda found: found.fun).x
         found = kin.all_solutions(kin.fk(q), limits=False)
         reached += found.success and found.residual[:, 0].max() < 1e-7 and found.left[0] < 1e-3
-    assert reached == 15
+    assert reached == 8
 
 
 def test_it_can_be_pickled_and_postures_too(kin):

@@ -38,7 +38,7 @@ def test_a_distance_is_kept_between_samples_too():
     kin = ArmKinematics(arm, base="world")
     alone = MotionCheck(CollisionChecker(kin, obstacles=[], margin=0.012))
     rng, passed = np.random.default_rng(2), 0
-    while passed < 2:
+    while not passed:
         start = rng.uniform(-3.0, 3.0, 6)
         end = start + 0.3 * rng.choice([-1, 1]) * np.eye(6)[0]
         if not (alone.free(start) and alone.free(end) and alone.motion_free(start, end)):

@@ -68,7 +68,7 @@ def test_every_posture(tmp_path):
     for kin in arms(rng, tmp_path):
         assert type(kin) is SlidingKinematics
         solver = LevenbergMarquardtSolver(kin, max_restarts=0)
-        for q in rng.uniform(kin.lower, kin.upper, (20, kin.n)):
+        for q in rng.uniform(kin.lower, kin.upper, (12, kin.n)):
             T = kin.fk(q)
             every = kin.all_solutions(T, limits=False)
             assert every.residual.max() < 1e-9
@@ -91,7 +91,7 @@ def test_every_posture(tmp_path):
                 if found.success:
                     found_by_solver += 1
                     assert apart(kin, found.q, every) < 0.05
-    assert count > 340
+    assert count > 200
     assert found_by_solver > 120
 
 
@@ -111,7 +111,7 @@ def test_batches_are_as_each_alone(tmp_path):
 
 def test_a_scara_follows_a_closed_curve_in_its_turns(tmp_path):
     rng, count = np.random.default_rng(2), 0
-    for _ in range(5):
+    for _ in range(3):
         kin = written(tmp_path, random_scara(rng, limits=False), tip="tool_link")
         s = np.linspace(0, 1, 480)[:, None]
         start, turns = rng.uniform(-1, 1, kin.n), np.zeros(kin.n)
@@ -130,7 +130,7 @@ def test_a_scara_follows_a_closed_curve_in_its_turns(tmp_path):
             q = result.q
             count += np.allclose(q, expected + shift, atol=1e-6)
         assert len(bend) == 2
-    assert count > 800
+    assert count > 450
 
 
 def test_where_a_joint_is_free_it_keeps_the_seeds_value(tmp_path):

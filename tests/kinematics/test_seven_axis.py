@@ -139,7 +139,7 @@ def test_the_curves_of_a_folded_elbow_are_found(tmp_path):
     lengths, tilts = (0.36, 0, 0.42, 0, 0.4, 0, 0.126), (-RIGHT, RIGHT, RIGHT, -RIGHT, -RIGHT, RIGHT, 0)
     links = (motion(0, length, 0, tilt) for length, tilt in zip(lengths, tilts, strict=True))
     kin, rng = kinematics(tmp_path, np.array([np.eye(4), *links])), np.random.default_rng(1)
-    for _ in range(3):
+    for _ in range(2):
         q = rng.uniform(-2.8, 2.8, 7)
         q[3] = np.pi
         q[[1, 5]] = np.copysign(np.maximum(np.abs(q[[1, 5]]), 0.05), q[[1, 5]])  # and nothing else is singular
@@ -160,7 +160,7 @@ def test_the_curves_of_an_elbow_that_is_stretched_or_almost_so_are_found(tmp_pat
     lengths, tilts = (0.34, 0, 0.4, 0, 0.4, 0, 0.126), (-RIGHT, RIGHT, RIGHT, -RIGHT, -RIGHT, RIGHT, 0)
     links = (motion(0, length, 0, tilt) for length, tilt in zip(lengths, tilts, strict=True))
     kin, rng, found = kinematics(tmp_path, np.array([np.eye(4), *links])), np.random.default_rng(0), 0
-    for bent in (1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 1e-8, 0.0):
+    for bent in (1e-2, 1e-3, 1e-5, 1e-6, 1e-8, 0.0):
         q = rng.uniform(-2.8, 2.8, 7)
         q[3] = bent * rng.choice([-1, 1])
         q[[1, 5]] = np.copysign(np.maximum(np.abs(q[[1, 5]]), 0.05), q[[1, 5]])  # and nothing else is singular
@@ -172,7 +172,7 @@ def test_the_curves_of_an_elbow_that_is_stretched_or_almost_so_are_found(tmp_pat
         for curve in motions:
             assert np.abs(kin.fk(curve.at(0.7 * curve.total)) - T).max() < 1e-9
         found += len(motions)
-    assert found == 8 * 9
+    assert found == 8 * 6
 
 
 def test_limits_cut_the_curves_where_a_joint_is_at_its_limit(panda):

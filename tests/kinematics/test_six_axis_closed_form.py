@@ -76,7 +76,7 @@ def test_batches_have_the_bits_of_single_poses_on_any_number_of_threads(tmp_path
     rng, compared = np.random.default_rng(22), 0
     for number, name in enumerate(CLASSES):
         kin = kinematics(tmp_path, some_arm(rng, name, backwards=bool(number % 2)))
-        T = np.vstack([kin.fk(rng.uniform(-np.pi, np.pi, (10, 6))), *singular_poses(kin, 1).values()])
+        T = np.vstack([kin.fk(rng.uniform(-np.pi, np.pi, (4, 6))), *singular_poses(kin, 1).values()])
         seeds = rng.uniform(-np.pi, np.pi, (len(T), 6))
         several = [(kin.batch(T, threads=n), kin.nearest_batch(T, seeds, threads=n)) for n in (1, 3)]
         for index, (pose, seed) in enumerate(zip(T, seeds, strict=True)):
@@ -86,7 +86,7 @@ def test_batches_have_the_bits_of_single_poses_on_any_number_of_threads(tmp_path
                 assert one.success == nearest.success[index]
                 assert not one.success or np.array_equal(nearest.q[index], one.q)
                 compared += len(found)
-    assert compared > 700
+    assert compared > 400
 
 
 @pytest.mark.parametrize("backwards", [False, True])

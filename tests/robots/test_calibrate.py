@@ -95,7 +95,7 @@ def test_an_unknown_tool_is_found_with_the_arm():
 def test_the_expected_error_is_the_error():
     """As typed from a pendant: to 0.01 mm and 0.001 rad; over many robots the covariance tells the truth."""
     ratios, better = [], 0
-    for seed in range(12):
+    for seed in range(8):
         true = made_up("ur5e", seed, spread=(1.5e-3, 3e-3))
         pairs = pairs_of(true, postures(18, seed), noise=(5e-5, 5e-4), seed=seed)
         result = calibrate(pairs, arm="ur5e")
@@ -103,7 +103,7 @@ def test_the_expected_error_is_the_error():
         ratios.append(np.sqrt((error**2).mean() / (result.fit.expected**2).mean()))
         better += np.median(error) < 0.2 * np.median(result.fit.correction)
         assert np.median(result.fit.held_out) < 4e-4 < np.median(result.fit.before)
-    assert better == 12
+    assert better == 8
     assert 0.5 < np.median(ratios) < 1.6
 
 
@@ -135,7 +135,7 @@ def test_what_the_rows_do_not_determine_is_said_and_not_written(tmp_path):
 def test_a_fit_is_never_much_worse_than_the_data_sheet():
     """Narrow recordings, few rows, rough numbers: what is written is better over the workspace."""
     written = 0
-    for seed in range(20):
+    for seed in range(12):
         rng = np.random.default_rng(seed)
         true = made_up("ur5e", seed)
         q = postures(int(rng.integers(4, 30)), seed, turn=float(rng.uniform(0.05, 1.5)))
@@ -148,7 +148,7 @@ def test_a_fit_is_never_much_worse_than_the_data_sheet():
             (frames_of(nominal_placements("ur5e"), WORKSPACE)[-1] - frames_of(true, WORKSPACE)[-1])[:, :3, 3], axis=1
         )
         assert np.median(left(result, true)) < max(0.7 * np.median(off), 2e-5)
-    assert written >= 8
+    assert written >= 5
 
 
 @pytest.mark.parametrize("ending", [".yaml", ".conf", ".urdf"])
@@ -515,7 +515,7 @@ def test_rows_that_cannot_be_right_are_refused_with_the_remedy(tmp_path):
     said = refused(replace(pairs, tcp=None).joined(replace(later, tcp=None)))
     assert "the tool changes" in said
     assert "0.01" in said
-    for count in (12, 20, 28):  # at any part of the rows
+    for count in (12, 28):  # at any part of the rows
         first, rest = replace(pairs, tcp=None).rows(range(count)), replace(later, tcp=None).rows(range(count, 40))
         assert "the tool changes" in refused(first.joined(rest))
 

@@ -236,7 +236,7 @@ def random_chain(rng: np.random.Generator, *, plain: bool) -> str:
 @pytest.mark.parametrize("plain", [True, False])
 def test_random_chains(tmp_path, plain):
     rng, tried, joints = np.random.default_rng(plain), 0, 0
-    for number in range(30):
+    for number in range(20):
         text = random_chain(rng, plain=plain)
         file = tmp_path / f"chain{number}.xml"
         file.write_text(text)
@@ -259,8 +259,8 @@ def test_random_chains(tmp_path, plain):
                 np.testing.assert_allclose(data.oMf[other.getFrameId(f"b{tip[1:]}")].homogeneous, body, atol=1e-9)
             tried += 1
         joints += kin.n
-    assert tried >= 125
-    assert joints >= 100
+    assert tried >= 85
+    assert joints >= 65
 
 
 def test_a_ur_is_one(tmp_path):

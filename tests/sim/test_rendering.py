@@ -155,7 +155,7 @@ def test_every_goal_is_seen_whole_from_home(scene, camera):
         renderer.enable_segmentation_rendering()
         for slow in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             renderer.scene.flags[slow] = False
-        for x, y in itertools.product(np.linspace(*region.x, 3), np.linspace(*region.y, 3)):
+        for x, y in [*itertools.product(region.x, region.y), (np.mean(region.x), np.mean(region.y))]:
             scene.place_ball((x, y, region.z[0]))
             mujoco.mj_forward(scene.model, scene.data)
             masks = []
@@ -168,7 +168,7 @@ def test_every_goal_is_seen_whole_from_home(scene, camera):
             assert inside, f"the ball at ({x:.2f}, {y:.2f}) is cut off by the picture's edge"
             np.testing.assert_array_equal(*masks, err_msg=f"the ball at ({x:.2f}, {y:.2f}) is hidden")
             seen += 1
-    assert seen == 9
+    assert seen == 5
 
 
 @pytest.mark.parametrize(
