@@ -51,7 +51,7 @@ def test_p_values_are_those_of_scipy():
 
 def test_goals_reached_are_told_apart_by_what_only_one_reached():
     apart = 0
-    for seed in range(40):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
         shares = rng.uniform(0.2, 0.9, 3)
         reached = rng.random((3, 60)) < shares[:, None]
@@ -67,7 +67,7 @@ def test_goals_reached_are_told_apart_by_what_only_one_reached():
             apart += not test.same
         assert reached[best].sum() == reached[int(next(iter(found.reached))[1])].sum()
         assert {entry["name"] for entry in found.reaching} == {n for n, test in found.reached.items() if test.same}
-    assert apart > 10
+    assert apart > 5
 
 
 def test_eight_goals_to_one_separate_two_methods_whose_intervals_overlap():
@@ -85,7 +85,7 @@ def test_eight_goals_to_one_separate_two_methods_whose_intervals_overlap():
 def test_distances_are_told_apart_by_the_sign_test_and_by_what_is_resolved():
     """Among methods that reach as many goals as any; as scipy's binomial test of signs, ties left out."""
     apart = close = 0
-    for seed in range(40):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
         shift = rng.choice([1e-6, 2e-5, 5e-5, 1e-4])
         first = rng.uniform(1e-5, 5e-4, 40)
@@ -102,8 +102,8 @@ def test_distances_are_told_apart_by_the_sign_test_and_by_what_is_resolved():
         assert tests[other].same == (tests[other].p >= 0.05 or not resolved)
         apart += not tests[other].same
         close += tests[other].same and tests[other].p < 0.05
-    assert apart > 4
-    assert close > 4  # a micrometre makes no winner, however sure its sign is
+    assert apart > 2
+    assert close > 2  # a micrometre makes no winner, however sure its sign is
 
 
 def test_the_finding_names_no_winner_among_equals():

@@ -4,6 +4,7 @@ import re
 import signal
 import sys
 import threading
+from itertools import product
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from kinreach.deploy._signals import SIGNALS, Interruption
 from kinreach.errors import RobotError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
+from tests.cases import slow
 
 ARM = get_arm("ur5e")
 KIN = ArmKinematics.of(ARM, base="base")
@@ -139,8 +141,13 @@ def test_ctrl_c_stops_within_a_cycle_of_the_arrival(robot, client):
         "program kinreach_stop is running", "program finished"]  # fmt: skip
 
 
-@pytest.mark.parametrize("first", SIGNALS)
-@pytest.mark.parametrize("second", SIGNALS)
+#: Each signal first and second, and one twice.
+SOME = [(SIGNALS[0], SIGNALS[0]), *zip(SIGNALS, SIGNALS[1:] + SIGNALS[:1], strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [*SOME, *slow(*(pair for pair in product(SIGNALS, SIGNALS) if pair not in SOME))]
+)
 def test_two_signals_stop_the_robot_however_near_they_are(robot, client, first, second):
     """At once, and the second one in every step of stopping; before the program began, and at full speed."""
     handlers = [signal.getsignal(number) for number in SIGNALS]

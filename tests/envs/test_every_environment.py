@@ -134,7 +134,7 @@ def test_a_batch_says_all_that_single_environments_say(task):
     for index, env in enumerate(singles):
         observation, info = env.reset(seed=3 + index)
         compared += same(observation, observations, row=index, atol=atol) + same(info, told, row=index, atol=atol)
-    for _ in range({"multi": 101, "lift": 3, "moving": 91}.get(task, 8)):
+    for _ in range({"multi": 101, "lift": 3, "moving": 91, "obstacles": 4}.get(task, 8)):
         actions = many.action_space.sample() * (0.3 if task == "lift" else 1)
         *stepped, told = many.step(actions)
         over = stepped[2] | stepped[3]

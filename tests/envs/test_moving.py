@@ -275,14 +275,14 @@ def test_the_margin_counts_what_is_nearer_as_a_collision():
     """With the tip at a ball's height the fingers are 15 mm above the table."""
     kinematics, reasons = URKinematics("ur5-thesis", tip="tcp", base="world"), []
     for margin in (0.01, 0.02):
-        env = make(margin=margin)
+        env, checker = make(margin=margin), CollisionChecker("ur5-thesis", margin=margin)
         _, info = env.reset(seed=0, options={"speed": 0.05, "path": "circle"})
         x, y, z = 0.45, -0.29 * np.sign(info["goal"][1]), info["goal"][2]
         over = False
         while not over:
             place = np.array([[x, y, z + max(0.0, 0.1 - 0.1 * info["time"])]])  # comes down slowly
             _, _, over, _, info = env.step(tool_down_postures(kinematics, place)[0] / np.pi)
-            assert CollisionChecker("ur5-thesis", margin=margin).in_collision(info["q"]) == info["impossible"]
+            assert checker.in_collision(info["q"]) == info["impossible"]
         reasons.append(info["impossible_reason"])
     assert reasons[0] == ""
     assert reasons[1].endswith("- table")

@@ -262,7 +262,7 @@ def test_the_scene_is_the_true_arm(errors):
     np.testing.assert_array_equal(scene.q, env.believed.home)
     np.testing.assert_array_equal(scene.data.mocap_pos[0], env.episodes.balls[0][0])
     scene.watch = lambda: ends.append(scene.q)
-    for q in np.random.default_rng(0).uniform(-3, 3, (4, 1, 6)):
+    for q in np.random.default_rng(0).uniform(-3, 3, (2, 1, 6)):
         env.look(q)
         mujoco.mj_kinematics(scene.model, scene.data)
         np.testing.assert_allclose(scene.data.body("tcp").xpos, env.episodes.place(0).tips(q)[0], atol=1e-9)
@@ -274,7 +274,7 @@ def test_the_scene_is_the_true_arm(errors):
     np.testing.assert_allclose(ends[-1], q[0], atol=1e-12)
     assert np.abs(np.diff(ends, axis=0)).max() <= 1.05 * scene.arm.speed_limit * 0.02
     assert scene.data.time == pytest.approx(0.02 * len(ends))
-    assert seen == 4
+    assert seen == 2
     assert env.scene is scene
 
 

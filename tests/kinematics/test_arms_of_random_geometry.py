@@ -52,11 +52,11 @@ def test_six_axes(name, seed, tmp_path):
             chain = some_arm(rng, name, backwards=backwards, off=off)
             kin, judge = kinematics(tmp_path, chain), Judge(chain)
             assert isinstance(kin, SixAxisKinematics), (off, backwards)
-            for q in rng.uniform(-np.pi, np.pi, (3 if seed else 2, 6)):
+            for q in rng.uniform(-np.pi, np.pi, (3 if seed else 1, 6)):
                 found = judged(kin, judge, judge.fk(q))
                 assert apart(q, found) < 1e-5, (off, backwards, q.tolist())
                 count, again = count + len(found), again + 1
-    assert again == (30 if seed else 8)
+    assert again == (30 if seed else 4)
     assert count >= 2 * again
 
 

@@ -78,13 +78,13 @@ def test_singular_poses_are_never_empty_and_never_wrong(case):
     poses = 0
     for robot in ("ur5_a", "ur10e_a"):
         kin = of(robot)
-        T = SINGULAR[case](kin, np.random.default_rng(7), 3)
+        T = SINGULAR[case](kin, np.random.default_rng(7), 2)
         for pose in T:
             solutions = kin.all_solutions(pose, limits=False)
             assert len(solutions) > 0
             assert solutions.residual.max() < (2e-9 if "1e-9" in case else 1e-9)
             poses += 1
-    assert poses == 6
+    assert poses == 4
 
 
 def test_the_tables_of_the_documentation(capsys):

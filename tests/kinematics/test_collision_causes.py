@@ -46,7 +46,7 @@ def random_postures(kin, count, *, beyond=1.0, seed=10):
 def test_the_verdict_on_one_and_on_many_is_the_same(checker):
     kin = checker.kinematics
     near = np.concatenate(edges(checker, np.random.default_rng(11), 40))
-    q = np.concatenate([random_postures(kin, 500, beyond=1.05), random_postures(kin, 500), near])
+    q = np.concatenate([random_postures(kin, 200, beyond=1.05), random_postures(kin, 200), near])
     together = checker.causes(q)
     alone = [
         Cause.LIMITS if kin.joints_outside_limits(row) else bool(checker.contacts(row)) and Cause.SELF for row in q

@@ -109,7 +109,7 @@ def test_it_has_those_that_it_is_given(tmp_path):
 @pytest.mark.parametrize("name", [*CLASSES, *OTHERS])
 def test_six_axes_follow_a_closed_curve(name, tmp_path):
     rng, count = np.random.default_rng(len(name)), 0
-    for backwards, off in ((False, 0.0), (True, 0.0), (False, 1e-4)):
+    for backwards, off in ((False, 0.0), (True, 1e-4)):
         chain = some_arm(rng, name, backwards=backwards, off=off)
         kin = written(tmp_path, endless(urdf(chain)))
         assert type(kin) is SixAxisKinematics
@@ -121,7 +121,7 @@ def test_six_axes_follow_a_closed_curve(name, tmp_path):
         assert alike.success.all()
         np.testing.assert_allclose(alike.q, curve, atol=1e-6)
         count += len(curve)
-    assert count > 600
+    assert count > 400
 
 
 def test_urs_follow_a_closed_curve(tmp_path):

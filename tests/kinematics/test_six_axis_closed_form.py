@@ -56,7 +56,7 @@ def test_every_posture(name, backwards, tmp_path):
         assert isinstance(kin, SixAxisKinematics)
         assert used(kin) is ClosedForm
         assert kin.solved == "in closed form"
-        q = rng.uniform(-np.pi, np.pi, (8, 6))
+        q = rng.uniform(-np.pi, np.pi, (5, 6))
         T = kin.fk(q)
         batch = kin.batch(T, limits=False)
         others = eliminated(arm, T) or [np.empty((0, 6))] * len(q)
@@ -68,7 +68,7 @@ def test_every_posture(name, backwards, tmp_path):
             assert max(apart(one, same[None]) for one, same in zip(row[valid], found.q, strict=True)) < 1e-8
             assert all(apart(one, found.q) < 1e-5 for one in other)
             compared += len(other)
-    assert compared > 30 or name in ("right angles", "spherical wrist, axes 1 and 2 parallel")
+    assert compared > 20 or name in ("right angles", "spherical wrist, axes 1 and 2 parallel")
 
 
 def test_batches_have_the_bits_of_single_poses_on_any_number_of_threads(tmp_path):

@@ -81,7 +81,7 @@ def test_from_rest_to_rest_it_takes_as_long_as_ruckig_needs(limits):
 
 
 def test_rounded_paths_keep_speed_acceleration_and_tolerance(limits):
-    for path in random_paths(2, 40):
+    for path in random_paths(2, 20):
         for tolerance in (0.003, 0.05):
             motion = time_path(path, limits, tolerance=tolerance, rate=RATE)
             assert (np.abs(motion.qd) <= limits.speed * (1 + 1e-9)).all()

@@ -112,7 +112,7 @@ def test_lines_through_exact_singularities_keep_their_branch_or_stop(model):
     arm = get_arm("ur5e").calibrated(PUBLISHED_CALIBRATIONS["ur5e_a"]) if model == "calibrated" else get_arm(model)
     kin = ArmKinematics.of(arm, tip="tool0")
     rng, stopped_there, through = np.random.default_rng(7), 0, 0
-    for case in range(8 if model == "calibrated" else 24):
+    for case in range(8 if model == "calibrated" else 15):
         middle = rng.uniform(-2.0, 2.0, 6)
         middle[WRIST_2 if case % 3 else ELBOW] = 0.0
         way = np.array([*rng.uniform(-0.1, 0.1, 3), *rng.uniform(-0.3, 0.3, 3)])
@@ -129,8 +129,8 @@ def test_lines_through_exact_singularities_keep_their_branch_or_stop(model):
             through += 1
             assert branch_of(kin, path[-1]) == before
             np.testing.assert_allclose(kin.fk(path[-1]), there, atol=1e-6)
-    assert stopped_there > (3 if model == "calibrated" else 10)
-    assert through >= (1 if model == "calibrated" else 3)
+    assert stopped_there > (3 if model == "calibrated" else 6)
+    assert through >= (1 if model == "calibrated" else 2)
 
 
 def test_limits_and_collisions_stop_it_and_other_branches_are_named():

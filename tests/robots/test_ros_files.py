@@ -71,9 +71,8 @@ PACKAGES = ["ur_description", "franka_description", *slow("z1_gripper_descriptio
         ("flag", "franka_description"),
         ("ROS_PACKAGE_PATH", "ur_description"),
         ("AMENT_PREFIX_PATH", "ur_description"),
-        ("nowhere", "ur_description"),
         ("nowhere", "franka_description"),
-        *slow(("flag", "z1_gripper_description"), ("nowhere", "z1_gripper_description")),
+        *slow(("nowhere", "ur_description"), ("flag", "z1_gripper_description"), ("nowhere", "z1_gripper_description")),
     ],
 )
 def test_files_of_ros_from_a_shell(workspace, capsys, monkeypatch, package, how):

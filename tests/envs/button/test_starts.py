@@ -18,10 +18,10 @@ def make(**options):
     return gym.make(NAME, **options)
 
 
-def test_all_targets_of_10000_resets_can_be_reached():
+def test_all_targets_of_3000_resets_can_be_reached():
     env = make(dtype="float64").unwrapped
     targets, states = [], []
-    for index in range(10_000):
+    for index in range(3_000):
         observation, info = env.reset(seed=0 if index == 0 else None)
         targets.append(info["goal"])
         states.append(observation)
@@ -33,7 +33,7 @@ def test_all_targets_of_10000_resets_can_be_reached():
     assert KIN.within_limits(q[0])
     assert ((q >= KIN.lower) & (q <= KIN.upper)).all()
     np.testing.assert_allclose(KIN.positions(q), targets, atol=1e-9)  # forward kinematics, not the inverse, says so
-    assert len(np.unique(targets, axis=0)) == 10_000
+    assert len(np.unique(targets, axis=0)) == 3_000
     np.testing.assert_array_equal(states[:, 6:9], targets)
 
     across, height = np.abs(targets[:, :2]), targets[:, 2]
@@ -42,7 +42,7 @@ def test_all_targets_of_10000_resets_can_be_reached():
     assert height.min() >= 0.1
     assert height.max() <= 0.6
     quadrants = np.bincount(2 * (targets[:, 0] > 0) + (targets[:, 1] > 0), minlength=4)
-    assert (quadrants > 2300).all()
+    assert (quadrants > 690).all()
 
     angles, speeds = np.arctan2(states[:, 3:6], states[:, :3]), states[:, 12:15]
     for values in (angles, speeds):
