@@ -135,12 +135,12 @@ def test_mujoco_finds_the_same_contacts(name):
 def test_margin_counts_what_is_nearer(name, margin):
     plain, wide = CollisionChecker(name), CollisionChecker(name, margin=margin)
     near = 0
-    for q in random_postures(name, 900, seed=1):
+    for q in random_postures(name, 500, seed=1):
         distance = plain.distance(q).distance
         assert wide.distance(q).distance == distance
         assert wide.in_collision(q) == bool(wide.contacts(q)) == (distance <= margin)
         near += 0 < distance <= margin
-    assert near >= 3
+    assert near >= 2
 
 
 def test_the_gripper_is_as_wide_as_the_description_says(ur5):

@@ -154,13 +154,13 @@ def test_solvers_reach_what_random_arms_reach(name, tmp_path, request):
         text = random_arm(rng, slides=number % 4, followers=number // 4)
         kin = written(tmp_path, text, tip="q6_link", joints=leaders(text))
         solver = new_solver(name, kin)
-        for q in rng.uniform(kin.lower, kin.upper, (5, kin.n)):
+        for q in rng.uniform(kin.lower, kin.upper, (3, kin.n)):
             goal = PoseGoal(kin.fk(q)) if kin.n >= 6 else PositionGoal(kin.fk(q)[:3, 3])
             found = solver.solve(goal, q + 0.2 * (kin.arm.home - q))
             assert kin.within_limits(found.q)
             reached, count = reached + found.success, count + 1
-    assert count == 40
-    assert reached >= 38
+    assert count == 24
+    assert reached >= 23
 
 
 def test_a_palletizer_is_an_arm_of_four_axes(tmp_path):

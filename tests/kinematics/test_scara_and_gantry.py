@@ -98,7 +98,7 @@ def test_every_posture(tmp_path):
 def test_batches_are_as_each_alone(tmp_path):
     rng, count = np.random.default_rng(1), 0
     for kin in arms(rng, tmp_path):
-        Q = rng.uniform(kin.lower, kin.upper, (12, kin.n))
+        Q = rng.uniform(kin.lower, kin.upper, (8, kin.n))
         T = kin.fk(Q)
         batch, nearest = kin.batch(T), kin.nearest_batch(T, Q)
         np.testing.assert_allclose(nearest.q, Q, atol=1e-6)
@@ -106,7 +106,7 @@ def test_batches_are_as_each_alone(tmp_path):
             np.testing.assert_array_equal(q[valid], kin.all_solutions(pose).q)
             count += valid.sum()
         assert kin.batch(T[:0]).q.shape == (0, kin.branches, kin.n)
-    assert count > 140
+    assert count > 90
 
 
 def test_a_scara_follows_a_closed_curve_in_its_turns(tmp_path):
