@@ -151,3 +151,28 @@ def test_the_fit_is_what_it_was_on_a_path_that_turns_left_and_right():
         (0.1185695, 0.0123383),
     )
     np.testing.assert_allclose(found, kept, atol=1e-6)
+
+
+@pytest.mark.parametrize(("noise", "used"), [(None, 1e-4), (0.0, 1e-6), (9e-7, 1e-6), (2e-6, 2e-6), (9e-5, 9e-5)])
+def test_the_noise_that_is_used_has_a_least_one(noise, used):
+    assert TurnRateFit(noise).noise == used
+
+
+def test_sights_of_two_times_have_a_speed():
+    """A thousandth of a second lies between them, or more."""
+    for second, moves in ((0.0, False), (1e-3, False), (1.1e-3, True)):
+        fit = TurnRateFit(1e-4)
+        fit.see(0.0, np.array([0.4, 0.1]))
+        fit.see(second, np.array([0.5, 0.1]))
+        assert fit.moving == moves
+        assert (fit.seen, fit.last_time, fit.age) == (2, second, 0.0)
+
+
+@pytest.mark.parametrize(("window", "used"), [(1, 3), (2, 3), (3, 3), (4, 4), (9, 9), (12, 12), (40, 12)])
+def test_how_well_an_acceleration_is_known(window, used):
+    """The variance of a parabola's second derivative that is fitted to n places, equally far apart in time."""
+    fit, dt, n = TurnRateFit(2e-3), 1 / 30, used
+    for frame in range(12):
+        fit.see(frame * dt, np.array([0.02 * frame, 0.1]))
+    variance = 720 * 2e-3**2 / (dt**4 * n * (n**2 - 1) * (n**2 - 4))
+    assert fit.acceleration_error(window) == pytest.approx(math.sqrt(variance), rel=1e-6)
