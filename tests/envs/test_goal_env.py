@@ -119,8 +119,8 @@ def test_rewards_of_goals_are_those_of_steps(form, reward):
 def test_rewards_of_goals_are_those_of_many_steps(form, steps, reward):
     found, reached, impossible = agreeing(form, reward, steps, 500)
     assert found >= steps
-    assert reached > 1000
-    assert impossible > 1000
+    assert reached > steps / 100
+    assert impossible > steps / 100
 
 
 @pytest.mark.parametrize("form", ["reach", "plane, single step", "lift, by geometry"])
