@@ -26,14 +26,14 @@ from kinreach.envs.inside import (
     Ids,
     NativeVectorEnv,
     Outcome,
+    PosedEnv,
     RowStreams,
-    SingleEnv,
     check_box_actions,
     option_rows,
     real_arm,
 )
 from kinreach.kinematics import URKinematics
-from kinreach.robots import THESIS_ARM
+from kinreach.robots import THESIS_ARM, ArmDescription
 from kinreach.robots.inside import Prior, frames_of, moved_frames, slopes
 
 #: Errors of frames as in `kinreach/RealArm-v0` (root mean square); those of the base stand for cameras, too.
@@ -111,6 +111,7 @@ class RandomArmEpisodes(real_arm.MovedEpisodes):
 
     Attributes:
         placements: Of the true arms' frames, shape (count, 7, 4, 4).
+        q: Postures of the last moves [rad], shape (count, 6).
         goals: The balls [m], shape (count, 3).
     """
 
@@ -121,7 +122,7 @@ class RandomArmEpisodes(real_arm.MovedEpisodes):
         self.chain = ur5().chain
         self._streams = RowStreams(_draws, count, size=sum(_PARTS))
         self.placements = np.tile(self.chain.placements, (count, 1, 1, 1))
-        self.goals = np.empty((count, 3))
+        self.goals, self.q = np.empty((count, 3)), np.tile(ur5().arm.home, (count, 1))
         self._observed = np.empty((count, SIZE))
         self._noise = np.empty((count, MOVES, 3))
         self._distances, self._moves = np.full(count, np.inf), np.empty(count, dtype=int)
@@ -164,7 +165,7 @@ class RandomArmEpisodes(real_arm.MovedEpisodes):
                 blur = SIGMA / math.sqrt(looks) * look_noise[own].reshape(-1, 3, 3) @ root.T
                 rows[own, SUMMARY] = summary(self._places[:looks], off) + blur.reshape(-1, 9)
                 rows[own, LOOKED] = looks
-        self._observed[ids], self._distances[ids] = rows, np.inf
+        self._observed[ids], self._distances[ids], self.q[ids] = rows, np.inf, ur5().arm.home
         self._moves[ids] = 1 + (MOVES * moves[:, 0]).astype(int)
         self._noise[ids] = SIGMA * noise.reshape(len(ids), MOVES, 3)
 
@@ -176,7 +177,7 @@ class RandomArmEpisodes(real_arm.MovedEpisodes):
         """Move to the postures of `actions`, shape (n, 6), in [-1, 1], and look again."""
         acting = np.ones(len(actions), dtype=np.bool_) if acting is None else acting
         q = math.pi * np.clip(actions, -1.0, 1.0)
-        tips = self.tips(q)
+        self.q, tips = np.where(acting[:, None], q, self.q), self.tips(q)
         done = self._observed[:, DONE].astype(int)
         seen = tips + self._noise[np.arange(len(q)), np.minimum(done, MOVES - 1)]
         after = after_move(self._observed, q, seen)
@@ -208,10 +209,18 @@ def after_move(observed: Floats, q: Floats, seen: Floats) -> Floats:
     return after
 
 
-class RandomArmEnv(SingleEnv):
-    """One `kinreach/RandomArm-v0`; the module describes an episode, `RandomArmVectorEnv` the rest."""
+class RandomArmEnv(PosedEnv):
+    """One `kinreach/RandomArm-v0`; the module describes an episode, `RandomArmVectorEnv` the rest.
+
+    The arm that is drawn is that of the data sheet.
+    """
 
     episodes_class = RandomArmEpisodes
+
+    @property
+    def arm(self) -> ArmDescription:
+        """The arm of the data sheet, in its work cell."""
+        return ur5().arm
 
 
 class RandomArmVectorEnv(NativeVectorEnv):

@@ -20,7 +20,6 @@ from kinreach.baselines.inside import Policy
 from kinreach.cli import HELP, Parser
 from kinreach.compare.inside import OptionFlags
 from kinreach.demo._caption import SIZE, Caption
-from kinreach.demo._drawn import Drawn
 from kinreach.demo._film import FILM_FPS, Film
 from kinreach.demo._players import RANDOM, new_player, playable
 from kinreach.errors import InputError
@@ -99,17 +98,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 
 def _make(task: DemoTask, mode: str | None, options: Mapping[str, Any], caption: Caption) -> gym.Env[Any, Any]:
-    def prepare(picture: ScenePicture) -> None:
-        if mode == "rgb_array_list":
-            picture.size, picture.drawn = SIZE, caption.follow
-
-    options = {**task.settings, **options}
-    if not playable(task.name).drawn:
-        env = gym.make(task.name, **options)
-        return env if mode is None else Drawn(env, mode=mode, fps=task.fps, prepare=prepare)
-    env = gym.make(task.name, render_mode=mode, **options)
-    if mode is not None:
-        prepare(env.get_wrapper_attr("_picture"))
+    env = gym.make(task.name, render_mode=mode, **{**task.settings, **options})
+    if mode == "rgb_array_list":
+        picture: ScenePicture = env.get_wrapper_attr("_picture")
+        picture.size, picture.drawn = SIZE, caption.follow
     return env
 
 

@@ -1,7 +1,6 @@
 """Names that other rooms use; `inside.pyi` lists them.
 
 - Environments and their players by name: `playable`, `playable_names`, `new_player`.
-- `EpisodeScene`: the scene that an episode is drawn in.
 """
 
 import lazy_loader

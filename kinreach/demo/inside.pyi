@@ -1,4 +1,3 @@
-from ._drawn import EpisodeScene as EpisodeScene
 from ._players import new_player as new_player
 from ._players import playable as playable
 from ._players import playable_names as playable_names

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach._checks import MAX_THREADS, Floats, as_flags, check_count, check_known, is_tensor, shown
 from kinreach._tensors import as_device, copied, like, on_device, on_host
 from kinreach.envs._options import (
-    DrawnOptions,
     EnvOptions,
     check_limit,
     check_seed,
@@ -151,12 +150,22 @@ def goal_streams(cell: Workcell, count: int) -> RowStreams:
     return GoalStreams(cell.goals, count) if isinstance(cell.goals, BoxRegion) else RowStreams(cell.draw_goals, count)
 
 
+def picture_of(scene: Scene, options: EnvOptions) -> ScenePicture:
+    """Return what draws a scene as the options of an environment with a `render_mode` say."""
+    return ScenePicture(
+        scene,
+        mode=str(options.render_mode),
+        camera=options.render_camera,
+        size=(options.render_width, options.render_height),
+    )
+
+
 class BatchPicture:
     """Draws the environments of a batch with one scene; `show` puts it into the state of one of them."""
 
-    def __init__(self, scene: Scene, show: Callable[[int], None]) -> None:
+    def __init__(self, scene: Scene, show: Callable[[int], None], options: EnvOptions) -> None:
         self._show = show
-        self._picture = ScenePicture(scene, mode="rgb_array")
+        self._picture = picture_of(scene, options)
 
     def frame(self, index: int) -> Any:
         """Return a frame of one environment, uint8, shape (height, width, 3)."""
@@ -327,7 +336,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         except ValueError:
             names = ", ".join(mode.value for mode in AutoresetMode)
             raise InputError(f"autoreset_mode must be one of {names}, got {shown(autoreset_mode)}") from None
-        self.render_mode = given.render_mode if isinstance(given, DrawnOptions) else None
+        self.render_mode = given.render_mode
         if self.render_mode is not None:
             if not self.drawn:
                 raise InputError(

@@ -26,6 +26,7 @@ from kinreach._checks import (
 from kinreach.errors import InputError, UnknownOptionError
 from kinreach.kinematics.inside import MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription
+from kinreach.sim.inside import CAMERA, HEIGHT, MAX_HEIGHT, MAX_WIDTH, WIDTH
 from kinreach.vision import SensorNoise
 from kinreach.vision.inside import PIPELINES
 
@@ -33,6 +34,8 @@ Options = TypeVar("Options")
 Environment = TypeVar("Environment", bound=type)
 
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
+#: A camera is at least so far from what it looks at [m].
+NEAREST = 1e-3
 #: Ways to observe a goal and to move an arm.
 OBSERVATION_KINDS, ARM_BACKENDS = ("camera", "geometric", "pixels"), ("mujoco", "kinematic")
 #: What `info` holds.
@@ -72,9 +75,32 @@ class EnvOptions:
         ),
     )
 
+    render_mode: str | None = field(
+        default=None,
+        metadata=about(
+            '`"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"`', flag=None
+        ),
+    )
+    render_camera: str | Sequence[float] = field(
+        default=CAMERA,
+        metadata=about(
+            "what `render` draws from: a camera of the scene; a place x, y, z [m]; or six numbers, a place and what it "
+            "looks at",
+            flag=None,
+        ),
+    )
+    render_width: int = field(default=WIDTH, metadata=about("of what `render` draws [px]", flag=None))
+    render_height: int = field(default=HEIGHT, metadata=about("of what `render` draws [px]", flag=None))
+
     def __post_init__(self) -> None:
         check_known("info", self.info, INFOS)
         check_known("dtype", self.dtype, (FLOAT32, FLOAT64))
+        if self.render_mode is not None:
+            check_known("render_mode", self.render_mode, RENDER_MODES)
+        if not isinstance(self.render_camera, str):
+            object.__setattr__(self, "render_camera", _viewpoint(self.render_camera))
+        check_count("render_width [px]", self.render_width, most=MAX_WIDTH)
+        check_count("render_height [px]", self.render_height, most=MAX_HEIGHT)
         for entry in fields(self):
             if isinstance(entry.default, tuple):
                 given: Any = getattr(self, entry.name)
@@ -84,23 +110,22 @@ class EnvOptions:
                 object.__setattr__(self, entry.name, tuple(given))
 
 
+def _viewpoint(given: Any) -> tuple[float, ...]:
+    """Check the place of a camera [m], three numbers, or with what it looks at six."""
+    numbers = as_floats("render_camera", given)
+    if numbers.shape not in ((3,), (6,)):
+        raise InputError(
+            "render_camera must be the name of a camera, a place x, y, z [m], or six numbers, a place and what it "
+            f"looks at, got {shown(given)}"
+        )
+    check_entries("render_camera [m]", numbers, MAX_DISTANCE)
+    if numbers.size == 6 and np.linalg.norm(numbers[3:] - numbers[:3]) < NEAREST:
+        raise InputError(f"render_camera must look at a place at least {NEAREST:g} m away, got {shown(given)}")
+    return tuple(numbers.tolist())
+
+
 @dataclass(frozen=True, kw_only=True)
-class DrawnOptions(EnvOptions):
-    """Options of environments that are drawn."""
-
-    render_mode: str | None = field(
-        default=None,
-        metadata=about('`"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"`'),
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.render_mode is not None:
-            check_known("render_mode", self.render_mode, RENDER_MODES)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraOptions(DrawnOptions):
+class CameraOptions(EnvOptions):
     """Options of environments in which an arm may see its goal with cameras."""
 
     observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
@@ -151,7 +176,7 @@ class CameraOptions(DrawnOptions):
 
 def _specific_first(kind: type[Any]) -> list[Field[Any]]:
     """Return the fields of a class of options, those that many environments have at the end."""
-    common = [entry.name for entry in fields(DrawnOptions)]
+    common = [entry.name for entry in fields(EnvOptions)]
     return sorted(fields(kind), key=lambda entry: entry.name in common)
 
 

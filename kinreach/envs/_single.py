@@ -17,14 +17,14 @@ from gymnasium.wrappers import RecordVideo
 from numpy.typing import ArrayLike
 
 from kinreach._checks import Floats, shown
-from kinreach.envs._batch import Episodes, Ids, Outcome, first_row, numbers_of
+from kinreach.envs._batch import Episodes, Ids, Outcome, first_row, numbers_of, picture_of
 from kinreach.envs._options import RENDER_MODES, EnvOptions, check_seed, check_started, in_dtype, options_from
 from kinreach.envs._state import put_back, saved
 from kinreach.errors import InputError, NoDynamicsError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription
 from kinreach.sim import ArmSimulation
-from kinreach.sim.inside import FPS, Scene, ScenePicture
+from kinreach.sim.inside import FPS, Scene
 from kinreach.vision.inside import GoalMeasurement
 
 #: The environments of episodes with a count of one.
@@ -76,8 +76,10 @@ class WithModel:
         raise NoDynamicsError(f"there is no `{attribute}` of MuJoCo without dynamics: {type(self).__name__} {what}")
 
 
-class SingleEnv(WithModel, gym.Env[Any, Any]):
-    """One environment of a task; a subclass has its `Options`, and its `episodes_class` or `_new_episodes`.
+class SingleEnv(WithModel, gym.Env[Any, Any], EzPickle):
+    """One environment of a task; a subclass has its `Options`, its `episodes_class` or `_new_episodes`, and a `scene`.
+
+    Deep copies keep the state. Pickles keep only the options, as in Gymnasium: reset the result before its first step.
 
     Attributes:
         options: As given.
@@ -88,15 +90,29 @@ class SingleEnv(WithModel, gym.Env[Any, Any]):
     Options: ClassVar[type[Any]] = EnvOptions
     episodes_class: ClassVar[type[Any]]
     goes_on: ClassVar[bool] = False
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012 (declared by Gymnasium)
     options: Any
     episodes: Any
     _started = _over = False
 
     def __init__(self, **options: Any) -> None:
+        EzPickle.__init__(self, **options)
         self.options = self._checked(options)
         self.episodes = self._new_episodes(self.options)
         self.action_space = self.episodes.action_space
         self.observation_space = in_dtype(self.episodes.observation_space, self.options.dtype)
+        self.render_mode = self.options.render_mode
+        self.metadata = {**self.metadata, "render_fps": self.episodes.fps}
+        self._picture = None if self.render_mode is None else picture_of(self._first_scene(), self.options)
+
+    @property
+    @abstractmethod
+    def scene(self) -> Scene:
+        """What `render` draws."""
+
+    def _first_scene(self) -> Scene:
+        """Return what is drawn before the first reset."""
+        return self.scene
 
     def _checked(self, options: dict[str, Any]) -> EnvOptions:
         """Check the options."""
@@ -173,8 +189,36 @@ class SingleEnv(WithModel, gym.Env[Any, Any]):
         for name, then in state.values.items():
             setattr(self, name, put_back(vars(self).get(name), then))
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "spec": self.spec}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        self.spec = state["spec"]
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        new = pickle.loads(pickle.dumps(self))
+        if self._started:
+            new.restore_state(self.save_state())
+        return new
+
+    def render(self) -> Any:
+        """Draw a frame in the `render_mode`; with "human" update the viewer.
+
+        Returns:
+            "rgb_array": uint8, (height, width, 3); "rgb_array_list": a list of such, those of the motion since the
+            last call; "depth_array": float32 [m], (height, width); else None.
+        """
+        return None if self._picture is None else self._picture.frame()
+
+    def close(self) -> None:
+        """Close the viewer and free the renderers; further calls do nothing."""
+        self.episodes.close()
+        if self._picture is not None:
+            self._picture.close()
+
     def _follow(self) -> None:
-        """Update the drawn scene after a reset; of an `ArmEnv` after a step, too."""
+        """Update the drawn scene after a reset; of some environments after a step, too."""
 
     def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])
@@ -206,56 +250,7 @@ class ForfeitEnv(SingleEnv):
         return self._answer(self.episodes.forfeit(str(reason)))
 
 
-class DrawnEnv(SingleEnv, EzPickle):
-    """An environment with a `render_mode`.
-
-    Deep copies keep the state. Pickles keep only the options, as in Gymnasium: reset the result before its first step.
-    """
-
-    metadata = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012 (declared by Gymnasium)
-
-    def __init__(self, **options: Any) -> None:
-        EzPickle.__init__(self, **options)
-        super().__init__(**options)
-        self.render_mode = self.options.render_mode
-        self.metadata = {**self.metadata, "render_fps": self.episodes.fps}
-        self._picture = None if self.render_mode is None else ScenePicture(self.scene, mode=self.render_mode)
-
-    @property
-    @abstractmethod
-    def scene(self) -> Scene:
-        """What `render` draws."""
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**super().__getstate__(), "spec": self.spec}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        super().__setstate__(state)
-        self.spec = state["spec"]
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        new = pickle.loads(pickle.dumps(self))
-        if self._started:
-            new.restore_state(self.save_state())
-        return new
-
-    def render(self) -> Any:
-        """Draw a frame in the `render_mode`; with "human" update the viewer.
-
-        Returns:
-            "rgb_array": uint8, (height, width, 3); "rgb_array_list": a list of such, those of the motion since the
-            last call; "depth_array": float32 [m], (height, width); else None.
-        """
-        return None if self._picture is None else self._picture.frame()
-
-    def close(self) -> None:
-        """Close the viewer and free the renderers; further calls do nothing."""
-        self.episodes.close()
-        if self._picture is not None:
-            self._picture.close()
-
-
-class ArmEnv(DrawnEnv):
+class ArmEnv(SingleEnv):
     """An environment with one arm; a subclass sets `_task` and `_simulation`."""
 
     _task: Any

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
@@ -16,7 +16,7 @@ from kinreach._checks import Floats, as_array, as_floats, check_count, check_fla
 from kinreach._objects import load_object
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, RowStreams, told_terms
 from kinreach.envs._lift.lift_task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
-from kinreach.envs._options import FLOAT32, DrawnOptions, check_box_actions, option_rows
+from kinreach.envs._options import EnvOptions, check_box_actions, option_rows
 from kinreach.envs._randomise import RANDOMISE_ARM, Randomisation, Ranges, check_randomise, drawn_of
 from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, held_in_limits, joint_limits, seen_joints
 from kinreach.envs._single import ArmEnv
@@ -153,7 +153,7 @@ _ALL_DRAWN = _Start()
 
 
 @dataclass(frozen=True, kw_only=True)
-class TabletopOptions(DrawnOptions):
+class TabletopOptions(EnvOptions):
     """Options of every environment of this kind.
 
     Attributes:
@@ -173,7 +173,7 @@ class TabletopOptions(DrawnOptions):
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> TabletopOptions:
         """Return the options of an environment, the arguments of its task among them."""
-        own = {"task", "info", "dtype", "render_mode", "randomise"}
+        own = {entry.name for entry in fields(cls)} - {"arguments"}
         arguments = {name: value for name, value in options.items() if name not in own}
         return cls(arguments=arguments, **{name: value for name, value in options.items() if name in own})
 
@@ -357,12 +357,10 @@ class TabletopEnv(ArmEnv):
 
     Args:
         task: The class of the task, or `"module:Class"`.
-        render_mode: `"human"`, `"rgb_array"`, `"rgb_array_list"` or `"depth_array"`.
-        info: `"all"`, or only `"numbers"`.
-        dtype: Of the observation, `"float32"` or `"float64"`.
         randomise: Ranges of what is drawn of the arm at every reset, by name, such as `{"payload": (0, 0.5)}`:
             `payload`, `friction`, `damping`, `gears` and `encoder_noise`; `info` has `drawn_NAME`.
-        **options: Arguments of the task's class.
+        **options: `info`, `dtype`, `render_mode`, `render_camera`, `render_width` and `render_height`, as every
+            environment has them, and arguments of the task's class.
 
     Raises:
         InputError: A task, or options, that cannot be.
@@ -372,13 +370,10 @@ class TabletopEnv(ArmEnv):
         self,
         task: type[TabletopTask] | str,
         *,
-        render_mode: str | None = None,
-        info: str = "all",
-        dtype: str = FLOAT32,
         randomise: Ranges | None = None,
         **options: Any,
     ) -> None:
-        super().__init__(task=task, render_mode=render_mode, info=info, dtype=dtype, randomise=randomise, **options)
+        super().__init__(task=task, randomise=randomise, **options)
 
     def _checked(self, options: dict[str, Any]) -> TabletopOptions:
         return TabletopOptions.of(options)

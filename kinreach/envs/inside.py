@@ -2,7 +2,7 @@
 
 - Modules, one a task, with its layout, constants and options: `reach_task`, `lift_task`, `button_task`, `moving`,
   `real_arm`. Beside them, what single methods need of a task: its options, drawings, observers.
-- What an environment of another room is made of: `SingleEnv`, `NativeVectorEnv`, `Outcome`, `RowStreams`, ...
+- What an environment of another room is made of: `PosedEnv`, `NativeVectorEnv`, `Outcome`, `RowStreams`, ...
 """
 
 import lazy_loader

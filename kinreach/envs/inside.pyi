@@ -20,9 +20,9 @@ from ._options import EnvOptions as EnvOptions
 from ._options import check_box_actions as check_box_actions
 from ._options import in_doubles as in_doubles
 from ._options import option_rows as option_rows
+from ._posed import PosedEnv as PosedEnv
 from ._reach import reach_task as reach_task
 from ._reach.observers import PixelObserver as PixelObserver
 from ._reach.observers import measured as measured
 from ._reach.reachable_goals import with_goals as with_goals
 from ._reach.space import SpaceTask as SpaceTask
-from ._single import SingleEnv as SingleEnv

@@ -22,7 +22,7 @@ from kinreach._registration import MAX_EPISODE_STEPS, MOVING
 from kinreach._tensors import namespace
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome
 from kinreach.envs._options import EnvOptions, about, check_box_actions, option_values, with_options
-from kinreach.envs._single import SingleEnv
+from kinreach.envs._posed import PosedEnv
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
@@ -348,7 +348,7 @@ def observation_space(options: MovingOptions) -> spaces.Box:
 
 
 @with_options(MovingOptions)
-class MovingBallEnv(SingleEnv):
+class MovingBallEnv(PosedEnv):
     """A UR5 touches a ball that rolls over the table, seen by cameras that are late.
 
     ## Description
@@ -411,8 +411,14 @@ class MovingBallEnv(SingleEnv):
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
         world = self.episodes
-        self.arm, self.home, self.height = world.arm, world.home, world.height
+        self.home, self.height = world.home, world.height
         self.speed_limit, self.acceleration_limit = world.speed_limit, world.acceleration_limit
+
+    @property
+    def arm(self) -> ArmDescription:
+        """The UR5, in its work cell."""
+        arm: ArmDescription = self.episodes.arm
+        return arm
 
 
 class MovingVectorEnv(NativeVectorEnv):

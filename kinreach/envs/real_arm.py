@@ -374,9 +374,15 @@ class RealArmEpisodes(MovedEpisodes):
 
     def _show(self, index: int, postures: Floats, balls: Iterable[Floats] = ()) -> None:
         scene = self._scenes[index]
-        if scene is not None and scene.watch is not None:
-            for q, ball in zip_longest(postures, balls):
-                scene.go(q, ball=ball)
+        if scene is None or not len(postures):
+            return
+        taken = [*zip_longest(postures, balls)]
+        if scene.watch is None:
+            q, ball = taken[-1]
+            scene.put(q, ball=ball)
+            return
+        for q, ball in taken:
+            scene.go(q, ball=ball)
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
         """Go to every ball, in all environments or where `acting` is True."""
@@ -500,6 +506,13 @@ class RealArmEnv(SingleEnv):
         """
         scene: PosedScene = self.episodes.scene(0)
         return scene
+
+    def _first_scene(self) -> PosedScene:
+        return PosedScene(get_arm(THESIS_ARM))
+
+    def _follow(self) -> None:
+        if self._picture is not None:
+            self._picture.show(self.scene)
 
     @property
     def looks_left(self) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import math
 import platform
 import threading
 import time
@@ -12,9 +11,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from kinreach._checks import Floats
 from kinreach.errors import InstallationError
 from kinreach.sim._engine import mujoco
-from kinreach.sim._rendering import FrameRenderer
+from kinreach.sim._rendering import FrameRenderer, Viewpoint, aim, camera_id
 
 #: Size of a frame [pixels], and the camera that a person looks through.
 WIDTH, HEIGHT = 640, 360
@@ -32,20 +32,18 @@ class SceneViewer:
         InstallationError: No screen, or no library that opens a window.
     """
 
-    def __init__(self, model: Any, data: Any, *, camera: str) -> None:
+    def __init__(self, model: Any, data: Any, *, camera: Viewpoint) -> None:
         _check_screen()
         others = set(threading.enumerate())
         viewer = importlib.import_module("mujoco.viewer")
         self._handle = viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
         self._threads = [thread for thread in threading.enumerate() if thread not in others]
-        fixed = data.camera(camera)
-        ahead = -fixed.xmat.reshape(3, 3)[:, 2]
+        if isinstance(camera, str):
+            place, target = data.camera(camera).xpos, _middle(model, data, camera)
+        else:
+            place, target = np.array(camera[:3]), np.array(camera[3:])
         with self._handle.lock():
-            view = self._handle.cam
-            view.distance = float((model.stat.center - fixed.xpos) @ ahead)
-            view.lookat[:] = fixed.xpos + view.distance * ahead
-            view.azimuth = math.degrees(math.atan2(ahead[1], ahead[0]))
-            view.elevation = math.degrees(math.asin(np.clip(ahead[2], -1.0, 1.0)))
+            aim(self._handle.cam, place, target)
         self.sync()
 
     def sync(self) -> None:
@@ -57,6 +55,13 @@ class SceneViewer:
         self._handle.close()
         for thread in self._threads:  # one that still draws when the interpreter ends makes it crash
             thread.join(CLOSING)
+
+
+def _middle(model: Any, data: Any, camera: str) -> Floats:
+    """Return the point ahead of a camera that is as far as the middle of the scene [m], shape (3,)."""
+    fixed = data.camera(camera)
+    ahead = -fixed.xmat.reshape(3, 3)[:, 2]
+    return np.asarray(fixed.xpos + ((model.stat.center - fixed.xpos) @ ahead) * ahead)
 
 
 def _check_screen() -> None:
@@ -102,15 +107,34 @@ class Scene(Protocol):
 class ScenePicture:
     """Frames of a simulation's scene.
 
+    Args:
+        scene: What is drawn.
+        mode: As Gymnasium's environments have it: "human", "rgb_array", "rgb_array_list" or "depth_array".
+        fps: Frames a second of a motion.
+        camera: Its name; its place [m], three numbers, from which it looks at the middle of the scene; or, with three
+            more, its place and what it looks at.
+        size: Width and height of a frame [pixels].
+
     Attributes:
-        size: Width and height of a frame [pixels]; to be set before the first one.
+        size: As given; to be set before the first frame.
         drawn: Called with the scene after each colour frame.
+
+    Raises:
+        UnknownNameError: Unknown camera.
     """
 
-    def __init__(self, scene: Scene, *, mode: str, fps: int = FPS) -> None:
-        self.size = (WIDTH, HEIGHT)
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        mode: str,
+        fps: int = FPS,
+        camera: Viewpoint = CAMERA,
+        size: tuple[int, int] = (WIDTH, HEIGHT),
+    ) -> None:
+        self.size = size
         self.drawn: Callable[[Scene], object] | None = None
-        self._scene = scene
+        self._camera = camera
         self._mode = mode
         self._period = 1.0 / fps
         self._renderer: FrameRenderer | None = None
@@ -119,15 +143,36 @@ class ScenePicture:
         self._motion: list[Any] = []
         self._next_frame = 0.0
         self._drawn_at: float | None = None
-        if mode in ("human", "rgb_array_list"):
-            scene.watch = self._moving
+        self._scene = scene
+        self._watch()
+
+    def show(self, scene: Scene) -> None:
+        """Draw this scene from now on."""
+        if scene is not self._scene:
+            self.close()
+            self._scene = scene
+            self._watch()
+
+    def _watch(self) -> None:
+        if isinstance(self._camera, str):
+            camera_id(self._scene.model, self._camera)
+        if self._mode in ("human", "rgb_array_list"):
+            self._scene.watch = self._moving
+
+    def _view(self) -> Viewpoint:
+        if isinstance(self._camera, str) or len(self._camera) == 6:
+            return self._camera
+        model, data = self._scene.model, self._scene.data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)
+        return [*self._camera, *_middle(model, data, CAMERA)]
 
     def frame(self) -> Any:
         """Draw the present frame, or return those of the motion since the last call; None in the viewer."""
         if self._mode == "human":
             return self._update_viewer()
         if self._mode == "depth_array":
-            return self._drawer().depth(self._scene.data, CAMERA)
+            return self._drawer().depth(self._scene.data, self._view())
         if self._mode == "rgb_array":
             return self._rgb()
         frames, self._motion = self._motion, []
@@ -168,7 +213,7 @@ class ScenePicture:
         return self._renderer
 
     def _rgb(self) -> Any:
-        frame = self._drawer().rgb(self._scene.data, CAMERA)
+        frame = self._drawer().rgb(self._scene.data, self._view())
         if self.drawn is not None:
             self.drawn(self._scene)
         return frame
@@ -176,5 +221,5 @@ class ScenePicture:
     def _update_viewer(self) -> None:
         mujoco.mj_forward(self._scene.model, self._scene.data)
         if self._viewer is None:
-            self._viewer = SceneViewer(self._scene.model, self._scene.data, camera=CAMERA)
+            self._viewer = SceneViewer(self._scene.model, self._scene.data, camera=self._view())
         self._viewer.sync()

@@ -9,6 +9,7 @@ is forked after the first frame gets an error when it draws, instead of waiting 
 from __future__ import annotations
 
 import importlib
+import math
 import os
 import platform
 import sys
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach._checks import check_count, check_known
+from kinreach._checks import Floats, check_count, check_known
 from kinreach.errors import DrawingError, InstallationError
 from kinreach.sim._engine import mujoco
 
@@ -32,9 +33,22 @@ _PROBE_SIZE = 8
 _REMEDY = "may be the reason: unset it, or set it to egl or osmesa, which need no screen"
 
 
+#: A camera: its name, or its place and what it looks at, six numbers [m].
+Viewpoint = str | Sequence[float]
+
+
 def camera_id(model: Any, name: str) -> int:
     check_known("camera", name, [model.camera(i).name for i in range(model.ncam)])
     return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
+
+
+def aim(view: Any, place: Floats, target: Floats) -> None:
+    """Put a free camera (`mujoco.MjvCamera`) at a place and turn it to a target, shape (3,) each [m]."""
+    ahead = target - place
+    view.lookat[:] = target
+    view.distance = float(np.linalg.norm(ahead))
+    view.azimuth = math.degrees(math.atan2(ahead[1], ahead[0]))
+    view.elevation = math.degrees(math.atan2(ahead[2], math.hypot(ahead[0], ahead[1])))
 
 
 class FrameRenderer:
@@ -69,21 +83,24 @@ class FrameRenderer:
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._renderer.scene.flags[flag] = shadows
 
-    def rgb(self, data: Any, camera: str) -> NDArray[np.uint8]:
+    def rgb(self, data: Any, camera: Viewpoint) -> NDArray[np.uint8]:
         """Draw a colour picture of a state (`mujoco.MjData`), shape (height, width, 3)."""
         self._renderer.disable_depth_rendering()
         return self._draw(data, camera)
 
-    def depth(self, data: Any, camera: str) -> NDArray[np.float32]:
+    def depth(self, data: Any, camera: Viewpoint) -> NDArray[np.float32]:
         """Draw the depth of each pixel along a camera's optical axis [m], shape (height, width)."""
         self._renderer.enable_depth_rendering()
         return self._draw(data, camera)
 
-    def _draw(self, data: Any, camera: str) -> Any:
+    def _draw(self, data: Any, camera: Viewpoint) -> Any:
         _refuse_after_fork()
         view = mujoco.MjvCamera()
-        view.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        view.fixedcamid = camera_id(self.model, camera)
+        if isinstance(camera, str):
+            view.type = mujoco.mjtCamera.mjCAMERA_FIXED
+            view.fixedcamid = camera_id(self.model, camera)
+        else:
+            aim(view, np.array(camera[:3]), np.array(camera[3:]))
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_camlight(self.model, data)
         try:

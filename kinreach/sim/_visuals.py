@@ -18,6 +18,8 @@ from kinreach.sim._engine import mujoco
 
 #: Geoms of this group are not drawn by default.
 HIDDEN_GROUP = 3
+#: Largest pictures that can be drawn [px].
+MAX_WIDTH, MAX_HEIGHT = 1920, 1080
 #: What makes a geom a drawing: no mass, no contact.
 DRAWN_ONLY: Mapping[str, Any] = {"group": 2, "contype": 0, "conaffinity": 0, "mass": 0.0}
 _LEG = 0.05  # edge of a table leg [m]
@@ -51,7 +53,7 @@ def add_visuals(spec: Any, boxes: Sequence[Box], *, visual: bool) -> None:
             _draw_legs(spec, box)
     spec.visual.quality.shadowsize = 4096
     spec.visual.quality.offsamples = 4 if visual else 0
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = MAX_WIDTH, MAX_HEIGHT
     # Depth resolution and shadows are scaled by these; fixed, they do not depend on how large the floor is.
     spec.stat.extent = 1.5
     spec.stat.center = (0.2, 0.0, 0.0)

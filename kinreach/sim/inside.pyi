@@ -23,6 +23,8 @@ from ._movable_boxes import box_names as box_names
 from ._movable_boxes import spare_boxes as spare_boxes
 from ._picture import CAMERA as CAMERA
 from ._picture import FPS as FPS
+from ._picture import HEIGHT as HEIGHT
+from ._picture import WIDTH as WIDTH
 from ._picture import Scene as Scene
 from ._picture import ScenePicture as ScenePicture
 from ._plants import BatchPlant as BatchPlant
@@ -37,5 +39,7 @@ from ._setpoints import TrapezoidalProfile as TrapezoidalProfile
 from ._setpoints import servo_response as servo_response
 from ._simulation import WARP as WARP
 from ._visuals import DRAWN_ONLY as DRAWN_ONLY
+from ._visuals import MAX_HEIGHT as MAX_HEIGHT
+from ._visuals import MAX_WIDTH as MAX_WIDTH
 from ._visuals import add_camera as add_camera
 from ._visuals import camera_rotation as camera_rotation

@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from kinreach._checks import STEP_LIMIT, Floats
 from kinreach._statistics import Trial
 from kinreach.baselines import rollout
-from kinreach.demo.inside import EpisodeScene, playable
+from kinreach.compare.inside import arm_in
 from kinreach.demo.inside import new_player as new_player  # public here
-from kinreach.errors import KinreachError
+from kinreach.demo.inside import playable
+from kinreach.errors import InputError, KinreachError
 from kinreach.robots import ArmDescription
 from kinreach.sim import ArmSimulation
+from kinreach.sim.inside import PosedScene
 from kinreach.view._mujoco_scene import Contact, MujocoScene
 from kinreach.view._names import length
 from kinreach.view._snippet import robots
@@ -202,6 +204,41 @@ class EpisodeRequest:
                 "",
             ]
         )
+
+
+class EpisodeScene:
+    """The scene of an episode: the environment's own, or one that follows its `info`.
+
+    Args:
+        env: The environment, after its reset.
+        info: Of the reset.
+
+    Attributes:
+        scene: The scene.
+        arm: The arm that is drawn: the believed one, if the true one differs.
+        follows: Whether it has to follow `info`.
+
+    Raises:
+        InputError: The environment has no arm, or neither a scene nor a posture `q` in its info.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any], info: Mapping[str, Any]) -> None:
+        arm = arm_in(env)
+        if arm is None:
+            raise InputError(f"{_name(env)} cannot be drawn: it has no `arm`")
+        self.arm, self.follows = arm, not env.has_wrapper_attr("scene")
+        if self.follows and "q" not in info:
+            raise InputError(f"{_name(env)} cannot be drawn: it has no `scene`, and no posture `q` in its info")
+        self.scene: Any = PosedScene(arm) if self.follows else env.get_wrapper_attr("scene")
+
+    def follow(self, info: Mapping[str, Any], *, time: float) -> None:
+        """Move the scene to `info`'s state, if it has to; without a clock in it, at `time` [s]."""
+        if self.follows:
+            self.scene.put(info["q"], ball=info.get("goal"), time=float(info.get("time", time)))
+
+
+def _name(env: gym.Env[Any, Any]) -> str:
+    return env.spec.id if env.spec is not None else "the environment"
 
 
 def circled(measured: GoalMeasurement, index: int) -> NDArray[np.uint8]:

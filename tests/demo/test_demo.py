@@ -1,7 +1,6 @@
 """The demo: runs, prints, films; and says in one line what is wrong."""
 
 import re
-from itertools import pairwise
 
 import gymnasium as gym
 import numpy as np
@@ -12,9 +11,7 @@ from PIL import Image
 from kinreach.baselines import load_policy
 from kinreach.cli import main
 from kinreach.demo._caption import FOUND, MISSED, REACHED, Caption, Moment
-from kinreach.demo._drawn import Drawn
 from kinreach.plots._colours import own_colour
-from kinreach.robots import get_arm
 from tests.policy_files import copy_policy
 
 
@@ -22,51 +19,6 @@ from tests.policy_files import copy_policy
 def no_screen(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-
-
-class Turning(gym.Env):
-    """Of somebody else: an arm that turns, and no clock."""
-
-    action_space = observation_space = gym.spaces.Box(-1.0, 1.0, (1,))
-    arm = get_arm("arm3")
-
-    def reset(self, *, seed=None, options=None):
-        self.q = np.array(self.arm.home)
-        return np.zeros(1, np.float32), {"q": self.q}
-
-    def step(self, action):
-        self.q = self.q + 0.1
-        return np.zeros(1, np.float32), 0.0, False, False, {"q": self.q}
-
-
-def test_an_environment_without_a_clock_is_drawn(needs_gl):
-    """A frame a step."""
-    env = Drawn(Turning(), mode="rgb_array_list", fps=10)
-    env.reset()
-    frames = list(env.render())
-    for _ in range(5):
-        env.step(None)
-        frames += env.render()
-    env.close()
-    assert len(frames) == 6
-    assert all((one != other).any() for one, other in pairwise(frames))
-
-
-def test_the_first_frame_shows_where_an_episode_begins(needs_gl):
-    """An episode that begins turned by 0.5 rad does not look as the one that begins at home."""
-
-    class Turned(Turning):
-        def reset(self, *, seed=None, options=None):
-            self.q = np.array(self.arm.home) + 0.5
-            return np.zeros(1, np.float32), {"q": self.q}
-
-    first = []
-    for env in (Turning(), Turned()):
-        drawn = Drawn(env, mode="rgb_array", fps=10)
-        drawn.reset()
-        first.append(drawn.render())
-        drawn.close()
-    assert (first[0] != first[1]).any()
 
 
 @pytest.mark.parametrize(("env", "backend", "steps"), [("single", "kinematic", 20), ("multi", "mujoco", 30)])

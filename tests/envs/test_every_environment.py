@@ -280,6 +280,7 @@ def test_arguments_are_keywords(name):
     assert cameras == every.intersection(names)
     flagless = {entry.name for entry in entries if entry.metadata["flag"] is None}
     none = {"boxes", "control", "controls", "dtype", "frames", "goal_env", "goal_in", "info", "randomise", "sights"}
+    none |= {"render_mode", "render_camera", "render_width", "render_height"}
     assert flagless == none.intersection(names) | ({"reward"} if name == LIFT else set())
 
 

@@ -13,13 +13,13 @@ from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs._button.world import BatchTorqueWorld, ButtonState, SingleTorqueWorld
 from kinreach.envs._options import with_options
 from kinreach.envs._randomise import drawn_of
-from kinreach.envs._single import DrawnEnv
+from kinreach.envs._single import SingleEnv
 from kinreach.robots import ArmDescription
 from kinreach.sim.inside import Scene
 
 
 @with_options(ButtonOptions)
-class ButtonPressEnv(DrawnEnv):
+class ButtonPressEnv(SingleEnv):
     """A 3-DOF arm under torque that has to press a button.
 
     ## Description
@@ -213,4 +213,4 @@ class ButtonPressVectorEnv(NativeVectorEnv):
             q = episodes.world.q[[index]]
             scene.reset(np.zeros(1, dtype=np.intp), episodes.goals[[index]], q, np.zeros_like(q))
 
-        return BatchPicture(scene, show)
+        return BatchPicture(scene, show, self.options)

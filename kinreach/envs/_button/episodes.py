@@ -29,7 +29,7 @@ from kinreach.envs._button.button_task import (
     observation_space,
 )
 from kinreach.envs._button.world import Ids, TorqueWorld
-from kinreach.envs._options import DrawnOptions, about, option_rows
+from kinreach.envs._options import EnvOptions, about, option_rows
 from kinreach.envs._randomise import RANDOMISE_TORQUE, TORQUE, Randomisation, Ranges, check_randomise
 from kinreach.envs._reach.rewards import OwnReward, RewardFunction, Scorer, Terms, check_reward, term_names
 from kinreach.errors import InputError
@@ -43,7 +43,7 @@ SIZE = 3 + 2 * JOINTS
 
 
 @dataclass(frozen=True, kw_only=True)
-class ButtonOptions(DrawnOptions):
+class ButtonOptions(EnvOptions):
     """Options of the button environments, single and in native batches."""
 
     actuation: str = field(default="tuned", metadata=about('`"tuned"` or `"report"`'))

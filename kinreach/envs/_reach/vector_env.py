@@ -67,7 +67,7 @@ class ReachVectorEnv(GoalMethods, NativeVectorEnv):
             scene.reset(np.clip(episodes.q[index], limits.lower, limits.upper))
             scene.place_ball(episodes.goals[index])
 
-        return BatchPicture(scene, show)
+        return BatchPicture(scene, show, self.options)
 
 
 class SingleStepVectorEnv(ReachVectorEnv):
