@@ -291,5 +291,4 @@ def test_a_batch_has_one_environment_and_one_thread_by_default(name):
     assert found["num_envs"] == found.get("threads", 1) == 1
     assert found["autoreset_mode"] is env.autoreset_mode is AutoresetMode.SAME_STEP
     assert inspect.signature(BatchSimulation).parameters["threads"].default == 1
-    assert env.metadata["render_fps"] == {MOVING: 30}.get(name, 25)
-    assert gym.make(name).metadata.get("render_fps", 25) == 25
+    assert env.metadata["render_fps"] == gym.make(name).metadata["render_fps"] == {MOVING: 30}.get(name, 25)
