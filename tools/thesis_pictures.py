@@ -26,7 +26,7 @@ IMAGES = ROOT / "docs/images/thesis"
 #: Pixels.
 WIDTH = 1400
 #: Width of the figures whose words a phone shows at a readable size [inches].
-NARROW, PHONE = ("5.1", "5.2", "5.3", "5.4", "5.5", "5.6"), 6.4
+NARROW, PHONE = ("3.8", "5.1", "5.2", "5.3", "5.4", "5.5", "5.6"), 6.4
 #: Notebook, then the figure's number in the thesis and what only the code of its cell has.
 PICTURES = {
     "01_reward_geometry": {
