@@ -53,8 +53,8 @@ def test_what_the_readme_installs_is_not_installed_again(there, root, tmp_path):
         assert (f"-e .[{extra}]" in ran) != there
 
 
-def test_what_python_compiled_is_kept(root, tmp_path):
-    """A hundred tests start interpreters, and each would compile the package again."""
+def test_how_the_tests_are_run(root, tmp_path):
+    """What Python compiled is kept: a hundred tests start interpreters, and each would compile the package again."""
     if shutil.which("make") is None:
         pytest.skip("make is not installed")
     venv, log = tmp_path / "venv", tmp_path / "log"
@@ -69,8 +69,9 @@ def test_what_python_compiled_is_kept(root, tmp_path):
     done = subprocess.run(command, cwd=root, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     ran = log.read_text().splitlines()
-    assert len(ran) == 2
-    assert all(line.startswith("-m pytest") and line.endswith(", kept") for line in ran)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    workers = f"-n {min(cores + 1, 8)} --dist worksteal"
+    assert ran == [f"-m pytest -m not slow {workers}, kept", f"-m pytest {workers}, kept"]
 
 
 def test_there_is_one_description_of_the_install(root):
