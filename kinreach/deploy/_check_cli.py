@@ -19,6 +19,7 @@ from kinreach.kinematics import (
     ArmKinematics,
     CalibratedURKinematics,
     FiveAxisKinematics,
+    PalletizerKinematics,
     RedundantKinematics,
     SevenAxisKinematics,
     SixAxisKinematics,
@@ -134,6 +135,8 @@ def _class_of(kin: ArmKinematics) -> str:
             f"{spare} joint{'s' * (spare > 1)} more than a pose needs; numeric: nearest, clearest and manipulable in "
             "Python, and placo, lm and qp, give one posture at a time"
         )
+    if isinstance(kin, PalletizerKinematics):
+        return "palletizer: every posture of a pose that the arm can have, in closed form"
     if isinstance(kin, SlidingKinematics):
         what = "three slides and a wrist" if kin.slides.sum() > 1 else "SCARA"
         return f"{what}: every posture of a pose that the arm can have, in closed form"

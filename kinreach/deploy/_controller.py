@@ -53,7 +53,10 @@ def rate_of(arm: ArmDescription) -> int:
 def check_is_ur(arm: ArmDescription) -> None:
     """Refuse an arm that has no UR controller."""
     if arm.joints != JOINTS or FLANGE not in arm.tips:
-        raise InputError(f"arm {arm.name!r} is not a UR: only URs run URScript, ur3 to ur30")
+        raise InputError(
+            f"arm {arm.name!r} is not a UR: only URs run URScript, ur3 to ur30; for others plan_path and time_path "
+            "plan in Python"
+        )
 
 
 def tcp_of(arm: ArmDescription) -> Floats:

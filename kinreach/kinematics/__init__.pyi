@@ -12,6 +12,7 @@ from ._goals import PoseGoal as PoseGoal
 from ._goals import PositionGoal as PositionGoal
 from ._goals import pose as pose
 from ._goals import pose_vector as pose_vector
+from ._palletizer import PalletizerKinematics as PalletizerKinematics
 from ._planning import joint_line as joint_line
 from ._planning import plan_path as plan_path
 from ._redundant import RedundantKinematics as RedundantKinematics

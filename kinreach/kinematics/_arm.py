@@ -44,6 +44,8 @@ from kinreach.robots.inside import (
 
 pin: Any = load("pinocchio")
 
+#: Kinematics of arms in which joints follow others.
+PALLETIZERS = (("_palletizer", "PalletizerKinematics"),)
 #: Axes of Pinocchio's types of joints, which turn (R) or slide (P); others carry their axis.
 PLAIN_AXES = {
     f"JointModel{kind}{letter}": axis
@@ -198,8 +200,7 @@ class ArmKinematics:
         kinds = cls._closed_forms.get(plain.n, ())
         if not plain.turns_alone:
             of_six = (("_sliding", "SlidingKinematics"),)
-            kinds = (of_six if plain.n <= POSE_JOINTS else kinds) if plain.slides.any() else ()
-            plain.no_closed_form = "" if kinds else "joints follow others, which no closed form takes"
+            kinds = (of_six if plain.n <= POSE_JOINTS else kinds) if plain.slides.any() else PALLETIZERS
         for module, name in kinds:
             kind: Any = getattr(importlib.import_module(f"kinreach.kinematics.{module}"), name)
             try:

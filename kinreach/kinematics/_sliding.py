@@ -1,10 +1,10 @@
-"""Kinematics of SCARAs and gantries, whose joints turn or slide, in closed form."""
+"""Kinematics of SCARAs and gantries, whose joints turn or slide, in closed form; what palletizers share with them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,6 +34,8 @@ from kinreach.kinematics._solutions import (
 PARALLEL, FLAT = 1e-6, 1e-3
 #: A length [m], and the sine of an angle, below which a joint is free: what it would have to turn has no direction.
 NOWHERE = 1e-9
+#: The sine of an angle between two axes below which a turn about one does not change the other.
+NOT_TURNED = 1e-4
 #: Steps of Newton's method, for postures that miss by less than this, and by more [m, rad]; a joint that moves the tip
 #: by less than this share of what another does is left where it is.
 STEPS, NEAR, EXACT, FREE = 2, 1e-5, 1e-12, 1e-6
@@ -52,84 +54,17 @@ class Found(NamedTuple):
     reason: str = ""
 
 
-class SlidingKinematics(ClosedFormKinematics):
-    """Kinematics of a SCARA, or of a gantry with a wrist. Threads may share an instance.
+class ByGeometry(ClosedFormKinematics):
+    """Arms that slide, or have rods: postures by their geometry, brought to a pose by Newton's method."""
 
-    A SCARA has three joints that turn about parallel axes, and one that slides along them, in any order. Its postures
-    are two, by the side of its elbow. A gantry has three joints that slide, and on them up to three that turn. Its
-    postures are two with three joints that turn, by the side of its wrist, else one. With fewer, and for a SCARA, a
-    pose has postures only if its orientation is one that the arm can have.
-
-    Postures miss their pose by less than 1e-9 m and rad. Where a pose is singular, a joint that is free keeps the
-    seed's value, or is at 0. For a `PositionGoal` a SCARA's last joint that turns keeps the seed's value, of a gantry
-    every joint that turns. For an `AxisGoal` a gantry with three of them tries turns about the direction in steps of
-    3 degrees.
-
-    Args:
-        arm: Name of a registered arm, or a description.
-        tip: Short name of the tip frame; default is the arm's own tool centre point.
-        base: As in `ArmKinematics`.
-
-    Raises:
-        UnknownNameError: The arm, the tip or the base does not exist.
-        InputError: The arm is neither.
-    """
-
-    unsolved = (
-        "a gantry with fewer than three joints that turn has a closed form for poses and positions; give a PoseGoal, "
-        "or use a numeric solver"
-    )
-
-    def _prepare(self) -> None:
-        slides, self._still = self.slides, self.chain.fk(np.zeros((1, self.n)))[0]
-        J = self.chain.jacobian(np.zeros((1, self.n)))[0]
-        self._ways = J[:3]
-        self._find: Callable[[Floats, Floats], Found]
-        if len(self.moves) == self.n == 4 and slides.sum() == 1 and self._is_scara(J):
-            self.branches, self._find = 2, self._scara_postures
-        elif len(self.moves) == self.n <= 6 and slides[:3].all() and slides.sum() == 3:
-            if abs(np.linalg.det(J[:3, :3])) < FLAT:
-                raise InputError(f"arm {self.arm.name!r}: the three slides move it in a plane, or nearly")
-            self._turns = self._wrist()
-            self.branches, self._find = 1 + (self.n == 6), self._gantry_postures
-        else:
-            raise InputError(
-                f"arm {self.arm.name!r}: of arms with slides, SCARAs have a closed form (three parallel axes "
-                f"and a slide along them), and three slides with a wrist; with {self._sliding_names} held, others may"
-            )
-
-    @property
-    def _sliding_names(self) -> str:
-        return ", ".join(name for name, slides in zip(self.arm.joints, self.slides, strict=True) if slides)
-
-    def _is_scara(self, J: Floats) -> bool:
-        axes = np.where(self.slides, J[:3], J[3:]).T
-        first = axes[0]
-        if np.linalg.norm(np.cross(axes, first), axis=1).max() > PARALLEL:
-            return False
-        self._axis, self._sign = first, np.where(axes @ first > 0.0, 1.0, -1.0)
-        across = np.linalg.svd(first[None])[2][1:]
-        across = across if np.linalg.det(np.vstack([across, first])) > 0.0 else across[::-1]
-        self._plane = across[0] + 1j * across[1]  # of a point, as a complex number
-        turning = np.flatnonzero(~self.slides)
-        # a joint moves the tip by axis x (tip - its own axis)
-        radii = [self._sign[i] * 1j * -(self._plane @ self._ways[:, i]) for i in turning]
-        tip = complex(self._plane @ self._still[:3, 3])
-        shoulder, elbow, wrist = (tip - radius for radius in radii)
-        self._last_turning = int(turning[2])
-        self._shoulder, self._links = shoulder, (elbow - shoulder, wrist - elbow, tip - wrist)
-        if min(map(abs, self._links[:2])) < NOWHERE:
-            raise InputError(f"arm {self.arm.name!r}: two of its three axes are one")
-        return True
-
-    def _wrist(self) -> Floats:
-        """Rotations B0 to Bm of the tip, R = B0 Rz(q4) B1 Rz(q5) ... Bm, shape (m + 1, 3, 3)."""
-        A, found = self.chain.placements[:, :3, :3], [np.eye(3)]
-        for joint, rotation in enumerate(A):
-            found[-1] = found[-1] @ rotation
-            if 3 <= joint < self.n:
-                found.append(np.eye(3))
-        return np.array(found)
+    #: Finds the postures of a pose; with `hold` those of its point, and `_last_turning` keeps its value.
+    _find: Callable[..., Found]
+    #: The tip's pose in the posture 0; the axis about which alone the tip turns, or None, and the last joint about it.
+    _still: Floats
+    _axis: Any = None
+    #: Steps of Newton's method, and the largest miss that they begin with [m, rad].
+    _steps, _near = STEPS, NEAR
+    _last_turning: int
 
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = TOLERANCE
@@ -144,7 +79,7 @@ class SlidingKinematics(ClosedFormKinematics):
             tol: Where a pose is out of reach, the most by which a posture may miss it [m, rad], 1e-9 to 1.
 
         Returns:
-            Up to two solutions, or the reason why there is none.
+            The solutions, or the reason why there is none.
 
         Raises:
             InputError: `T` is not a finite rigid motion, or the seed is malformed.
@@ -175,23 +110,24 @@ class SlidingKinematics(ClosedFormKinematics):
         start = self.as_posture("seed", seed)
         pose = self.fk(start)
         pose[:3, 3] = goal.position
-        if self._find != self._scara_postures:
+        if self._axis is None:
             return self._nearest_of(goal, pose[None], start, accept)
-        found = self._scara_postures(pose, start, hold=True)
+        found = self._find(pose, start, hold=True)
         poses = self.fk(np.reshape(found.q, (-1, self.n)))
         poses[:, :3, 3] = goal.position
         return self._nearest_of(goal, poses, start, accept, keeps=self._last_turning, reason=found.reason)
 
     def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         start = self.as_posture("seed", seed)
-        if self._find == self._scara_postures:
-            now, wanted = (z - self._axis * (self._axis @ z) for z in (self._still[:3, 2], goal.axis))
-            if min(np.linalg.norm(now), np.linalg.norm(wanted)) < PARALLEL:  # no turn about its axis changes it
+        axis = self._axis
+        if axis is not None:
+            now, wanted = (z - axis * (axis @ z) for z in (self._still[:3, 2], goal.axis))
+            if min(np.linalg.norm(now), np.linalg.norm(wanted)) < NOT_TURNED:  # no turn about its axis changes it
                 held = self._solve_position(PositionGoal(goal.position), start, accept)
                 return self._with_direction(goal, held)
-            heading = float(np.arctan2(self._axis @ np.cross(now, wanted), now @ wanted))
+            heading = float(np.arctan2(axis @ np.cross(now, wanted), now @ wanted))
             pose = self._still.copy()
-            pose[:3, :3] = turn(self._axis, heading) @ pose[:3, :3]
+            pose[:3, :3] = turn(axis, heading) @ pose[:3, :3]
             pose[:3, 3] = goal.position
             return self._with_direction(goal, self._nearest_of(goal, pose[None], start, accept))
         if self.n < POSE_JOINTS:
@@ -250,10 +186,10 @@ class SlidingKinematics(ClosedFormKinematics):
 
     def _polished(self, q: Floats, T: Floats) -> Floats:
         """Postures (k, n) after steps of Newton's method: next to a singular one an arc cosine has half its digits."""
-        for _ in range(STEPS if len(q) else 0):
+        for _ in range(self._steps if len(q) else 0):
             errors = [small_motion(T, pose) for pose in self.chain.fk(q)]
             off = np.abs(errors).max(axis=1)
-            for row in np.flatnonzero((off > EXACT) & (off < NEAR)):
+            for row in np.flatnonzero((off > EXACT) & (off < self._near)):
                 q[row] += np.linalg.lstsq(self.chain.jacobian(q[row : row + 1])[0], errors[row], rcond=FREE)[0]
         return q
 
@@ -262,6 +198,11 @@ class SlidingKinematics(ClosedFormKinematics):
         poses = self.chain.fk(np.ascontiguousarray(rows[:, ANGLES]))
         turned_by = [rotation_angle(pose[:3, :3], T[:3, :3]) for pose in poses]
         return np.column_stack([np.linalg.norm(poses[:, :3, 3] - T[:3, 3], axis=1), turned_by])
+
+    def _heading(self, T: Floats) -> float:
+        """The turn about the one axis that brings the tip nearest to an orientation: other turns do not matter."""
+        axis, R = self._axis, T[:3, :3] @ self._still[:3, :3].T
+        return float(np.arctan2(2.0 * axis @ small_motion(T, self._still)[3:], np.trace(R) - axis @ R @ axis))
 
     def _all_outside(self, rows: Floats) -> str:
         q, _ = nearest_windings(rows[:, ANGLES].T, 0.0, self.lower, self.upper, turns=~self.slides)
@@ -272,12 +213,88 @@ class SlidingKinematics(ClosedFormKinematics):
     def _why(self, T: Floats) -> str:
         return "its joints cannot turn the tip to this orientation"
 
+
+class SlidingKinematics(ByGeometry):
+    """Kinematics of a SCARA, or of a gantry with a wrist. Threads may share an instance.
+
+    A SCARA has three joints that turn about parallel axes, and one that slides along them, in any order. Its postures
+    are two, by the side of its elbow. A gantry has three joints that slide, and on them up to three that turn. Its
+    postures are two with three joints that turn, by the side of its wrist, else one. With fewer, and for a SCARA, a
+    pose has postures only if its orientation is one that the arm can have.
+
+    Postures miss their pose by less than 1e-9 m and rad. Where a pose is singular, a joint that is free keeps the
+    seed's value, or is at 0. For a `PositionGoal` a SCARA's last joint that turns keeps the seed's value, of a gantry
+    every joint that turns. For an `AxisGoal` a gantry with three of them tries turns about the direction in steps of
+    3 degrees.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        tip: Short name of the tip frame; default is the arm's own tool centre point.
+        base: As in `ArmKinematics`.
+
+    Raises:
+        UnknownNameError: The arm, the tip or the base does not exist.
+        InputError: The arm is neither.
+    """
+
+    unsolved = (
+        "a gantry with fewer than three joints that turn has a closed form for poses and positions; give a PoseGoal, "
+        "or use a numeric solver"
+    )
+
+    def _prepare(self) -> None:
+        slides, self._still = self.slides, self.chain.fk(np.zeros((1, self.n)))[0]
+        J = self.chain.jacobian(np.zeros((1, self.n)))[0]
+        self._ways = J[:3]
+        if len(self.moves) == self.n == 4 and slides.sum() == 1 and self._is_scara(J):
+            self.branches, self._find = 2, self._scara_postures
+        elif len(self.moves) == self.n <= 6 and slides[:3].all() and slides.sum() == 3:
+            if abs(np.linalg.det(J[:3, :3])) < FLAT:
+                raise InputError(f"arm {self.arm.name!r}: the three slides move it in a plane, or nearly")
+            self._turns = self._wrist()
+            self.branches, self._find = 1 + (self.n == 6), self._gantry_postures
+        else:
+            raise InputError(
+                f"arm {self.arm.name!r}: of arms with slides, SCARAs have a closed form (three parallel axes "
+                f"and a slide along them), and three slides with a wrist; with {self._sliding_names} held, others may"
+            )
+
+    @property
+    def _sliding_names(self) -> str:
+        return ", ".join(name for name, slides in zip(self.arm.joints, self.slides, strict=True) if slides)
+
+    def _is_scara(self, J: Floats) -> bool:
+        axes = np.where(self.slides, J[:3], J[3:]).T
+        first = axes[0]
+        if np.linalg.norm(np.cross(axes, first), axis=1).max() > PARALLEL:
+            return False
+        self._axis, self._sign = first, np.where(axes @ first > 0.0, 1.0, -1.0)
+        across = np.linalg.svd(first[None])[2][1:]
+        across = across if np.linalg.det(np.vstack([across, first])) > 0.0 else across[::-1]
+        self._plane = across[0] + 1j * across[1]  # of a point, as a complex number
+        turning = np.flatnonzero(~self.slides)
+        # a joint moves the tip by axis x (tip - its own axis)
+        radii = [self._sign[i] * 1j * -(self._plane @ self._ways[:, i]) for i in turning]
+        tip = complex(self._plane @ self._still[:3, 3])
+        shoulder, elbow, wrist = (tip - radius for radius in radii)
+        self._last_turning = int(turning[2])
+        self._shoulder, self._links = shoulder, (elbow - shoulder, wrist - elbow, tip - wrist)
+        if min(map(abs, self._links[:2])) < NOWHERE:
+            raise InputError(f"arm {self.arm.name!r}: two of its three axes are one")
+        return True
+
+    def _wrist(self) -> Floats:
+        """Rotations B0 to Bm of the tip, R = B0 Rz(q4) B1 Rz(q5) ... Bm, shape (m + 1, 3, 3)."""
+        A, found = self.chain.placements[:, :3, :3], [np.eye(3)]
+        for joint, rotation in enumerate(A):
+            found[-1] = found[-1] @ rotation
+            if 3 <= joint < self.n:
+                found.append(np.eye(3))
+        return np.array(found)
+
     def _scara_postures(self, T: Floats, near: Floats, *, hold: bool = False) -> Found:
         """Postures of a pose; with `hold` of its point, and the last joint that turns keeps its value."""
-        R = T[:3, :3] @ self._still[:3, :3].T
-        # the turn about the axis that is nearest to R: the others do not matter where it is one
-        sine = 2.0 * self._axis @ small_motion(T, self._still)[3:]
-        heading = float(np.arctan2(sine, np.trace(R) - self._axis @ R @ self._axis))
+        heading = self._heading(T)
         target = complex(self._plane @ T[:3, 3])
         turning = np.flatnonzero(~self.slides)
         upper, fore, hand = self._links

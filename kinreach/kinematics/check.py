@@ -22,7 +22,7 @@ from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._five_axis import FiveAxisKinematics
 from kinreach.kinematics._goals import PoseGoal, PositionGoal
-from kinreach.kinematics._sliding import SlidingKinematics
+from kinreach.kinematics._sliding import ByGeometry
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
 from kinreach.robots import PosePairs
 
@@ -307,7 +307,7 @@ def solvers_of(kin: ArmKinematics) -> list[Solver]:
 def goal_of(kin: ArmKinematics, q: Floats) -> PoseGoal | PositionGoal:
     """Return the pose of the tip in a posture as a goal; its position with fewer than six joints that turn."""
     T = kin.fk(q)
-    return PoseGoal(T) if kin.n >= POSE_JOINTS or isinstance(kin, SlidingKinematics) else PositionGoal(T[:3, 3])
+    return PoseGoal(T) if kin.n >= POSE_JOINTS or isinstance(kin, ByGeometry) else PositionGoal(T[:3, 3])
 
 
 def solved(kin: ArmKinematics, solver: Solver, postures: Floats, singular: Floats) -> Solved:

@@ -92,11 +92,10 @@ def test_joints_that_slide_or_follow_others_arrive(joints, tmp_path):
         np.testing.assert_allclose(tip, kin.positions(q), atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("joints", "methods"), [(SCARA, ["closed-form", "lm"]), (PALLETIZER, ["lm", "qp"])], ids=["scara", "palletizer"]
-)
-def test_solvers_of_slides_and_followers_are_compared(joints, methods, tmp_path):
+@pytest.mark.parametrize("joints", [SCARA, PALLETIZER], ids=["scara", "palletizer"])
+def test_solvers_of_slides_and_followers_are_compared(joints, tmp_path):
     """A SCARA's tip is always below its first joint, and so are its goals."""
+    methods = ["closed-form", "lm"]
     found = compare("ur5", arm=written(tmp_path, chain(*joints)).arm, methods=methods, goals=3)["methods"]
     assert [method["name"] for method in found] == methods
     assert [method["reached"] for method in found] == [1.0, 1.0]
