@@ -16,7 +16,9 @@ APPENDIX = Path(__file__).parents[2] / "docs" / "studies" / "appendix"
 def test_every_file_is_on_a_page_and_has_whole_rows():
     files = sorted(file.name for file in DATA.glob("*.csv"))
     shown = [
-        name for page in APPENDIX.glob("*.md") for name in re.findall(r"^:file: data/(.*)$", page.read_text(), re.M)
+        name
+        for page in APPENDIX.parent.rglob("*.md")
+        for name in re.findall(r"^<!-- table (?:appendix/)?data/(\S+) -->$", page.read_text(), re.MULTILINE)
     ]
     assert sorted(shown) == files
     assert len(files) >= 25
