@@ -19,12 +19,14 @@ SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0",
 SPACE = "kinreach/Reach-v0"
 REAL_ARM, MOVING, OBSTACLES = "kinreach/RealArm-v0", "kinreach/Moving-v0", "kinreach/Obstacles-v0"
 RANDOM_ARM, LIFT = "kinreach/RandomArm-v0", "kinreach/Lift-v0"
+PUSH, PICK_AND_PLACE = "kinreach/Push-v0", "kinreach/PickAndPlace-v0"
 #: Those of the reach tasks without dynamics, with numbers only in `info`: for clients that cannot pass
 #: `backend="kinematic"` on, or cannot read texts.
 SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinreach/UR5MultiStepKinematic-v0"
 
 _SINGLE = (f"{_REACH}.env:UR5SingleStepEnv", f"{_REACH}.vector_env:SingleStepVectorEnv")
 _MULTI = (f"{_REACH}.env:UR5MultiStepEnv", f"{_REACH}.vector_env:MultiStepVectorEnv")
+_TABLETOP = ("kinreach.envs._tabletop:TabletopEnv", "kinreach.envs._tabletop:TabletopVectorEnv")
 #: Environment id -> entry points of the single environment and of its native batch.
 ENVIRONMENTS = {
     SINGLE: _SINGLE,
@@ -35,6 +37,13 @@ ENVIRONMENTS = {
     LIFT: ("kinreach.envs._lift.env:LiftEnv", "kinreach.envs._lift.env:LiftVectorEnv"),
     REAL_ARM: ("kinreach.envs.real_arm:RealArmEnv", "kinreach.envs.real_arm:RealArmVectorEnv"),
     OBSTACLES: ("kinreach.envs._obstacles:ObstaclesEnv", "kinreach.envs._obstacles:ObstaclesVectorEnv"),
+    PUSH: _TABLETOP,
+    PICK_AND_PLACE: _TABLETOP,
+}
+#: Environment id -> class of its `TabletopTask`.
+TABLETOP_TASKS = {
+    PUSH: "kinreach.envs._tabletop_tasks:Push",
+    PICK_AND_PLACE: "kinreach.envs._tabletop_tasks:PickAndPlace",
 }
 #: Environment id -> the same, with `backend="kinematic"` and `info="numbers"`.
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
@@ -50,7 +59,7 @@ TRAINING_ENVIRONMENTS = {
 MAX_EPISODE_STEPS = {
     **dict.fromkeys((SINGLE, MULTI, SPACE, SINGLE_KINEMATIC, MULTI_KINEMATIC, MOVING, RANDOM_ARM, OBSTACLES), 100),
     LIFT: 150,
-    REAL_ARM: 200,
+    **dict.fromkeys((REAL_ARM, PUSH, PICK_AND_PLACE), 200),
     BUTTON: 1000,
 }
 
@@ -97,5 +106,5 @@ def _register() -> None:
                     entry_point=entry_point,
                     vector_entry_point=vector_entry_point,
                     max_episode_steps=MAX_EPISODE_STEPS[name],
-                    kwargs=options,
+                    kwargs={"task": TABLETOP_TASKS[name]} if name in TABLETOP_TASKS else options,
                 )

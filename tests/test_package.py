@@ -229,7 +229,7 @@ def test_kinematics_loads_no_simulator_and_no_learner(run_python):
 def test_environments_are_registered_whichever_comes_first(imports, run_python):
     code = f"{imports}; print(sum(name.startswith('kinreach/') for name in gymnasium.registry))"
     done = run_python("-c", code)
-    assert (done.returncode, done.stdout.strip()) == (0, "11"), done.stderr
+    assert (done.returncode, done.stdout.strip()) == (0, "13"), done.stderr
 
 
 class TestIncompatibleInstallation:

@@ -49,6 +49,17 @@ def grasp(rewards: Array, info: Mapping[str, Any]) -> Array:
     return dense(rewards, info) + 5.0 * info["held"]
 
 
+def moved(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the reward of bringing an object to a place: for coming nearer to it, holding it, and for its way.
+
+    A second costs the distance of tip and object [m] and twice that of object and goal, and pays 0.5 while the object
+    touches both fingers. Success pays 10, a collision costs 3.
+    """
+    away = np.linalg.norm(info["tip"] - info["position"], axis=1)
+    second = 0.5 * info["gripped"] - away - 2.0 * info["distance"]
+    return np.asarray(lift_task.STEP_S * second + 10.0 * info["is_success"] - 3.0 * info["impossible"])
+
+
 def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     """Return the reward of lifting in small steps, guided by postures of the closed form.
 
@@ -171,6 +182,7 @@ REWARDS: dict[str, TrainingReward] = {
     "dense": dense,
     "grasp": grasp,
     "grasp-guided": grasp_guided,
+    "moved": moved,
     "scaled": scaled,
     "guided": guided,
     "level": level,

@@ -150,6 +150,8 @@ _OWN = {
     "moving": "_moving",
     "obstacles": "_obstacles",
     "lift": "_lift",
+    "push": "_tabletop",
+    "pick-and-place": "_tabletop",
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, NamedTuple, cast
 
@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 from kinreach._checks import Floats, as_array, as_floats, check_count, check_flag, check_known, check_number, shown
 from kinreach._objects import load_object
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, RowStreams, told_terms
+from kinreach.envs._goals import DENSE, REWARD_NAMES, SPARSE, GoalMethods, Told, goal_dict
 from kinreach.envs._lift.lift_task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
-from kinreach.envs._options import EnvOptions, check_box_actions, option_rows
+from kinreach.envs._options import EnvOptions, check_box_actions, in_dtype, option_rows
 from kinreach.envs._randomise import RANDOMISE_ARM, Randomisation, Ranges, check_randomise, drawn_of
 from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, held_in_limits, joint_limits, seen_joints
 from kinreach.envs._single import ArmEnv
@@ -108,9 +109,12 @@ class TabletopTask(ABC):
 
         By default `distance`, minus the distance of what is achieved and the goal, and `success`, 1 for it.
         """
-        achieved = self.achieved(state)
-        distance = np.linalg.norm(achieved - goals, axis=1)
-        return {"distance": -distance, "success": self.success(achieved, goals).astype(np.float64)}
+        return _terms_of(self, self.achieved(state), goals)
+
+
+def _terms_of(task: TabletopTask, achieved: Floats, goals: Floats) -> dict[str, Floats]:
+    distance = np.linalg.norm(achieved - goals, axis=1)
+    return {"distance": -distance, "success": task.success(achieved, goals).astype(np.float64)}
 
 
 def register_tabletop(name: str, task: type[TabletopTask] | str, *, max_episode_steps: int = 100) -> None:
@@ -159,15 +163,21 @@ class TabletopOptions(EnvOptions):
     Attributes:
         task: The class of the task, or its name.
         arguments: Of that class.
+        goal_env: Whether observations have the goals apart, for hindsight experience replay.
+        reward: `"dense"`, the task's own, or `"sparse"`: 0 for success, else -1.
     """
 
     backend: ClassVar[str] = "mujoco"
     task: type[TabletopTask] | str
     arguments: Mapping[str, Any]
+    goal_env: bool = False
+    reward: str = DENSE
     randomise: Ranges | None = field(default=None, metadata=RANDOMISE_ARM)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_flag("goal_env", self.goal_env)
+        check_known("reward", self.reward, REWARD_NAMES)
         check_randomise(self.randomise, names=BOUNDS)
 
     @classmethod
@@ -207,7 +217,11 @@ class _Setup:
         places = 6 * [GOAL_RANGE]
         high = np.concatenate([upper + BEYOND_LIMIT, [CAMERA_RANGE], places, 6 * [1.0], numbers * [GOAL_RANGE]])
         low = np.concatenate([lower - BEYOND_LIMIT, [0.0], -high[len(upper) + 1 :]])
-        self.observation_space = spaces.Box(low, high, dtype=np.float64)
+        self.whole_space = spaces.Box(low, high, dtype=np.float64)
+        self.observation_space: spaces.Space[Any] = self.whole_space
+        if options.goal_env:
+            rest = spaces.Box(low[:-numbers], high[:-numbers], dtype=np.float64)
+            self.observation_space = goal_dict(rest, spaces.Box(low[-numbers:], high[-numbers:], dtype=np.float64))
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
         """Draw starts: place, yaw and goal, shape (count, 3 + goal_size)."""
@@ -272,12 +286,15 @@ class TabletopEpisodes(Episodes):
         for mine, new in zip(self._state, read, strict=True):
             mine[ids] = new
 
-    def observe(self) -> Floats:
-        state = self._state
+    def observe(self) -> Any:
+        state, space = self._state, self.setup.whole_space
         q, turned = seen_joints(self.setup.arm, state.q), state.rotation[:, :, :2].reshape(self.count, 6)
         numbers = (q, state.opening[:, None], state.tip, state.position, turned, self.goals)
-        space = self.setup.observation_space
-        return np.clip(np.concatenate(numbers, axis=1), space.low, space.high)
+        whole = np.clip(np.concatenate(numbers, axis=1), space.low, space.high)
+        if not self.options.goal_env:
+            return whole
+        rest, desired = np.split(whole, [-self.setup.task.goal_size], axis=1)
+        return {"observation": rest, "achieved_goal": self.setup.task.achieved(state), "desired_goal": desired}
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
         acting = np.ones(self.count, dtype=np.bool_) if acting is None else acting
@@ -297,35 +314,74 @@ class TabletopEpisodes(Episodes):
         return self._outcome(acting, lost)
 
     def _outcome(self, acting: Flags, lost: Flags) -> Outcome:
-        state, task = self._state, self.setup.task
-        collides = acting & state.collides
-        success = acting & ~collides & self._success()
-        terms, reward = {}, np.zeros(self.count)
-        for name, term in {**task.reward_terms(state, self.goals), "collision": -1.0 * collides}.items():
-            if np.shape(term) != reward.shape:
-                raise InputError(f"reward term {name!r} must have shape {reward.shape}, got {np.shape(term)}")
-            terms[name] = np.where(acting, as_floats(name, term), 0.0)
-            reward += terms[name]
-        ended = success | collides
+        collides = acting & self._state.collides
+        achieved, goals = self._compared()
+        success = acting & ~collides & self._success(achieved, goals)
+        paid = self._paid(success, collides, lambda: self._own_terms(lambda: self._state, achieved, goals))
+        terms = {name: np.where(acting, term, 0.0) for name, term in paid.items()}
+        reward, ended = sum(terms.values(), np.zeros(self.count)), success | collides
         return Outcome(reward, ended, lost & ~ended, self._info(slice(None), success, collides, terms))
 
-    def _success(self) -> Flags:
-        found = as_array("success", self.setup.task.success(self.setup.task.achieved(self._state), self.goals))
-        if found.shape != (self.count,) or found.dtype != np.bool_:
-            raise InputError(f"success must return bool of shape ({self.count},), got {found.dtype} of {found.shape}")
+    def _compared(self) -> tuple[Floats, Floats]:
+        """Return what was achieved and the goals; of goal environments as observed, so that rewards are the same."""
+        pair = self.setup.task.achieved(self._state), self.goals
+        if not self.options.goal_env:
+            return pair
+        achieved, goals = (in_dtype(np.asarray(each), self.options.dtype).astype(np.float64) for each in pair)
+        return achieved, goals
+
+    def _own_terms(self, state: Callable[[], TabletopState], achieved: Floats, goals: Floats) -> Mapping[str, Any]:
+        if type(self.setup.task).reward_terms is TabletopTask.reward_terms:
+            return _terms_of(self.setup.task, achieved, goals)
+        return self.setup.task.reward_terms(state(), goals)
+
+    def _paid(self, success: Flags, collides: Flags, own: Callable[[], Mapping[str, Any]]) -> dict[str, Floats]:
+        """Return the terms of the reward, each of shape (k,); `own` gives those of the task."""
+        if self.options.reward == SPARSE:
+            return {SPARSE: np.where(success, 0.0, -1.0)}
+        terms = {}
+        for name, term in {**own(), "collision": -1.0 * collides}.items():
+            if np.shape(term) != collides.shape:
+                raise InputError(f"reward term {name!r} must have shape {collides.shape}, got {np.shape(term)}")
+            terms[name] = as_floats(name, term)
+        return terms
+
+    def _success(self, achieved: Floats, goals: Floats) -> Flags:
+        found = as_array("success", self.setup.task.success(achieved, goals))
+        if found.shape != goals.shape[:1] or found.dtype != np.bool_:
+            raise InputError(f"success must return bool of shape ({len(goals)},), got {found.dtype} of {found.shape}")
         return found
+
+    def judge(self, achieved: Floats, desired: Floats, told: Told) -> Outcome:
+        """Return what transitions with these goals, shape (k, goal_size), lead to; its `info` is empty.
+
+        A task with `reward_terms` of its own needs the `info` of the steps; another one only to know of collisions.
+        """
+        collides = told.get("impossible", False).astype(np.bool_)
+        success = ~collides & self._success(achieved, desired)
+
+        def state() -> TabletopState:
+            parts = {name: told.need(name) for name in TabletopState._fields if name != "collides"}
+            return TabletopState(**parts, collides=collides)
+
+        terms = self._paid(success, collides, lambda: self._own_terms(state, achieved, desired))
+        ended = success | collides
+        return Outcome(sum(terms.values(), np.zeros(len(success))), ended, np.zeros_like(ended), {})
 
     def start_info(self, ids: Ids) -> dict[str, Any]:
         nothing, task = np.zeros(len(ids), dtype=np.bool_), self.setup.task
-        names = [*task.reward_terms(self._state, self.goals), "collision"]
+        everyone = np.zeros(self.count, dtype=np.bool_)
+        names = self._paid(everyone, everyone, lambda: task.reward_terms(self._state, self.goals))
         return self._info(ids, nothing, nothing, {name: np.zeros(len(ids)) for name in names})
 
     def _info(self, rows: Any, success: Flags, collides: Flags, terms: dict[str, Floats]) -> dict[str, Any]:
         state = self._state
+        achieved = np.array(self.setup.task.achieved(state)[rows])
         return {
             **self.goal_info(rows),
-            "achieved": np.array(self.setup.task.achieved(state)[rows]),
-            **{name: np.array(getattr(state, name)[rows]) for name in ("q", "tip", "position", "opening", "gripped")},
+            "achieved": achieved,
+            "distance": np.linalg.norm(achieved - self.goals[rows], axis=1),
+            **{name: np.array(each[rows]) for name, each in state._asdict().items() if name != "collides"},
             "is_success": success,
             "reached": success,
             "impossible": collides,
@@ -333,7 +389,7 @@ class TabletopEpisodes(Episodes):
         }
 
 
-class TabletopEnv(ArmEnv):
+class TabletopEnv(GoalMethods, ArmEnv):
     """A `TabletopTask` on its arm, under MuJoCo's dynamics, in steps of 0.04 s; `register_tabletop` gives it an id.
 
     The action is `Box(-1, 1, (n,), float32)`: changes of the n joints in parts of 5 degrees, and, where the task has
@@ -352,15 +408,20 @@ class TabletopEnv(ArmEnv):
     The reward is the sum of the task's terms and of `collision`, -1 where a link is in the table, in another obstacle
     or in another link by more than 1 mm. An episode terminates with the task's success or with a collision; a
     simulation that diverges truncates it. `reset(options={"place": (x, y), "yaw": angle, "goal": goal})` sets any of
-    what is drawn. `info` has `goal`, `achieved`, `q`, `tip`, `position`, `opening`, `gripped`, `is_success`, `reached`,
-    `impossible` (a collision) and `reward_terms`, from `reset` too.
+    what is drawn. `info` has `goal`, `achieved`, `distance` (of the two), the fields of `TabletopState`, `is_success`,
+    `reached`, `impossible` (a collision) and `reward_terms`, from `reset` too.
+
+    With `goal_env=True` observations are a `Dict` of `observation`, without the goal, `achieved_goal` and
+    `desired_goal`, and there are `compute_reward`, `compute_terminated` and `compute_truncated`, for hindsight
+    experience replay.
 
     Args:
         task: The class of the task, or `"module:Class"`.
         randomise: Ranges of what is drawn of the arm at every reset, by name, such as `{"payload": (0, 0.5)}`:
             `payload`, `friction`, `damping`, `gears` and `encoder_noise`; `info` has `drawn_NAME`.
-        **options: `info`, `dtype`, `render_mode`, `render_camera`, `render_width` and `render_height`, as every
-            environment has them, and arguments of the task's class.
+        **options: `goal_env`; `reward`, `"dense"` or `"sparse"` (0 for success, else -1); `info`, `dtype`,
+            `render_mode`, `render_camera`, `render_width` and `render_height`, as every environment has them; and
+            arguments of the task's class.
 
     Raises:
         InputError: A task, or options, that cannot be.
@@ -374,6 +435,17 @@ class TabletopEnv(ArmEnv):
         **options: Any,
     ) -> None:
         super().__init__(task=task, randomise=randomise, **options)
+
+    @property
+    def task(self) -> TabletopTask:
+        """What is to be done."""
+        return self._task.task
+
+    @property
+    def region(self) -> BoxRegion:
+        """Where the work cell has its goals, in the world [m]; z is the height of the table's top."""
+        region: BoxRegion = self._task.region
+        return region
 
     def _checked(self, options: dict[str, Any]) -> TabletopOptions:
         return TabletopOptions.of(options)
@@ -392,7 +464,7 @@ class TabletopEnv(ArmEnv):
             self._simulation.place_ball(self.episodes.goals[0])
 
 
-class TabletopVectorEnv(NativeVectorEnv):
+class TabletopVectorEnv(GoalMethods, NativeVectorEnv):
     """A batch of `TabletopEnv`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
     Arguments are as of `NativeVectorEnv`; the options have `task`, the class or `"module:Class"`, and its arguments.

@@ -46,7 +46,7 @@ KINEMATIC = slow(*(name for name in playable_names() if "Kinematic" in name))
 @pytest.mark.parametrize("name", [*(name for name in playable_names() if "Kinematic" not in name), *KINEMATIC])
 def test_everybody_who_is_offered_plays(name):
     players = playable(name).players(get_arm("ur5-thesis"))
-    assert len(players) == len(set(players)) >= 3
+    assert len(players) == len(set(players)) >= 2
     assert players[-1] == "random"
     for player in players:
         episode = EpisodeRequest(name, player, get_arm("ur5-thesis"), seed=2, options=SHORT.get(name, {})).play(

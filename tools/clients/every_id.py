@@ -14,7 +14,7 @@ from torch.nn.utils import parameters_to_vector
 import kinreach
 
 IDS = sorted(name for name in gym.registry if name.startswith(f"{kinreach.__name__}/"))
-STEPS, MIN_IDS = 64, 11
+STEPS, MIN_IDS = 64, 13
 
 
 if __name__ == "__main__":

@@ -1,0 +1,57 @@
+"""Objects brought to a place in the comparison: the scripts do it, chance does not."""
+
+import gymnasium as gym
+import pytest
+
+from kinreach._registration import PICK_AND_PLACE, PUSH
+from kinreach.compare import compare
+from kinreach.compare._tabletop import PickAndPlaceScript, PushScript
+from tests.cases import slow
+
+SCRIPTS = {"push": (PUSH, PushScript), "pick-and-place": (PICK_AND_PLACE, PickAndPlaceScript)}
+
+
+@pytest.mark.parametrize("task", ["pick-and-place", *slow("push")])
+def test_scripts_bring_objects_to_their_places(task):
+    found = compare(task, goals=1, seed=1, options={"max_episode_steps": 150})
+    script, random = found["methods"]
+    assert (script["name"], random["name"]) == ("script", "random")
+    assert script["reached"] == 1.0
+    assert random["reached"] == 0.0
+    assert script["distance_mm"]["p95"] < 20.0 < random["distance_mm"]["median"]
+    assert 20 < script["steps"]["median"] < 150
+
+
+def test_an_object_that_is_lost_is_grasped_again():
+    """It is put elsewhere, by hand, while it is carried."""
+    env = gym.make(PICK_AND_PLACE, dtype="float64")
+    script = PickAndPlaceScript(env)
+    observation, info = env.reset(seed=0)
+    script.reset(observation, info)
+    taken, over = False, False
+    while not over:
+        observation, _, ended, cut, info = env.step(script.act(observation))
+        over = ended or cut
+        if not taken and info["gripped"] and info["position"][2] > -0.15:
+            joint = env.unwrapped.model.joint("object")
+            env.unwrapped.data.qpos[joint.qposadr[0] : joint.qposadr[0] + 3] = (0.4, 0.0, -0.17)
+            taken = True
+    assert taken
+    assert info["is_success"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", SCRIPTS)
+def test_scripts_bring_objects_to_300_places(task):
+    name, script = SCRIPTS[task]
+    env = gym.make(name, dtype="float64")
+    policy, reached = script(env), 0
+    for seed in range(300):
+        observation, info = env.reset(seed=5000 + seed)
+        policy.reset(observation, info)
+        over = False
+        while not over:
+            observation, _, ended, cut, info = env.step(policy.act(observation))
+            over = ended or cut
+        reached += info["is_success"]
+    assert reached >= 297
