@@ -106,5 +106,7 @@ def _register() -> None:
                     entry_point=entry_point,
                     vector_entry_point=vector_entry_point,
                     max_episode_steps=MAX_EPISODE_STEPS[name],
-                    kwargs={"task": TABLETOP_TASKS[name]} if name in TABLETOP_TASKS else options,
+                    kwargs={"task": TABLETOP_TASKS[name], "limit": MAX_EPISODE_STEPS[name]}
+                    if name in TABLETOP_TASKS
+                    else options,
                 )

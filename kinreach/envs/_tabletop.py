@@ -135,7 +135,7 @@ def register_tabletop(name: str, task: type[TabletopTask] | str, *, max_episode_
         entry_point=f"{__name__}:TabletopEnv",
         vector_entry_point=f"{__name__}:TabletopVectorEnv",
         max_episode_steps=check_count("max_episode_steps", max_episode_steps),
-        kwargs={"task": task},
+        kwargs={"task": task, "limit": max_episode_steps},
     )
 
 
@@ -163,6 +163,7 @@ class TabletopOptions(EnvOptions):
     Attributes:
         task: The class of the task, or its name.
         arguments: Of that class.
+        limit: Steps after which episodes of a batch are truncated, as registered.
         goal_env: Whether observations have the goals apart, for hindsight experience replay.
         reward: `"dense"`, the task's own, or `"sparse"`: 0 for success, else -1.
     """
@@ -170,6 +171,7 @@ class TabletopOptions(EnvOptions):
     backend: ClassVar[str] = "mujoco"
     task: type[TabletopTask] | str
     arguments: Mapping[str, Any]
+    limit: int = 100
     goal_env: bool = False
     reward: str = DENSE
     randomise: Ranges | None = field(default=None, metadata=RANDOMISE_ARM)
@@ -470,7 +472,11 @@ class TabletopVectorEnv(GoalMethods, NativeVectorEnv):
     Arguments are as of `NativeVectorEnv`; the options have `task`, the class or `"module:Class"`, and its arguments.
     """
 
-    registered_limit = 100
+    @property
+    def registered_limit(self) -> int:  # type: ignore[override]
+        """Steps after which episodes are truncated, unless `max_episode_steps` says otherwise."""
+        limit: int = self.options.limit
+        return limit
 
     def _checked(self, options: dict[str, Any]) -> TabletopOptions:
         return TabletopOptions.of(options)

@@ -24,8 +24,10 @@ QUICK = {
 }
 #: In the contract of every environment.
 CONTRACT = {"goal", "distance", "reached", "is_success", "impossible", "reward_terms"}
-#: Of these only a success ends an episode.
-ENDLESS = {"kinreach/UR5MultiStep-v0", "kinreach/UR5MultiStepKinematic-v0", "kinreach/ButtonPress-v0"}
+#: Of these only a success, or a collision, ends an episode.
+ENDLESS = {
+    f"kinreach/{name}-v0" for name in ("UR5MultiStep", "UR5MultiStepKinematic", "ButtonPress", "Push", "PickAndPlace")
+}
 MODES = ["sync", "async", "vector_entry_point"]
 
 

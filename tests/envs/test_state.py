@@ -13,7 +13,10 @@ IDS = sorted(name for name in gym.registry if name.startswith("kinreach/"))
 #: Trays that are small.
 QUICK = {"kinreach/RealArm-v0": {"balls": 2, "budgets": (0, 5), "again": 1}}
 #: Ids whose episodes are longer than these tests.
-LONG = {f"kinreach/{name}-v0" for name in ("UR5MultiStep", "UR5MultiStepKinematic", "ButtonPress", "Moving", "Reach")}
+LONG = {
+    f"kinreach/{name}-v0"
+    for name in ("UR5MultiStep", "UR5MultiStepKinematic", "ButtonPress", "Moving", "Reach", "Push", "PickAndPlace")
+}
 VARIANTS = [
     *((name, QUICK.get(name, {})) for name in IDS),
     ("kinreach/Lift-v0", {"backend": "kinematic"}),
