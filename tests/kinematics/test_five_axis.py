@@ -416,6 +416,25 @@ def test_a_roll_that_is_free_stays_at_the_seed(name, tmp_path):
     assert tried > 10
 
 
+@pytest.mark.parametrize("name", ["wx250", "vx300", "xarm5"])
+def test_a_roll_is_free_in_files_with_few_digits(name, tmp_path):
+    """With 1.5708 for a right angle the tip is 4e-6 rad off the last axis, which decides about no roll."""
+    joints, tip = FIGURES[name]
+    few = [((*place[:3], *np.round(place[3:], 4)), *rest) for place, *rest in joints], (*tip[:3], *np.round(tip[3:], 4))
+    exact, rounded = owned(tmp_path, name), kinematics_of(tmp_path, *few, name=f"{name}_rounded")
+    rng, tried = np.random.default_rng(15), 0
+    for q in rng.uniform(exact.lower, exact.upper, (30, exact.n)):
+        axis, seed, point = rng.normal(size=3), rng.uniform(exact.lower, exact.upper), rounded.fk(q)[:3, 3]
+        ours, theirs = (kin.axis_solutions(point, axis, seed=seed, limits=False) for kin in (rounded, exact))
+        assert len(ours) > 0
+        np.testing.assert_array_equal(ours.q[:, -1], seed[-1])
+        assert ours.residual[:, 0].max() < 1e-9
+        if len(ours) == len(theirs):
+            np.testing.assert_allclose(ours.left, theirs.left, atol=1e-3)
+            tried += 1
+    assert tried >= 25
+
+
 @pytest.mark.parametrize("name", ["so101", "koch"])
 def test_a_direction_that_is_met_with_a_joint_at_its_limit_is_found(name, tmp_path):
     """The same posture without the limit is past it by rounding; it must not take the place of this one."""

@@ -145,7 +145,7 @@ void kr_families(const double placements[84], const double T[12], const double *
 enum { KR_FIVE_JOINTS = 5, KR_MAX_STATIONARY = 64 };
 typedef struct {
     int triple[32][2];       /* for each set of held joints, the threes of the others that reach a point best; 0 if none */
-    int last_turns_tip;      /* the last joint turns the tip about its own z axis, and moves it nowhere */
+    int last_turns_tip;      /* the last joint turns the tip about its own z axis, and moves it nowhere, or hardly */
     int pitched;             /* axes 2, 3 and 4 are parallel: what follows is in the frame of joint 2, whose z axis is theirs */
     double sense[3];         /* 1 or -1: whether their joints turn about z or against it */
     double upper[2], fore[2];/* from axis 2 to 3 and to 4, with all joints at 0 */

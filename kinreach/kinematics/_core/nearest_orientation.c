@@ -258,7 +258,9 @@ static double mobility(const kr_arm *arm, int triple) {
 }
 
 int kr_five_axis_prepare(const kr_arm *arm, kr_five_axis *five) {
-    static const double IMMOBILE = 1e-7, ON_AXIS = 1e-10;
+    /* How far the tip may be from the last joint's axis for that joint to turn about it [m, and sine of an angle]: a right
+     * angle in a URDF is often written as 1.5708. The other joints make up for it. */
+    static const double IMMOBILE = 1e-7, ON_AXIS = 1e-5;
     const int n = arm->n, all = (1 << n) - 1;
     const double *tip = arm->placements + 12 * n;
     double score[32] = {0.0};
