@@ -17,7 +17,7 @@ from kinreach._checks import Floats
 from kinreach.kinematics import IKResult
 from kinreach.view._draw import BRANCH_COLOURS, Colour
 from kinreach.view._episodes import Episode, EpisodeFrame
-from kinreach.view._names import angle, length, plain
+from kinreach.view._names import angle, length, place, plain
 from kinreach.view._real_arm import TipMiss
 from kinreach.view._results import Results
 from kinreach.view._target import Answer, Finish, Posture, State
@@ -80,7 +80,9 @@ def bar(names: Sequence[str], active: str) -> str:
     return block(f'<div class="kr-bar"><div role="tablist">{tabs}</div><div>{icons}</div></div>')
 
 
-def legend(answer: Answer, *, shown: int, joints: Sequence[str], chosen: bool = False) -> str:
+def legend(
+    answer: Answer, *, shown: int, joints: Sequence[str], sliding: Sequence[str] = (), chosen: bool = False
+) -> str:
     """List all postures, usable ones first and the nearest before others, with the reasons against the rest.
 
     The posture of index `shown` is solid, -1 for none; `chosen` tells whether the user chose it.
@@ -99,7 +101,7 @@ def legend(answer: Answer, *, shown: int, joints: Sequence[str], chosen: bool = 
             unreached.setdefault(posture.reason, []).append(posture)
         else:
             word = "" if index != shown else "kept" if chosen else "solid" if not posture.reason else "shown"
-            rows.append(_row(index, posture, posture.q, word=word, joints=joints))
+            rows.append(_row(index, posture, posture.q, word=word, joints=joints, sliding=sliding))
     for reason, postures in unreached.items():
         names = "<br>".join(escape(posture.name) for posture in postures)
         rows.append(_entry(_CROSS, names, _reason(reason)))
@@ -110,11 +112,12 @@ def branch_colour(branch: int) -> Colour:
     return BRANCH_COLOURS[branch % len(BRANCH_COLOURS)]
 
 
-def _row(index: int, posture: Posture, q: Floats, *, word: str, joints: Sequence[str]) -> str:
+def _row(index: int, posture: Posture, q: Floats, *, word: str, joints: Sequence[str], sliding: Sequence[str]) -> str:
     """A posture; a click draws it solid, the mouse over it shows its ghost."""
     usable = posture.state is State.USABLE
-    values = " ".join(f"{round(degrees(value))}°" for value in q)
-    titles = ", ".join(f"{plain(name)} {degrees(value):.1f}°" for name, value in zip(joints, q, strict=True))
+    at = list(zip(joints, q.tolist(), strict=True))
+    values = " ".join(place(value, slides=name in sliding) for name, value in at)
+    titles = ", ".join(f"{plain(name)} {place(value, 1, slides=name in sliding)}" for name, value in at)
     name = f"<b>{escape(posture.name)}</b>" if word else escape(posture.name)
     detail = "" if usable else _reason(posture.reason)
     detail += f'<span class="kr-small" style="font-family:monospace" title="{escape(titles)}">{values}</span>'

@@ -28,6 +28,11 @@ def angle(value: float, digits: int = 0) -> str:
     return f"{degrees(value):.{digits}f}°"
 
 
+def place(value: float, digits: int = 0, *, slides: bool) -> str:
+    """Write where a joint is [rad, m]: in degrees, or in metres to the millimetre."""
+    return f"{value:.3f} m" if slides else angle(value, digits)
+
+
 def length(value: float) -> str:
     """Write a length [m] in millimetres with about two digits, in micrometres where it is very short."""
     if 0.0 < value < 1e-5:

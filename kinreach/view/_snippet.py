@@ -31,7 +31,8 @@ def program(model: TargetModel, goal: Goal, seed: Floats, *, arm: str) -> str:
     postures = "zip(solution.branch, solution.q)" if complete else "[(0, solution.q)] if solution.success else []"
     lines += ["", "print(solution.status.value, solution.reason)", f"for branch, q in {postures}:"]
     touching = "" if model.checker is None else ", checker.contacts(q)"
-    lines += [f"    print(branch, np.degrees(q).round(1){touching})"]
+    shown = "np.degrees(q).round(1)" if model.turns.all() else "q.round(4)"
+    lines += [f"    print(branch, {shown}{touching})"]
     return "\n".join(lines) + "\n"
 
 

@@ -10,9 +10,10 @@ from enum import Enum
 from math import pi
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinreach._checks import Floats, check_known, listed
-from kinreach.errors import InputError, NoShapesError
+from kinreach.errors import NoShapesError
 from kinreach.kinematics import (
     ArmKinematics,
     AxisGoal,
@@ -21,15 +22,17 @@ from kinreach.kinematics import (
     Goal,
     IKResult,
     LevenbergMarquardtSolver,
+    PalletizerKinematics,
     PoseGoal,
     PositionGoal,
     SixAxisKinematics,
+    SlidingKinematics,
     Solver,
     URKinematics,
 )
 from kinreach.kinematics.inside import SLACK, SOLVERS, Miss, Shortfall, nearest_windings, new_solver
 from kinreach.robots import ArmDescription
-from kinreach.view._names import angle, branch_name, length, plain
+from kinreach.view._names import angle, branch_name, length, place, plain
 from kinreach.view._policy_solver import PolicySolver
 
 #: Kinds of goals.
@@ -156,30 +159,28 @@ class TargetModel:
         kinematics: Goals are for its tip, in the world.
         checker: None for an arm without shapes.
         kinds: Of goals for this arm.
-        lower, upper: Joint limits that count [rad], shape (n,).
+        turns: Which joints turn, shape (n,); the others slide.
+        lower, upper: Joint limits that count [rad, m], shape (n,).
         solvers: Names of solvers and policies for `solve`.
 
     Raises:
         UnknownNameError: Unknown arm or tip.
-        InputError: The arm's collision shapes cannot be read, or one of its joints slides.
+        InputError: The arm's collision shapes cannot be read.
     """
 
     def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, policies: Sequence[str] = ()) -> None:
         self.kinematics = ArmKinematics.of(arm, tip=tip, base="world")
-        if self.kinematics.slides.any():
-            sliding = self.kinematics.arm.joints[int(self.kinematics.slides.argmax())]
-            raise InputError(
-                f"joint {sliding!r} of arm {self.kinematics.arm.name!r} slides; the page shows arms whose joints turn. "
-                f"Hold it with held={{{sliding!r}: 0.0}}"
-            )
         try:
             self.checker: CollisionChecker | None = CollisionChecker(self.kinematics)
         except NoShapesError:
             self.checker = None
         n = self.kinematics.n
         self.kinds = (POINT,) if n < 6 else (POSE, AXIS) if n == 6 else (POSE, AXIS, POINT)
+        if n < 6 and isinstance(self.kinematics, SlidingKinematics | PalletizerKinematics):
+            self.kinds = (POSE, POINT)
+        self.turns: NDArray[np.bool_] = ~self.kinematics.slides
         lower, upper = self.kinematics.lower, self.kinematics.upper
-        endless = upper - lower > 8.0 * pi  # on the page within one turn each way, as its slider says
+        endless = (upper - lower > 8.0 * pi) & self.turns  # on the page within one turn each way, as its slider says
         self.lower, self.upper = np.where(endless, -2.0 * pi, lower), np.where(endless, 2.0 * pi, upper)
         self._search = LevenbergMarquardtSolver(self.kinematics, max_restarts=0)
         closed = isinstance(self.kinematics, ClosedFormKinematics)
@@ -192,9 +193,10 @@ class TargetModel:
         return np.array(self.kinematics.arm.home, dtype=np.float64)
 
     def limit_joints(self, bound: float) -> None:
-        """Limit all joints to ±`bound` [rad], within the arm's own limits."""
+        """Limit all joints that turn to ±`bound` [rad], within the arm's own limits."""
         lower, upper = self.kinematics.lower, self.kinematics.upper
-        self.lower, self.upper = np.clip(-bound, lower, upper), np.clip(bound, lower, upper)
+        self.lower = np.where(self.turns, np.clip(-bound, lower, upper), lower)
+        self.upper = np.where(self.turns, np.clip(bound, lower, upper), upper)
 
     def goal(self, kind: str, T: Floats) -> Goal:
         """Make a goal from a frame (4, 4) in the world.
@@ -300,7 +302,7 @@ class TargetModel:
 
     def complete(self, goal: Goal) -> bool:
         """Return whether all postures for a goal are found."""
-        if isinstance(self.kinematics, SixAxisKinematics):
+        if isinstance(self.kinematics, SixAxisKinematics | SlidingKinematics | PalletizerKinematics):
             return isinstance(goal, PoseGoal)
         return isinstance(self.kinematics, ClosedFormKinematics)
 
@@ -314,7 +316,9 @@ class TargetModel:
                     yield len(kept), result.q
                     kept.append(result.q)
             return
-        if isinstance(kinematics, URKinematics | SixAxisKinematics):
+        if isinstance(kinematics, SlidingKinematics | PalletizerKinematics):
+            solutions = kinematics.all_solutions(goal.frame(), seed=seed, limits=False)
+        elif isinstance(kinematics, URKinematics | SixAxisKinematics):
             if isinstance(goal, AxisGoal):
                 solutions = kinematics.axis_solutions(goal.position, goal.axis, seed=seed, limits=False)
             else:
@@ -350,7 +354,7 @@ class TargetModel:
 
     def _judged(self, branch: int, q: Floats, seed: Floats) -> Posture:
         name = branch_name(self.kinematics, branch)
-        wound, within = nearest_windings(q, seed, self.lower, self.upper)
+        wound, within = nearest_windings(q, seed, self.lower, self.upper, turns=self.turns)
         if not within:
             return Posture(branch, name, State.LIMITS, self._why_outside(q), q)
         q = wound
@@ -366,23 +370,27 @@ class TargetModel:
 
     def _why_outside(self, q: Floats) -> str:
         joints = [
-            f"{plain(name)} would be at {angle(value)}, allowed is {angle(low)} to {angle(high)}"
-            for name, value, low, high in self._outside(q)
+            f"{plain(name)} would be at {place(value, slides=slides)}, allowed is {place(low, slides=slides)} to "
+            f"{place(high, slides=slides)}"
+            for name, value, low, high, slides in self._outside(q)
         ]
         return f"joint limit: {listed(joints)}"
 
-    def _outside(self, q: Floats) -> Iterator[tuple[str, float, float, float]]:
-        """Joints without a turn within their limits: name, the angle nearest to these, and the limits [rad]."""
-        wound, _ = nearest_windings(q, np.zeros(len(q)), self.lower, self.upper)
-        for name, at, nearest, low, high in zip(
-            self.kinematics.arm.joints, *np.stack([q, wound, self.lower, self.upper]).tolist(), strict=True
+    def _outside(self, q: Floats) -> Iterator[tuple[str, float, float, float, bool]]:
+        """Joints that cannot be within their limits: name, nearest place to these, the limits, and if it slides."""
+        wound, _ = nearest_windings(q, np.zeros(len(q)), self.lower, self.upper, turns=self.turns)
+        rows = np.stack([q, wound, self.lower, self.upper]).tolist()
+        for name, turns, at, nearest, low, high in zip(
+            self.kinematics.arm.joints, self.turns.tolist(), *rows, strict=True
         ):
-            if nearest > high + SLACK:
-                yield name, at + 2 * pi * round(((low + high) / 2 - at) / (2 * pi)), low, high
+            if turns and nearest > high + SLACK:
+                yield name, at + 2 * pi * round(((low + high) / 2 - at) / (2 * pi)), low, high, False
+            elif not turns and not low - SLACK <= at <= high + SLACK:
+                yield name, at, low, high, True
 
     def _excess(self, q: Floats) -> float:
-        """Sum of the angles beyond the joint limits [rad]."""
-        return sum(max(low - value, value - high) for _, value, low, high in self._outside(q))
+        """Sum of the ways beyond the joint limits [rad, m]."""
+        return sum(max(low - value, value - high) for _, value, low, high, _ in self._outside(q))
 
     def _verdict(self, goal: Goal, postures: Sequence[Posture], approach: Approach | None) -> str:
         counts = Counter(posture.state for posture in postures)

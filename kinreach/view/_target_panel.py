@@ -18,7 +18,7 @@ from kinreach.kinematics.inside import SOLVERS
 from kinreach.view import _html as html
 from kinreach.view._draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm
 from kinreach.view._inputs import TypedInput, add_unseen, by_user, frame_of, put
-from kinreach.view._names import length, plain
+from kinreach.view._names import length, place, plain
 from kinreach.view._panel import Panel
 from kinreach.view._real_arm import RealArm
 from kinreach.view._self_motion import SelfMotionFolder
@@ -137,11 +137,15 @@ class TargetPanel(Panel):
         with gui.add_folder("Arm", expand_by_default=False):
             self._ghosted = gui.add_dropdown("ghosts", [THOSE_THAT_CAN, ALL, NONE], initial_value=THOSE_THAT_CAN)
             self._bound = gui.add_slider("all within ± [°]", 30, 360, 5, 360, hint="Narrows the limits of all joints")
-            limits = np.degrees([model.lower, model.upper]).round(1).T.tolist()
-            self._sliders = [
-                gui.add_slider(f"{plain(name)} [°]", low, high, 0.1, float(np.clip(0.0, low, high)))
-                for name, (low, high) in zip(model.kinematics.arm.joints, limits, strict=True)
-            ]
+            # how many of a slider's units a radian or a metre is, and the digits of its steps
+            self._per_unit = np.where(model.turns, 180.0 / np.pi, 1.0)
+            self._digits = [1 if turns else 3 for turns in model.turns]
+            ends = (self._per_unit * [model.lower, model.upper]).T.tolist()
+            self._sliders = []
+            for name, digits, (low, high) in zip(model.kinematics.arm.joints, self._digits, ends, strict=True):
+                low, high, unit = round(low, digits), round(high, digits), "°" if digits == 1 else "m"
+                at = float(np.clip(0.0, low, high))
+                self._sliders.append(gui.add_slider(f"{plain(name)} [{unit}]", low, high, 10.0**-digits, at))
         with gui.add_folder("Solvers", expand_by_default=False):
             names = model.solvers
             self._chosen = {name: gui.add_checkbox(name, name in SOLVERS) for name in names}
@@ -229,7 +233,10 @@ class TargetPanel(Panel):
         def work() -> None:
             turned = [entry.take() for entry in self._joints]
             self.q = np.array(
-                [q if new is None else np.radians(new) for q, new in zip(self._drawn, turned, strict=True)]
+                [
+                    q if new is None else new / unit
+                    for q, new, unit in zip(self._drawn, turned, self._per_unit, strict=True)
+                ]
             )
             self.T = self.model.kinematics.fk(self.q)
             self._update(start)
@@ -271,7 +278,9 @@ class TargetPanel(Panel):
 
     def _start_from(self, q: Floats) -> None:
         self._start = q
-        values = " ".join(f"{round(value)}°" for value in np.degrees(q))
+        values = " ".join(
+            place(value, slides=not turns) for value, turns in zip(q.tolist(), self.model.turns, strict=True)
+        )
         home = np.abs(q - self.model.home).max() < SAME
         self._from.content = html.small(f"They start from {'the start posture' if home else 'the posture'} {values}.")
 
@@ -326,9 +335,11 @@ class TargetPanel(Panel):
             self._draw_gap()
             put(self._gizmo, self.T)
         self._verdict.content = html.message(answer.verdict, bad=not answer.usable)
-        joints, kept = self.model.kinematics.arm.joints, posture is not None and posture.name == self._kept
+        joints = self.model.kinematics.arm.joints
+        sliding = [name for name, turns in zip(joints, self.model.turns, strict=True) if not turns]
+        kept = posture is not None and posture.name == self._kept
         self._calibrated.content = self._changed()
-        self._list.content = html.legend(answer, shown=solid, joints=joints, chosen=kept)
+        self._list.content = html.legend(answer, shown=solid, joints=joints, sliding=sliding, chosen=kept)
         reached = answer.approach is None
         gauge = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q)) if reached else ""
         self._gauge.content = gauge
@@ -336,8 +347,9 @@ class TargetPanel(Panel):
         self._turn.show(tuple(np.degrees(rpy(self.T[:3, :3])).round(1).tolist()))
         if self._motion is not None:
             self._motion.follow(q)
-        for entry, slider, value in zip(self._joints, self._sliders, np.degrees(q).tolist(), strict=True):
-            entry.show(float(np.clip(round(value, 1), slider.min, slider.max)))
+        shown = zip(self._joints, self._sliders, self._digits, (self._per_unit * q).tolist(), strict=True)
+        for entry, slider, digits, value in shown:
+            entry.show(float(np.clip(round(value, digits), slider.min, slider.max)))
 
     def _changed(self) -> str:
         """A remark on the effect of the calibration at the target, as HTML."""

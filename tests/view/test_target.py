@@ -23,6 +23,7 @@ from kinreach.view._names import branch_name
 from kinreach.view._real_arm import RealArm
 from kinreach.view._snippet import program, real_arm_program
 from kinreach.view._target import AXIS, POINT, POSE, State
+from tests.kinematics.test_coupled_and_sliding import COUPLED_WRIST, PALLETIZER, RAIL, SCARA, chain
 
 CALIBRATION = PUBLISHED_CALIBRATIONS["ur5_a"]
 
@@ -450,3 +451,36 @@ def test_an_endless_joint_is_within_one_turn_each_way():
     goal = model.goal(POSE, model.kinematics.fk(model.home))
     assert "wrist_3_joint" in program(model, goal, model.home, arm="'ur3'")
     assert "with_limits" not in program(TargetModel("ur5"), goal, model.home, arm="'ur5'")
+
+
+@pytest.mark.parametrize(
+    "joints", [SCARA, PALLETIZER, RAIL, COUPLED_WRIST], ids=["scara", "palletizer", "rail", "wrist"]
+)
+def test_arms_with_joints_that_slide_or_follow_others(joints, tmp_path, capsys):
+    """Targets that they reach have postures, slides are in metres, and the copied program runs."""
+    names = [name for name, _, options in joints if "mimic" not in options]
+    (tmp_path / "arm.urdf").write_text(chain(*joints))
+    model = TargetModel(ArmDescription.from_urdf(tmp_path / "arm.urdf", joints=names))
+    kin, rng, reached = model.kinematics, np.random.default_rng(3), 0
+    for q in rng.uniform(*kin.sampling_limits, (5, kin.n)):
+        for kind in model.kinds:
+            goal = model.goal(kind, kin.fk(q))
+            answer = model.answer(goal, q)
+            reached += answer.approach is None
+            for posture in answer.postures:
+                assert max(goal.error(kin.fk(posture.q))) < 1e-3
+    assert reached >= 4 * len(model.kinds)
+    sliding = [name for name, turns in zip(kin.arm.joints, model.turns, strict=True) if not turns]
+    listed = html.legend(answer, shown=answer.shown, joints=kin.arm.joints, sliding=sliding)
+    assert listed.count(" m ") + listed.count(" m,") + listed.count(' m"') >= len(sliding)
+    model.limit_joints(0.1)
+    assert [name for name, high in zip(kin.arm.joints, model.upper, strict=True) if high > 0.1] == [
+        name for name, high in zip(kin.arm.joints, kin.upper, strict=True) if name in sliding and high > 0.1
+    ]
+    if joints is SCARA:
+        said = TargetModel(kin.arm).answer(model.goal(POSE, kin.fk([0.4, 0.5, 0.23, 0.1])), kin.arm.home).verdict
+        assert "joint limit: z would be at 0.230 m, allowed is 0.000 m to 0.180 m" in said
+    arm = f"ArmDescription.from_urdf({str(tmp_path / 'arm.urdf')!r}, joints={names!r})"
+    text = program(TargetModel(kin.arm), goal, np.array(kin.arm.home), arm=arm)
+    exec(compile(text, "copied", "exec"), {})
+    assert capsys.readouterr().out.startswith("ok")
