@@ -431,7 +431,8 @@ def test_parts_of_other_arms(serve, tmp_path):
         assert tab.page.names == ("Target", "Episodes", "Results")
     assert SINGLE in setup_of("ur5e").environments
     (tmp_path / "bare.urdf").write_text(get_arm("ur5e").urdf)
-    assert set(setup_of(str(tmp_path / "bare.urdf")).environments) == {BUTTON, REAL_ARM, MOVING, OBSTACLES}  # no goals
+    own = {BUTTON, REAL_ARM, MOVING, OBSTACLES, "kinreach/Push-v0", "kinreach/PickAndPlace-v0"}
+    assert set(setup_of(str(tmp_path / "bare.urdf")).environments) == own  # it has no goals, these have another arm
 
 
 def test_an_episode_is_played_stepped_and_scrubbed(serve):
