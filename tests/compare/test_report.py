@@ -192,6 +192,8 @@ QUICK = {
     "button": ["analytic", "random"],
     "obstacles": ["closed-form", "path"],
     "lift": ["closed-form", "placo"],
+    "push": ["script", "random"],
+    "pick-and-place": ["script", "random"],
 }
 
 
