@@ -77,8 +77,8 @@ def touched(method: str, file: str, world: Mapping[str, Any], *, balls: int, see
 
 def _planner(method: str, env: Any) -> Any:
     """Make a method of the task, which may decide in every so many frames, as `interception@3`."""
-    name, _, every = method.partition("@")
-    if not every:
+    name, at, every = method.partition("@")
+    if not at:
         return get_task("moving").methods[name].make(env)
     if name not in SLOW or not every.isdecimal():
         raise InputError(f"--methods: NAME@FRAMES with one of {', '.join(SLOW)}, got {method!r}")

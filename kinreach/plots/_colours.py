@@ -11,7 +11,7 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 #: Colour -> patterns of its methods, of which no figure shows two. The first that fits a name counts.
 RULES = {
     # models of the arm
-    "#003F66": ("closed-form", "analytic", "interception", "look-again"),
+    "#003F66": ("closed-form", "analytic", "interception", "look-again", "script"),
     "#0072B2": ("placo", "last-sight", "registered", "sac-*", "button-report", "button-report-actuation"),
     "#56B4E9": ("lm", "identified", "button-report-demonstrated-press", "scenarios"),
     "#8CCBEB": ("qp", "identified-joints"),

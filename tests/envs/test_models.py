@@ -22,6 +22,8 @@ DYNAMIC = {
     "kinreach/Reach-v0": {},
     "kinreach/ButtonPress-v0": {},
     "kinreach/Lift-v0": {"steps": "multi"},
+    "kinreach/Push-v0": {},
+    "kinreach/PickAndPlace-v0": {},
     "kinreach/Obstacles-v0": {"clutter": (4,)},
 }
 
@@ -62,7 +64,7 @@ def played(env):
         if "SingleStep" in env.spec.id or env.spec.id in ("kinreach/Reach-v0", "kinreach/Obstacles-v0"):
             action = (np.array([-1.5, -1.6, 1.4, -1.5, -1.5, 0.2]) / np.pi + 0.05 * action).astype(np.float32)
         observation, reward, terminated, truncated, info = env.step(action)
-        numbers += [*observation, reward, *info["q"], info["move_s"], *env.unwrapped.data.qvel]
+        numbers += [*observation, reward, *info["q"], info.get("move_s", 0.0), *env.unwrapped.data.qvel]
         if terminated or truncated:
             break
     return np.array(numbers)
