@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntFlag, auto
 from math import atan2, hypot
 from typing import Any
@@ -68,20 +68,12 @@ class YawPlanarGeometry:
         upper: Second axis to third, in the plane (x, z) at zero angles [m].
         fore: Third axis to the tip, likewise [m].
         offset: Sideways offset L of the tip along y of the turning frame [m].
-        upper_polar, fore_polar: Length [m] of either link, and its angle from z towards x [rad], the direction in
-            which a joint about y turns.
     """
 
     shoulder: tuple[float, float]
     upper: tuple[float, float]
     fore: tuple[float, float]
     offset: float
-    upper_polar: tuple[float, float] = field(init=False)
-    fore_polar: tuple[float, float] = field(init=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "upper_polar", (hypot(*self.upper), atan2(*self.upper)))
-        object.__setattr__(self, "fore_polar", (hypot(*self.fore), atan2(*self.fore)))
 
     @classmethod
     def from_model(cls, model: Any, tip_frame: int) -> YawPlanarGeometry:
@@ -139,10 +131,10 @@ class Arm3Kinematics(ClosedFormKinematics):
         super().__init__(arm, tip=tip, base=base, tool=tool)
         self.geometry = YawPlanarGeometry.from_model(self.model, self.tip_frame)
         base_of_joint = self.model.jointPlacements[1].inverse().homogeneous @ self.T_world_base
-        (upper, upper_angle), (fore, fore_angle) = self.geometry.upper_polar, self.geometry.fore_polar
-        self._prepared = Struct(
-            "kr_yaw_planar", base=base_of_joint[:3].ravel().tolist(), shoulder=self.geometry.shoulder,
-            offset=self.geometry.offset, upper=upper, upper_angle=upper_angle, fore=fore, fore_angle=fore_angle,
+        g = self.geometry
+        self._prepared = Struct(  # angles from z towards x, as a joint about y turns
+            "kr_yaw_planar", base=base_of_joint[:3].ravel().tolist(), shoulder=g.shoulder, offset=g.offset,
+            upper=hypot(*g.upper), upper_angle=atan2(*g.upper), fore=hypot(*g.fore), fore_angle=atan2(*g.fore),
         )  # fmt: skip
 
     def all_solutions(
