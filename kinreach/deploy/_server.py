@@ -74,6 +74,9 @@ READ, PACKAGES, LINES = 2**14, 16, 100
 #: How long a program or a package may be unfinished, how long a client may be silent where others wait for its place,
 #: and the time between two looks for such clients [s].
 UNFINISHED, SILENT, SWEEP = 30.0, 5.0, 0.1
+#: Longest program that has its first control cycle before another is taken; a longer one yields to what comes while
+#: it is read [characters].
+SHORT = 20_000
 #: Longest command of the dashboard [bytes].
 MAX_COMMAND = 1000
 #: Lines of the log that are a client's.
@@ -202,6 +205,7 @@ class SimulatedUR:
         self._inputs_in_use: dict[str, _Client] = {}
         self._busy: dict[_Client, None] = {}  # in their order; they have sent what has not been taken yet
         self._starting: Generator[None, None, None] | None = None
+        self._is_short = False
         self._due = self._next_sweep = 0.0
         try:
             self.rtde_port = self._listen(rtde_port, _RtdeClient)
@@ -350,8 +354,13 @@ class SimulatedUR:
 
     def run_script(self, text: str) -> None:
         """Run a script; if it is refused, send the reason to the clients of the script ports."""
-        self._starting = self.controller.starting(text)
+        self._starting, self._is_short = self.controller.starting(text), len(text) <= SHORT
         self._go_on_starting()
+
+    @property
+    def _is_starting(self) -> bool:
+        """Whether the last program, unless it is long, waits for its first control cycle."""
+        return self.controller.is_fresh or (self._starting is not None and self._is_short)
 
     def _go_on_starting(self) -> None:
         """Read a part of the program that was sent last, for at most half a control cycle."""
@@ -731,7 +740,7 @@ class _ScriptClient(_Client):
                 if len(self.received) > MAX_LINE:
                     raise InputError(f"a line may have {MAX_LINE} bytes")
                 return False
-            if self.robot.controller.is_fresh:  # the program before it has its first control cycle
+            if self.robot._is_starting:
                 return True
             line = bytes(self.received[:end])
             del self.received[: end + 1]

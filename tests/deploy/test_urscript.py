@@ -534,7 +534,7 @@ def test_every_function_is_simulated(ur):
 
 
 def test_what_people_send_to_the_script_port_runs():
-    """A function and its call, two lines at once, comments, and what ends in a carriage return."""
+    """A function and its call, two lines at once, comments, what ends in a carriage return, what takes long to read."""
     lines = {
         b"def f(x):\n  textmsg(x)\nend\nf(3)\n": ["3"],
         b"def g():\n  textmsg(4)\n  sleep(0.2)\nend\ng()\n": ["4"],
@@ -542,6 +542,7 @@ def test_what_people_send_to_the_script_port_runs():
         b"# a comment\ntextmsg(5)\r\n": ["5"],
         b"set real 1\ntextmsg(6)\n": ["6"],
         b"sec s():\n  textmsg(7)\nend\n": ["7"],
+        b"def long():\n  if False:\n" + 1000 * b"    x = 1\n" + b"  end\n  textmsg(8)\nend\n": ["8"],
     }
     log = []
     with _server.SimulatedUR(ARM, rtde_port=0, script_port=0, speed=20, log=log.append) as robot:
