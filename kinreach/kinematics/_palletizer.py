@@ -7,7 +7,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach._rotations import turn, wrapped
 from kinreach.errors import InputError
-from kinreach.kinematics._sliding import NOWHERE, SINGULAR, ByGeometry, Found
+from kinreach.kinematics._by_geometry import NOWHERE, SINGULAR, ByGeometry, Found, elbow_bend, how_far
 
 #: How far axes may be from parallel, or from square, by the sine of their angle: URDFs write 1.5708. Newton's method
 #: makes up for it.
@@ -134,16 +134,12 @@ class PalletizerKinematics(ByGeometry):
     def _bends(self, way: complex) -> tuple[list[tuple[Floats, bool]], str]:
         """Both alpha and beta with which the links go a way, and whether the elbow is straight there; or why none."""
         upper, fore = self._links
-        most, least = abs(upper) + abs(fore), abs(abs(upper) - abs(fore))
-        far, close = abs(way) - most, least - abs(way)
-        reason = ""
-        if max(far, close) > NOWHERE:
-            what = f"{far:.3g} m too far from" if far > close else f"{close:.3g} m too close to"
-            reason = f"the wrist would be {what} the axis of {self.arm.joints[1]}"
+        bend, far, close = elbow_bend(upper, fore, way)
+        what = how_far(far, close)
+        reason = f"the wrist would be {what} the axis of {self.arm.joints[1]}" if what else ""
         if max(far, close) > NEARLY:
             return [], reason
-        cosine = (abs(way) ** 2 - abs(upper) ** 2 - abs(fore) ** 2) / (2.0 * abs(upper) * abs(fore))
-        bend, straight = float(np.arccos(np.clip(cosine, -1.0, 1.0))), abs(cosine) >= 1.0 and not reason
+        straight = bend in (0.0, np.pi) and not reason
         if reason:  # just out of reach but for what axes are off: Newton's method needs a bend to begin with
             bend = BEND if bend < BEND else np.pi - BEND
         found = []

@@ -18,11 +18,11 @@ from scipy.spatial.transform import Rotation
 from kinreach._checks import Floats
 from kinreach.errors import InputError, InstallationError, NoShapesError
 from kinreach.kinematics._arm import POSE_JOINTS, ArmKinematics
+from kinreach.kinematics._by_geometry import ByGeometry
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._five_axis import FiveAxisKinematics
 from kinreach.kinematics._goals import PoseGoal, PositionGoal
-from kinreach.kinematics._sliding import ByGeometry
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
 from kinreach.robots import PosePairs
 
