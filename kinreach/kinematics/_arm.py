@@ -7,7 +7,7 @@ import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -476,8 +476,13 @@ def _slides(model: Any, joint: str) -> bool:
 def build_model(arm: ArmDescription, *, following: bool = True) -> Any:
     """Build the Pinocchio model of an arm, with the joints that are not part of `q` held in place.
 
-    Joints that follow others have no entry of `q`; without `following`, each has one.
+    Joints that follow others have no entry of `q`; without `following`, each has one. The model is the caller's own.
     """
+    return pin.Model(_built(arm, following=following))
+
+
+@lru_cache(maxsize=16)
+def _built(arm: ArmDescription, *, following: bool) -> Any:
     robot = one_number_each(arm.robot)
     follow = [name for name in following_joints(robot) if name not in arm.locked_joints]
     if follow:

@@ -387,7 +387,7 @@ def check_shapes(arm: ArmDescription) -> None:
 
 def _shapes(kinematics: ArmKinematics, obstacles: Sequence[Box | Obstacle], meshes_as: str) -> Any:
     """Build the geometry of the links, followed by the obstacles, fixed to the world."""
-    geometry = _shared_shapes(kinematics, meshes_as).copy()
+    geometry = _shared_shapes(kinematics.arm, meshes_as).copy()
     for each in obstacles:
         T, shape = _obstacle(each)
         shape.computeLocalAABB()
@@ -396,9 +396,9 @@ def _shapes(kinematics: ArmKinematics, obstacles: Sequence[Box | Obstacle], mesh
 
 
 @lru_cache(maxsize=8)
-def _shared_shapes(kinematics: ArmKinematics, meshes_as: str) -> Any:
+def _shared_shapes(arm: ArmDescription, meshes_as: str) -> Any:
     """Return the geometry of the links, which all checkers of an arm have in common: hulls take long."""
-    return _link_shapes(kinematics.arm, kinematics.model, meshes_as)
+    return _link_shapes(arm, build_model(arm), meshes_as)
 
 
 def _link_shapes(arm: ArmDescription, model: Any, meshes_as: str) -> Any:

@@ -55,7 +55,7 @@ def test_every_posture(right, tmp_path):
     rng, poses, postures, searched = np.random.default_rng(0), 0, 0, 0
     for kin in palletizers(rng, tmp_path, right=right):
         solver = LevenbergMarquardtSolver(kin, tolerance=Tolerance(1e-9, 1e-9), max_restarts=0)
-        for index, q in enumerate(rng.uniform(kin.lower, kin.upper, (40, kin.n))):
+        for index, q in enumerate(rng.uniform(kin.lower, kin.upper, (12, kin.n))):
             T = kin.fk(q)
             found = kin.all_solutions(T)
             assert apart(kin, q, found.q) < 1e-4
@@ -63,21 +63,21 @@ def test_every_posture(right, tmp_path):
             assert all(kin.within_limits(each) for each in found.q)
             assert len({*found.branch.tolist()}) == len(found) <= kin.branches
             poses, postures = poses + 1, postures + len(found)
-            for start in rng.uniform(kin.lower, kin.upper, (8, kin.n)) if index < 3 else ():
+            for start in rng.uniform(kin.lower, kin.upper, (8, kin.n)) if index < 2 else ():
                 other = solver.solve(PoseGoal(T), start)
                 if other.success:
                     assert apart(kin, other.q, found.q) < 1e-3
                     searched += 1
-    assert poses == 360
-    assert postures > 720
-    assert searched > 60
+    assert poses == 108
+    assert postures > 216
+    assert searched > 40
 
 
 def test_points_and_directions(tmp_path):
     """The last joint keeps the seed's value, or what the direction leaves free does."""
     rng, solved = np.random.default_rng(1), 0
     for kin in palletizers(rng, tmp_path):
-        for q in rng.uniform(kin.lower, kin.upper, (6, kin.n)):
+        for q in rng.uniform(kin.lower, kin.upper, (2, kin.n)):
             T, seed = kin.fk(q), q + 0.05 * (kin.arm.home - q)
             seed[3] = q[3]
             found = kin.solve(PositionGoal(T[:3, 3]), seed)
@@ -89,7 +89,7 @@ def test_points_and_directions(tmp_path):
             assert found.success, found.reason
             assert max(found.position_error, found.orientation_error) < 1e-9
             solved += 1
-    assert solved == 54
+    assert solved == 18
 
 
 def test_singular_poses(tmp_path):

@@ -100,7 +100,7 @@ def compared(kin, six, axis, q):
     return count
 
 
-@pytest.mark.parametrize(("seed", "poses"), [(0, 1), *slow((1, 15))])
+@pytest.mark.parametrize(("seed", "poses"), [(0, 1), *slow((1, 5))])
 def test_curves_have_every_posture_of_the_six_axes_wherever_the_slide_is(seed, poses, tmp_path):
     rng, count, compares = np.random.default_rng(seed), 0, 0
     names = [*CLASSES, *OTHERS]
@@ -111,7 +111,7 @@ def test_curves_have_every_posture_of_the_six_axes_wherever_the_slide_is(seed, p
                 q = rng.uniform(-np.pi, np.pi, 7)
                 q[kin.slides] = rng.uniform(-2.0, 2.0)
                 count, compares = count + compared(kin, six, axis, q), compares + 1
-    assert compares >= (300 if poses > 1 else 4)
+    assert compares >= (100 if poses > 1 else 4)
     assert count > 20 * compares
 
 

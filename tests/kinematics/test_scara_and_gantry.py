@@ -68,7 +68,7 @@ def test_every_posture(tmp_path):
     for kin in arms(rng, tmp_path):
         assert type(kin) is SlidingKinematics
         solver = LevenbergMarquardtSolver(kin, max_restarts=0)
-        for q in rng.uniform(kin.lower, kin.upper, (12, kin.n)):
+        for q in rng.uniform(kin.lower, kin.upper, (6, kin.n)):
             T = kin.fk(q)
             every = kin.all_solutions(T, limits=False)
             assert every.residual.max() < 1e-9
@@ -91,7 +91,7 @@ def test_every_posture(tmp_path):
                 if found.success:
                     found_by_solver += 1
                     assert apart(kin, found.q, every) < 0.05
-    assert count > 200
+    assert count > 100
     assert found_by_solver > 120
 
 
@@ -182,7 +182,7 @@ def test_points_and_directions(tmp_path):
     for kin in arms(rng, tmp_path):
         scara = kin.n == 4 and kin.slides.sum() == 1
         free = np.flatnonzero(~kin.slides)[2:3] if scara else np.flatnonzero(~kin.slides)
-        for q in rng.uniform(*kin.sampling_limits, (8, kin.n)):
+        for q in rng.uniform(*kin.sampling_limits, (2, kin.n)):
             T, seed = kin.fk(q), q + 0.05 * (kin.arm.home - q)
             seed[free] = q[free]
             found = kin.solve(PositionGoal(T[:3, 3]), seed)
@@ -197,8 +197,8 @@ def test_points_and_directions(tmp_path):
                 assert found.success, found.reason
                 assert max(found.position_error, found.orientation_error) < 1e-9
                 directed += 1
-    assert solved == refused == 96
-    assert directed >= 64
+    assert solved == refused == 24
+    assert directed >= 16
 
 
 def test_why_there_is_none(tmp_path):
