@@ -120,7 +120,7 @@ def test_the_loss_falls(monkeypatch):
     trainee = build(replace(SMALL, settings={**SMALL.settings, "balls": 32}), 0, steps=400)
     model, losses = trainee.model, []
     model.set_logger(configure(None, []))
-    for update in range(80):
+    for update in range(50):
         model.num_timesteps = 4 * update
         model.train()
         losses.append(model.logger.name_to_value["train/loss"])

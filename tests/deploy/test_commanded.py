@@ -44,7 +44,7 @@ def some_moves(rng, kin, count, *, start=HOME, blend=0.0):
 def test_it_is_what_the_controller_commands(monkeypatch):
     monkeypatch.setattr("kinreach.deploy._commanded.SAMPLES", 10**6)
     ur, rng, tried = Controller(ARM), np.random.default_rng(1), {0.0: 0, 0.05: 0}
-    while min(tried.values()) < 2:
+    while min(tried.values()) < 1:
         blend = min(tried, key=tried.get)
         try:
             program = Program.of(KIN, HOME, some_moves(rng, KIN, 3, blend=blend))
@@ -88,7 +88,7 @@ def test_a_straight_move_is_refused_just_where_a_joint_is_too_fast(model):
     cycle, limit = 1.0 / rate_of(arm), kin.velocity_limit
     rng, verdicts = np.random.default_rng(3), {True: 0, False: 0}
     for case in range(60):
-        if min(verdicts.values()) == 2:
+        if min(verdicts.values()) == 1:
             break
         start = rng.uniform(-2.0, 2.0, 6)
         start[WRIST_2] = rng.choice([-1, 1]) * rng.uniform(0.08, 0.3)  # near a singularity, where joints are fast
@@ -115,7 +115,7 @@ def test_a_straight_move_is_refused_just_where_a_joint_is_too_fast(model):
             elif shares.max() < 1.0:
                 assert Program.of(kin, start, moves).moves == tuple(moves)
             verdicts[refused] += 1
-    assert min(verdicts.values()) >= 2, verdicts
+    assert min(verdicts.values()) >= 1, verdicts
 
 
 def test_two_joint_moves_may_be_too_fast_together():
@@ -178,12 +178,12 @@ def test_moves_and_trajectories_beyond_a_limit_are_refused(joint):
         assert Program.of(kin, HOME, [Move("movej", limit, 0.5, 1.0)]).moves
 
 
-@pytest.mark.parametrize("model", ["ur5e", "ur10e", *slow("ur3e", "ur20")])
+@pytest.mark.parametrize("model", ["ur5e", *slow("ur10e", "ur3e", "ur20")])
 def test_a_straight_move_through_an_exact_singularity_keeps_its_branch_or_is_refused(model):
     arm = get_arm(model)
     kin = ArmKinematics.of(arm, tip="tool0", base="base")
     rng, refused, through = np.random.default_rng(11), 0, 0
-    for case in range(30):
+    for case in range(20):
         middle = rng.uniform(-2.0, 2.0, 6)
         middle[WRIST_2 if case % 3 else ELBOW] = 0.0
         way = np.array([*rng.uniform(-0.05, 0.05, 3), *rng.uniform(-0.2, 0.2, 3)])
@@ -201,5 +201,5 @@ def test_a_straight_move_through_an_exact_singularity_keeps_its_branch_or_is_ref
             assert np.abs(after.q[0] - end).max() < 1e-6
             assert after.branch[0] == before
             through += 1
-    assert refused > 20
-    assert through > 3
+    assert refused > 12
+    assert through > 1

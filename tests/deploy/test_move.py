@@ -101,7 +101,7 @@ def test_turns_around_a_wall_are_rounded_where_they_stay_free():
     arm = with_wall()
     kin, checker = ArmKinematics.of(arm, base="base"), CollisionChecker(arm, margin=0.005)
     rng, rounded = np.random.default_rng(3), 0
-    for _ in range(2):
+    for _ in range(1):
         start, goal = (np.add(HOME, [side, *rng.uniform(-0.1, 0.1, 5)]) for side in (-0.8, 0.8))
         stopping, blended = (
             MotionPlanner(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=blend).tried(start)
@@ -118,7 +118,7 @@ def test_turns_around_a_wall_are_rounded_where_they_stay_free():
         if any(radii):
             assert done.commanded.duration < 0.95 * stopping.done.commanded.duration
             rounded += 1
-    assert rounded >= 2
+    assert rounded == 1
 
 
 def test_turns_that_would_touch_are_not_rounded(monkeypatch):
@@ -165,7 +165,7 @@ def with_pillar(gap):
     return replace(arm, workcell=Workcell((box,)))
 
 
-@pytest.mark.parametrize(("linear", "gap"), [(True, 0.0055), (False, 0.008), *slow((True, 0.012), (False, 0.0055))])
+@pytest.mark.parametrize(("linear", "gap"), [(True, 0.0055), *slow((False, 0.008), (True, 0.012), (False, 0.0055))])
 def test_rounded_corners_keep_the_distance(linear, gap, capsys):
     """The radius is reduced until the corner, as it is commanded, keeps what every way keeps; and that is said."""
     arm = with_pillar(gap)

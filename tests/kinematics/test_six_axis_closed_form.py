@@ -74,7 +74,7 @@ def test_every_posture(name, backwards, tmp_path):
 def test_batches_have_the_bits_of_single_poses_on_any_number_of_threads(tmp_path):
     """All postures, and the nearest to a seed; singular poses among them."""
     rng, compared = np.random.default_rng(22), 0
-    for number, name in enumerate(CLASSES):
+    for number, name in enumerate([*CLASSES][::2]):
         kin = kinematics(tmp_path, some_arm(rng, name, backwards=bool(number % 2)))
         T = np.vstack([kin.fk(rng.uniform(-np.pi, np.pi, (4, 6))), *singular_poses(kin, 1).values()])
         seeds = rng.uniform(-np.pi, np.pi, (len(T), 6))
@@ -86,7 +86,7 @@ def test_batches_have_the_bits_of_single_poses_on_any_number_of_threads(tmp_path
                 assert one.success == nearest.success[index]
                 assert not one.success or np.array_equal(nearest.q[index], one.q)
                 compared += len(found)
-    assert compared > 400
+    assert compared > 200
 
 
 @pytest.mark.parametrize("backwards", [False, True])
@@ -94,7 +94,7 @@ def test_batches_have_the_bits_of_single_poses_on_any_number_of_threads(tmp_path
 def test_singular_poses_are_solved(name, backwards, tmp_path):
     """Wrist, elbow, both, by rounding beside them, and all joints at right angles: never empty, never wrong."""
     rng, solved = np.random.default_rng(3), 0
-    for _ in range(2):
+    for _ in range(1):
         kin = kinematics(tmp_path, some_arm(rng, name, backwards=backwards))
         arm = (kin._method._method if backwards else kin._method)._arm
         for kind in range(10):
@@ -115,7 +115,7 @@ def test_singular_poses_are_solved(name, backwards, tmp_path):
                 row = kin.batch(T[None], limits=False)
                 assert np.flatnonzero(row.valid[0]).tolist() == found.branch.tolist()
                 solved += 1
-    assert solved == 60
+    assert solved == 30
 
 
 @pytest.mark.slow
@@ -237,7 +237,7 @@ def test_a_wrist_centre_on_the_first_axis_with_a_hand_that_turns_fast(off, tmp_p
 def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off, tmp_path):
     """As many as by elimination, near singular poses too, where some appear and others vanish."""
     rng, compared = np.random.default_rng(7), 0
-    for name in CLASSES:
+    for name in [*CLASSES][backwards::2]:
         arm = some_arm(rng, name, backwards=backwards, off=off)
         kin = kinematics(tmp_path, arm)
         assert used(kin) is NearlyDecoupled
@@ -258,7 +258,7 @@ def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off,
             assert all(apart(one, found.q) < 1e-4 for one in row[valid])
             assert all(apart(one, found.q) < 1e-4 for one in other)
             compared += len(other)
-    assert compared > 250
+    assert compared > 100
 
 
 def test_a_wrist_centre_on_the_first_axis(tmp_path):
