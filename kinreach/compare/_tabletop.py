@@ -37,13 +37,19 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class _Seen:
-    """An observation of a `TabletopTask` whose goal is a place: joints, opening, tip, object, its yaw, goal."""
+    """An observation of a `TabletopTask` whose goal is a place: joints, opening, tip, object, its yaw, goal.
 
-    def __init__(self, observation: Floats, joints: int) -> None:
+    And what follows from the joints: the tip's pose, and the yaw of its x-axis.
+    """
+
+    def __init__(self, observation: Floats, kinematics: Any) -> None:
+        joints: int = kinematics.n
         numbers = np.asarray(observation, dtype=np.float64)
         self.q, self.opening = numbers[:joints], float(numbers[joints])
         self.tip, self.object, turned, self.goal = np.split(numbers[joints + 1 :], [3, 6, 12])
         self.yaw = math.atan2(turned[2], turned[0])
+        self.T: Floats = kinematics.fk(self.q)
+        self.heading = math.atan2(self.T[1, 0], self.T[0, 0])
 
 
 class _TipScript:
@@ -55,20 +61,18 @@ class _TipScript:
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         made: Any = env.unwrapped
-        self._kinematics, self._joints = made.kinematics, len(made.home)
+        self._kinematics = made.kinematics
         self._upright: Floats = made.kinematics.fk(made.home)[:3, :3]
         self._size, self._top = float(made.task.size), float(made.region.z[0])
         self._fingers: bool = made.task.fingers
 
     def _action(self, seen: _Seen, way: Floats, yaw: float, fingers: float = 0.0) -> Floats:
         """Return the action that moves the tip by a way [m] and turns the tool towards a yaw of its x-axis [rad]."""
-        T = self._kinematics.fk(seen.q)
-        now = math.atan2(T[1, 0], T[0, 0])
-        aim = now + float(np.clip(wrap(yaw - now), -TURN, TURN))
+        T, aim = seen.T.copy(), seen.heading + float(np.clip(wrap(yaw - seen.heading), -TURN, TURN))
         T[:3, :3] = turn(UP, aim - math.atan2(self._upright[1, 0], self._upright[0, 0])) @ self._upright
         T[:3, 3] += way * min(1.0, STRIDE / max(float(np.linalg.norm(way)), 1e-9))
         found = self._kinematics.nearest(T, seen.q)
-        changes = (found.q - seen.q) / lift_task.STEP_ANGLE if found.success else np.zeros(self._joints)
+        changes = (found.q - seen.q) / lift_task.STEP_ANGLE if found.success else np.zeros(len(seen.q))
         changes /= max(1.0, float(np.abs(changes).max()))
         return np.append(changes, fingers) if self._fingers else changes
 
@@ -81,7 +85,7 @@ class PushScript(_TipScript):
 
     def act(self, observation: Any) -> Floats:
         """Return the next action."""
-        seen = _Seen(observation, self._joints)
+        seen = _Seen(observation, self._kinematics)
         way = (seen.goal - seen.object) * [1.0, 1.0, 0.0]
         ahead = way / max(float(np.linalg.norm(way)), 1e-9)
         off = seen.tip - seen.object
@@ -94,8 +98,7 @@ class PushScript(_TipScript):
             if np.linalg.norm(step[:2]) > 0.01:  # not there yet: stay above
                 step = np.append(step[:2] * (above > 0.75 * ABOVE), ABOVE - above)
         facing = math.atan2(ahead[1], ahead[0])
-        T = self._kinematics.fk(seen.q)
-        if ahead @ T[:3, 0] < 0.0:  # either wide side of the closed fingers pushes
+        if ahead @ seen.T[:3, 0] < 0.0:  # either wide side of the closed fingers pushes
             facing += math.pi
         return self._action(seen, step, facing)
 
@@ -115,10 +118,9 @@ class PickAndPlaceScript(_TipScript):
 
     def act(self, observation: Any) -> Floats:
         """Return the next action."""
-        seen = _Seen(observation, self._joints)
+        seen = _Seen(observation, self._kinematics)
         off = seen.object - seen.tip
-        T = self._kinematics.fk(seen.q)
-        now = math.atan2(T[1, 0], T[0, 0])
+        now = seen.heading
         yaw = now + float(lift_task.face_angle(np.array(seen.yaw - now)))
         low = max(self._top + self._size, self._top + 0.012)
         beside = float(np.linalg.norm(off[:2]))
