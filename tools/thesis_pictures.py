@@ -27,6 +27,8 @@ IMAGES = ROOT / "docs/images/thesis"
 WIDTH = 1400
 #: Width of the figures whose words a phone shows at a readable size [inches].
 NARROW, PHONE = ("3.8", "5.1", "5.2", "5.3", "5.4", "5.5", "5.6"), 6.4
+#: Width and height of those whose panels stand below each other, for the same reason [inches].
+STACKED = {"2.4-2.5": (5.2, 6.6), "3.4": (5.0, 9.2), "3.5-3.7": (3.8, 10.2), "6.1": (5.6, 7.6)}
 #: Notebook, then the figure's number in the thesis and what only the code of its cell has.
 PICTURES = {
     "01_reward_geometry": {
@@ -67,6 +69,14 @@ def figures_of(notebook: Path, wanted: dict[str, str]) -> dict[str, Figure]:
     return found
 
 
+def stack(figure: Figure, size: tuple[float, float]) -> None:
+    """Put the panels below each other."""
+    places = figure.add_gridspec(len(figure.axes), 1)
+    for panel, place in zip(figure.axes, places, strict=True):
+        panel.set_subplotspec(place)
+    figure.set_size_inches(*size)
+
+
 def save(figure: Figure, file: Path) -> None:
     """With a palette, which a picture of few colours does not show."""
     whole = io.BytesIO()
@@ -86,6 +96,8 @@ def main(argv: list[str] | None = None) -> int:
         for number, figure in figures_of(ROOT / "notebooks" / f"{name}.ipynb", wanted).items():
             if number in NARROW:
                 figure.set_figwidth(PHONE)
+            if number in STACKED:
+                stack(figure, STACKED[number])
             save(figure, folder / f"{number}.png")
             print(folder / f"{number}.png")
     return 0

@@ -130,8 +130,8 @@ def draw_shares(entry: str, *, title: str, label: str, of: str) -> Draw:
 def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Measure]) -> Draw:
     """Draw the median error against looks before, with its 95 % interval over robots, directions and balls.
 
-    Left: lines, in the first move to a ball; methods that do not depend on looks are named above. Right: dots, in the
-    second move, after the tip was seen beside the ball, where looks before hardly matter. `error_mm` is called with a
+    Left: in the first move to a ball; methods that do not depend on looks are named above. Right: in the second move,
+    after the tip was seen beside the ball, where looks before hardly matter. `error_mm` is called with a
     number of looks and one of corrections.
     """
 
@@ -148,18 +148,18 @@ def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Measure]) 
         first, second = (
             {budget: by_method(trials, results, error_mm(budget, again)) for budget in measured} for again in (0, 1)
         )
-        _looks_lines(panels[0], first, colours)
-        _looks_dots(panels[1], second, colours)
+        _first_move(panels[0], first, colours)
+        _second_move(panels[1], second, colours)
         return figure
 
     return draw
 
 
-def _looks_lines(axes: Axes, samples: Mapping[int, Mapping[str, Any]], colours: Mapping[str, str]) -> None:
-    """Draw a line for each method that looks change."""
+def _first_move(axes: Axes, samples: Mapping[int, Mapping[str, Any]], colours: Mapping[str, str]) -> None:
+    """Draw a dot at each number of looks for each method that they change, side by side."""
     unchanged: dict[str, list[str]] = {}
-    ends = {}
-    for method, colour in colours.items():
+    drawn = {}
+    for method in colours:
         found = [
             (place, *_with_interval(sample[method]))
             for place, sample in enumerate(samples.values())
@@ -170,11 +170,15 @@ def _looks_lines(axes: Axes, samples: Mapping[int, Mapping[str, Any]], colours: 
         place, middle, low, high = np.array(found).T
         if len(found) > 1 and np.ptp(middle) < 0.01 * middle[0]:
             unchanged.setdefault(number(middle[0]), []).append(name_label(method))
-            continue
-        axes.fill_between(place, low, high, color=colour, alpha=0.15, linewidth=0)
-        axes.plot(place, middle, color=colour, marker="o", ms=4, lw=1.6)
-        ends[method] = (place[-1], middle[-1])
-    axes.set(yscale="log", xlim=(-0.2, len(samples) - 0.8), xlabel="looks before")
+        else:
+            drawn[method] = place, middle, low, high
+    right = len(samples) - 0.5
+    ends = {}
+    for beside, (method, (place, middle, low, high)) in zip(_side_by_side(len(drawn)), drawn.items(), strict=True):
+        axes.vlines(place + beside, low, high, color=colours[method], lw=1.2)
+        axes.plot(place + beside, middle, "o", color=colours[method], ms=5)
+        ends[method] = (right, middle[-1])
+    axes.set(yscale="log", xlim=(-0.5, right), xlabel="looks before")
     axes.set_xticks(range(len(samples)), [str(budget) for budget in samples])
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plain_ticks(axes.yaxis)
@@ -185,7 +189,12 @@ def _looks_lines(axes: Axes, samples: Mapping[int, Mapping[str, Any]], colours: 
         label_ends(axes, ends, colours)
 
 
-def _looks_dots(axes: Axes, samples: Mapping[int, Mapping[str, Any]], colours: Mapping[str, str]) -> None:
+def _side_by_side(count: int) -> Any:
+    """Return offsets from a place, shape (count,), that leave room before the next one."""
+    return 0.09 * (np.arange(count) - (count - 1) / 2)
+
+
+def _second_move(axes: Axes, samples: Mapping[int, Mapping[str, Any]], colours: Mapping[str, str]) -> None:
     """Draw a row of two dots for each method: without looks before, and with most of them."""
     few, most = min(samples), max(samples)
     rows = [method for method in colours if samples[most][method].size]

@@ -126,7 +126,7 @@ def report_html(
         else "",
         tables="\n".join(_tables(ranking)),
         notes="<br>\n".join(map(escape, [*_legend(ranking), *task.notes(results)])),
-        figures="\n".join(shown[1:]) or "<p>None besides the one above.</p>",
+        figures="\n".join(shown[1:]) or f"<p>None{' besides the one above' if shown else ''}.</p>",
         failures=_failures(task, renderings, scene, results["methods"]),
         settings="\n".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in _words(task, results)),
         script=script,

@@ -13,11 +13,12 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach._registration import PICK_AND_PLACE, PUSH
 from kinreach._rotations import turn, wrap
-from kinreach._statistics import MEAN, QUANTILES, RATE, Column, thousandfold
+from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, thousandfold
 from kinreach.baselines import RandomPolicy
 from kinreach.compare._button import decision_ms
 from kinreach.compare._task import CHANCE, CONTROLLER, Method, Task, episode_seed, of_reached
 from kinreach.envs.inside import lift_task
+from kinreach.sim.inside import Scene
 
 #: Greatest way [m] and turn [rad] of the tip in a step.
 STRIDE, TURN = 0.02, math.radians(4.0)
@@ -153,6 +154,19 @@ class PickAndPlaceScript(_TipScript):
         return self._action(seen, way, now, -1.0)
 
 
+def _scene(env: gym.Env[Any, Any], trial: Trial) -> Scene:
+    """Return arm, object and goal after the last step."""
+    spec: Any = env.spec
+    drawn: Any = gym.make(spec, render_mode="rgb_array").unwrapped
+    drawn.reset()
+    world, only = drawn.episodes.world, np.zeros(1, dtype=np.intp)
+    world.reset(only, np.array([trial["q"]]))
+    world.put_fingers(only, np.array([trial["opening"]]))
+    world.put_at(only, np.array([trial["position"]]), np.reshape(trial["rotation"], (1, 3, 3)))
+    drawn.scene.place_ball(trial["goal"])
+    return drawn.scene
+
+
 def _columns() -> tuple[Column, ...]:
     return (
         Column("reached", "reached", RATE, "at the goal %\n[95 % CI]", "interval"),
@@ -180,6 +194,7 @@ def _task(name: str, environment: str, title: str, script: type[_TipScript], goa
             "random": Method(lambda env: RandomPolicy(env.action_space), CHANCE),
         },
         columns=_columns(),
+        scene=_scene,
         reached="the object's middle is within 20 mm of the goal before the episode ends",
         terms={
             "goal": goal,

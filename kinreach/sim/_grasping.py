@@ -111,6 +111,17 @@ class Grasping:
         if which == 0:
             self._table[ids] = places[:, 2]
 
+    def put_at(self, ids: Ids, places: Floats, rotations: Floats) -> None:
+        """Put the first object of each of k simulations into any pose.
+
+        Its centre is at a place in the world [m], shape (k, 3), its rotation to the world of shape (k, 3, 3).
+        """
+        pose = self._plant.qpos[ids, self._rows[0]]
+        pose[:, :3] = places
+        for quaternion, rotation in zip(pose[:, 3:], rotations, strict=True):
+            mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+        self._plant.qpos[ids, self._rows[0]] = pose
+
     def _make(self, ids: Ids, which: int, kinds: Objects) -> None:
         changed = np.zeros(len(ids), dtype=np.bool_)
         for now, new in zip(self._kinds[which], kinds, strict=True):

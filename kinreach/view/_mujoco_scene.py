@@ -65,8 +65,8 @@ def _piece(model: Any, index: int, link: int) -> Piece:
     vertices, faces = _triangles(model, index)
     R = np.empty(9)
     mujoco.mju_quat2Mat(R, model.geom_quat[index])
-    body = model.body(model.geom_bodyid[index]).name
-    rgb = shade(model.geom_rgba[index]) if model.geom_matid[index] < 0 else box_colour(body)
+    material = model.geom_matid[index]
+    rgb = shade(model.geom_rgba[index]) if material < 0 else box_colour(model.mat(material).name)
     return Piece(link, vertices @ R.reshape(3, 3).T + model.geom_pos[index], faces, rgb)
 
 

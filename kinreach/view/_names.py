@@ -25,12 +25,12 @@ def plain(name: str) -> str:
 
 def angle(value: float, digits: int = 0) -> str:
     """Write an angle [rad] in degrees."""
-    return f"{degrees(value):.{digits}f}°"
+    return f"{round(degrees(value), digits) + 0.0:.{digits}f}°"  # no -0°
 
 
 def place(value: float, digits: int = 0, *, slides: bool) -> str:
     """Write where a joint is [rad, m]: in degrees, or in metres to the millimetre."""
-    return f"{value:.3f} m" if slides else angle(value, digits)
+    return f"{round(value, 3) + 0.0:.3f} m" if slides else angle(value, digits)
 
 
 def length(value: float) -> str:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, NullFormatter, PercentFormatter
 from numpy.typing import ArrayLike, NDArray
 
@@ -175,10 +176,11 @@ def _draw_explored(ax: Axes, millimetres: Floats, means: Mapping[str, Floats]) -
         best = int(line.argmax())
         ax.plot(millimetres, line, color=colours[name], lw=1.6)
         ax.plot(millimetres[best], line[best], "o", color=colours[name], ms=6, clip_on=False, zorder=4)
-        ax.annotate(
+        words = ax.annotate(
             name, (millimetres[best], line[best]), xytext=(4, 6), textcoords="offset points", fontsize=9,
             weight="bold", color=colours[name],
         )  # fmt: skip
+        words.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
     top = max(float(line.max()) for line in means.values())
     span = abs(top) or 1.0
     ax.set(xlim=(millimetres[0], millimetres[-1]), ylim=(top - 1.3 * span, top + 0.12 * span))

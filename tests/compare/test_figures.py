@@ -29,6 +29,7 @@ def test_parts_of_a_distance_are_dots_in_millimetres(texts):
 def test_a_method_that_looks_do_not_change_is_a_sentence(texts):
     rng = np.random.default_rng(0)
     errors = {"flat": lambda looks: 5.0, "steep": lambda looks: 5.0 / (1 + looks)}
+    errors["as steep"] = errors["steep"]
     cases = [(0, 0), (0, 1), (5, 0), (5, 1)]
     trials = [
         {"method": name, "goal_index": i, **{f"error_{b}_{a}": mm(b) * rng.uniform(1, 1.0001) for b, a in cases}}
@@ -39,12 +40,14 @@ def test_a_method_that_looks_do_not_change_is_a_sentence(texts):
     draw = draw_looks((0, 5), lambda budget, again: lambda trial: trial[f"error_{budget}_{again}"])
     figure = draw(trials, {"methods": methods, "settings": SETTINGS})
     first, second = figure.axes
-    assert [len(line.get_xdata()) for line in first.lines if line.get_marker() == "o"] == [2]
+    steep, as_steep = (line.get_xdata() for line in first.lines if line.get_marker() == "o")
+    assert as_steep - steep == pytest.approx([0.09, 0.09])  # side by side
+    assert (steep + as_steep) / 2 == pytest.approx([0, 1])
     assert "looks change nothing for flat (5.00 mm)" in first.get_title(loc="left")
     assert "steep" in [text.get_text() for text in first.texts]
     dots = [float(line.get_xdata()[0]) for line in second.lines if line.get_marker() == "o"]
-    assert dots == pytest.approx([5.0, 5.0, 5.0, 5.0 / 6], rel=1e-3)  # a row a method: no looks before, and five
-    assert [tick.get_text() for tick in second.get_yticklabels()] == ["flat", "steep"]
+    assert dots == pytest.approx([5.0, 5.0, *2 * [5.0, 5.0 / 6]], rel=1e-3)  # a row a method: no looks before, and five
+    assert [tick.get_text() for tick in second.get_yticklabels()] == ["flat", "steep", "as steep"]
     assert "open: 0 looks before · filled: 5" in second.get_title(loc="left")
 
 

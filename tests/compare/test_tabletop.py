@@ -1,10 +1,12 @@
 """Objects brought to a place in the comparison: the scripts do it, chance does not."""
 
 import gymnasium as gym
+import mujoco
+import numpy as np
 import pytest
 
 from kinreach._registration import PICK_AND_PLACE, PUSH
-from kinreach.compare import compare
+from kinreach.compare import compare, get_task
 from kinreach.compare._tabletop import PickAndPlaceScript, PushScript
 from tests.cases import slow
 
@@ -38,6 +40,25 @@ def test_an_object_that_is_lost_is_grasped_again():
             taken = True
     assert taken
     assert info["is_success"]
+
+
+def test_the_picture_of_a_trial_has_arm_object_and_goal_as_it_ended():
+    env = gym.make(PICK_AND_PLACE, dtype="float64")
+    script = PickAndPlaceScript(env)
+    observation, info = env.reset(seed=0)
+    script.reset(observation, info)
+    for _ in range(100):
+        observation, *_, info = env.step(script.act(observation))
+        if info["position"][2] > -0.15:  # it is carried
+            break
+    assert info["position"][2] > -0.15
+    scene = get_task("pick-and-place").scene(env, {name: np.array(value).tolist() for name, value in info.items()})
+    mujoco.mj_forward(scene.model, scene.data)
+    np.testing.assert_allclose(scene.data.body("object").xpos, info["position"], atol=1e-9)
+    np.testing.assert_allclose(scene.data.body("object").xmat, info["rotation"].ravel(), atol=1e-9)
+    np.testing.assert_allclose(scene.data.body("ball").xpos, info["goal"])
+    np.testing.assert_allclose(scene.q, info["q"])
+    assert scene.model.geom("object").type == mujoco.mjtGeom.mjGEOM_BOX
 
 
 @pytest.mark.slow

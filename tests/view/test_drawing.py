@@ -9,7 +9,8 @@ import numpy as np
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots.inside import link_shapes, without_shapes
-from kinreach.view._draw import BLUE, Ghost, Ghosts
+from kinreach.sim import ArmSimulation
+from kinreach.view._draw import BLUE, Ghost, Ghosts, box_colour
 from kinreach.view._figure import Figure
 from kinreach.view._mujoco_scene import MujocoScene
 from tests import kept
@@ -17,10 +18,10 @@ from tests import kept
 #: One of each kind of shape; what is in group 3 collides, and the plane is not drawn.
 KINDS = """
 <mujoco>
-  <asset><material name="grey" rgba="0.5 0.5 0.5 1"/></asset>
+  <asset><material name="table" rgba="0.5 0.5 0.5 1"/></asset>
   <worldbody>
     <geom type="plane" size="1 1 0.1"/>
-    <body name="table" pos="0 0 1"><geom type="box" size="0.1 0.2 0.3" pos="0 0 0.1" material="grey"/></body>
+    <body name="table" pos="0 0 1"><geom type="box" size="0.1 0.2 0.3" pos="0 0 0.1" material="table"/></body>
     <body name="ball" pos="1 0 1"><freejoint/>
       <geom type="sphere" size="0.1" rgba="0.2 0.4 0.8 1"/>
       <geom type="capsule" size="0.1 0.3" euler="90 0 0"/>
@@ -75,6 +76,15 @@ def test_a_ghost_in_the_place_of_the_solid_arm_is_inside_it():
             assert (np.linalg.norm(piece.vertices - own, axis=1) < 0.003).all()
             checked += len(own)
     assert checked > 2000
+
+
+def test_a_table_of_an_episode_has_the_colours_of_the_page():
+    """Its legs are of metal."""
+    simulation = ArmSimulation("ur5-thesis", visual=True)
+    scene = MujocoScene(simulation.model)
+    table = scene.links.index("table")
+    colours = [piece.colour for piece in scene.fine if piece.link == table]
+    assert colours == [box_colour("table")] + 4 * [box_colour("leg")]
 
 
 class RecordedScene:
