@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -159,8 +159,12 @@ def check_objects(
 
 
 def grasping_arm(arm: str | ArmDescription) -> ArmDescription:
-    """Return an arm with a gripper, which is added to the flange if it has none."""
-    found = get_arm(arm)
+    """Return an arm with a gripper, which is added to the flange if it has none; the same value each time."""
+    return _with_gripper(get_arm(arm))
+
+
+@lru_cache(maxsize=16)
+def _with_gripper(found: ArmDescription) -> ArmDescription:
     if found.gripper is None:
         if FLANGE not in found.tips:
             raise InputError(f"grasping needs an arm with a flange {FLANGE!r}, a UR; arm {found.name!r} has none")
@@ -178,6 +182,20 @@ def table_of(boxes: Sequence[Box]) -> tuple[Box, float]:
     """Return the table among the boxes of a work cell, and the height of its top [m]."""
     table = next(box for box in boxes if box.name == "table")
     return table, table.position[2] + table.size[2] / 2
+
+
+@lru_cache(maxsize=16)
+def _at_table(arm: ArmDescription, shift: tuple[float, ...], radius: float) -> ArmDescription:
+    """Return an arm whose table is moved [m], with objects of a radius [m] on it; the same value each time."""
+    cell = arm.workcell
+    boxes = tuple(
+        replace(box, position=tuple((np.array(box.position) + shift).tolist())) if box.name == "table" else box
+        for box in cell.obstacles
+    )
+    goals: Any = cell.goals
+    (x0, x1), (y0, y1), (_, top) = goals.x, goals.y, table_of(boxes)
+    goals = BoxRegion((x0 + shift[0], x1 + shift[0]), (y0 + shift[1], y1 + shift[1]), (top, top))
+    return replace(arm, workcell=replace(cell, obstacles=boxes, goals=goals, ball_radius=radius))
 
 
 def face_angle(turn: Floats) -> Floats:
@@ -223,19 +241,10 @@ class LiftTask:
 
     def __init__(self, options: LiftOptions) -> None:
         self.options = options
-        arm = grasping_arm(options.arm)
-        cell, shift = arm.workcell, np.array(options.table)
-        boxes = tuple(
-            replace(box, position=tuple((np.array(box.position) + shift).tolist())) if box.name == "table" else box
-            for box in cell.obstacles
-        )
-        table, top = table_of(boxes)
-        goals: Any = cell.goals
+        self.arm = arm = _at_table(grasping_arm(options.arm), tuple(map(float, options.table)), max(options.sizes))
+        table, _ = table_of(arm.workcell.obstacles)
+        self.region: Any = arm.workcell.goals
         self._table = [(at - edge / 2, at + edge / 2) for at, edge in zip(table.position, table.size, strict=True)][:2]
-        (x0, x1), (y0, y1) = goals.x, goals.y
-        self.region = BoxRegion((x0 + shift[0], x1 + shift[0]), (y0 + shift[1], y1 + shift[1]), (top, top))
-        radius = max(options.sizes)
-        self.arm = replace(arm, workcell=replace(cell, obstacles=boxes, goals=self.region, ball_radius=radius))
         self.kinematics: Any = ArmKinematics.of(self.arm, base="world")
         self.home = np.array(arm.home)
         self.gripper: Any = arm.gripper
