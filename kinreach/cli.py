@@ -45,6 +45,7 @@ COMMANDS = {
     "compare": Command("kinreach.compare._cli", "put all methods on the same goals and report how they do"),
     "train": Command("kinreach.baselines._train_cli", "train a policy by a recipe"),
     "evaluate": Command("kinreach.baselines._evaluate_cli", "try policies on goals they were not trained on"),
+    "demonstrate": Command("kinreach.compare._demonstrate_cli", "record a method's episodes as a Minari dataset"),
     "ik": Command("kinreach.deploy._ik_cli", "joint angles for poses of an arm's tool"),
     "calibrate": Command("kinreach.deploy._calibrate_cli", "find a UR's calibration in the files of its owner"),
     "check": Command("kinreach.deploy._check_cli", "what an arm is and how its inverse kinematics does"),

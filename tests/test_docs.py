@@ -30,7 +30,7 @@ SOURCE = "\n".join(
     for path in (ROOT / room).rglob("*.py")
 )
 #: `kinreach compare ...` or `python -m kinreach.compare ...`, up to the end of the line or of the code in it.
-COMMANDS = "compare|check|demo|evaluate|ik|kinematics|move|simulate-ur|train|view"
+COMMANDS = "compare|check|demonstrate|demo|evaluate|ik|kinematics|move|simulate-ur|train|view"
 COMMAND = rf"(?:python -m kinreach\.|(?<![\w/-])kinreach )({COMMANDS})\b([^`\n]*)"
 NARROW = ("guides", "environments")
 ENVIRONMENT = re.compile(r"kinreach/\w+-v\d")

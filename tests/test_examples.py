@@ -16,7 +16,14 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 PAGE = (EXAMPLES.parent / "docs" / "guides/examples.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?(?: [mu]s\b)?")
 #: Their numbers are of a training, which differs from processor to processor.
-TRAINED = ("03_own_policy", "06_own_algorithm", "07_stable_baselines3", "08_pytorch_loop", "17_search")
+TRAINED = (
+    "03_own_policy",
+    "06_own_algorithm",
+    "07_stable_baselines3",
+    "08_pytorch_loop",
+    "17_search",
+    "20_behaviour_cloning",
+)
 
 
 def shown(name: str) -> str:
@@ -195,6 +202,15 @@ def test_pytorch_loop(run):
     assert len(distances) == 13
     assert distances[-1] < distances[0] / 3
     assert numbers(r"learned: .* ([\d.]+) mm in the median", text)[0] < distances[0] / 3
+
+
+@pytest.mark.slow
+def test_behaviour_cloning(run):
+    pytest.importorskip("minari")
+    text = run("20_behaviour_cloning")
+    assert numbers(r"learned from (\d+) episodes", text) == [200]
+    assert numbers(r"reached: (\d+) of 200", text)[0] > 100
+    assert numbers(r"distance: ([\d.]+) mm", text)[0] < 10
 
 
 def test_so101(run):

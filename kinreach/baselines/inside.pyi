@@ -2,6 +2,8 @@ from . import expert as expert
 from . import random_arms as random_arms
 from ._loop import Policy as Policy
 from ._loop import as_policy as as_policy
+from ._minari_export import check_dataset as check_dataset
+from ._minari_export import write_dataset as write_dataset
 from ._policies import LearnedPolicy as LearnedPolicy
 from ._policies import policy_version as policy_version
 from ._policies import pretrained_names as pretrained_names

@@ -36,7 +36,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     """Run a comparison and print its tables."""
     parser = _parser(prog)
     known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # the task, whose flags follow
-    task = _task(known.task)
+    task = task_of(known.task)
     flags = OptionFlags(task.environment, task.options, taken=("help", *vars(known)))
     flags.add_to(parser, f"options of the task {task.name}")
     arguments = parser.parse_args(argv)
@@ -80,7 +80,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     return 0
 
 
-def _task(name: str) -> Task:
+def task_of(name: str) -> Task:
     """Return a registered task, or that of `"module:attribute"`."""
     known = task_names()
     if ":" not in name:

@@ -205,7 +205,7 @@ def prepare(
     resolved = resolve_methods(task, methods)
     left_out: dict[str, str] = {}
     with ExitStack() as stack:
-        environments = _Environments(task, stack)
+        environments = Environments(task, stack)
         for name, method in list(resolved.items()):
             try:
                 environments.policy(method)
@@ -239,7 +239,7 @@ def run_trials(
     count, total = len(finished), comparison.goals * len(names)
     progress(count, total)
     with ExitStack() as stack:
-        resets = _resets(task, comparison.goals, comparison.seed, _Environments(task, stack).default)
+        resets = resets_of(task, comparison.goals, comparison.seed, Environments(task, stack).default)
     goals = []
     for index, reset in enumerate(resets):
         turns = np.random.default_rng(index).permutation(len(names))
@@ -256,12 +256,12 @@ def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], S
     """Yield the trials of some goals, after an untimed warm-up; a goal has its number, reset, and methods in order."""
     task = comparison.task
     with ExitStack() as stack:
-        environments = _Environments(task, stack)
+        environments = Environments(task, stack)
         players = {
             name: (environments.of(method), environments.policy(method)) for name, method in comparison.methods.items()
         }
         shared = task.options.get("observation") == CAMERA
-        for index, reset in enumerate(_resets(task, WARM_UP_GOALS, WARM_UP_SEED, environments.default)):
+        for index, reset in enumerate(resets_of(task, WARM_UP_GOALS, WARM_UP_SEED, environments.default)):
             for _ in _one_goal(comparison, players, list(players), reset, f"warm-up goal {index}", shared=shared):
                 pass
         for index, reset, pending in goals:
@@ -269,7 +269,7 @@ def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], S
                 yield {"goal_index": index, "method": name, **trial}
 
 
-def _resets(task: Task, count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+def resets_of(task: Task, count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
     resets: Any = task.resets(count, seed, env)
     if not isinstance(resets, Sequence) or len(resets) != count:
         got = f"{len(resets)} of them" if isinstance(resets, Sequence) else shown(resets)
@@ -292,7 +292,7 @@ def _one_goal(
     """
     for name in names:
         env, policy = players[name]
-        with _naming(f"method {name!r} failed on {goal}"):
+        with naming(f"method {name!r} failed on {goal}"):
             observation, info = env.reset(**reset)
             policy.reset(observation, info)
             policy.act(observation)
@@ -310,7 +310,7 @@ def _one_goal(
 
 
 @contextmanager
-def _naming(what: str) -> Iterator[None]:
+def naming(what: str) -> Iterator[None]:
     """Turn errors of the block into a `MethodError` with type, text and place in the user's file."""
     try:
         yield
@@ -322,7 +322,7 @@ def _naming(what: str) -> Iterator[None]:
         raise MethodError(f"{what}: {type(error).__name__}: {error}{place_of(error)}") from error
 
 
-class _Environments:
+class Environments:
     """The environments of a comparison by id and options, closed with the stack."""
 
     def __init__(self, task: Task, stack: ExitStack) -> None:
@@ -453,8 +453,8 @@ def _path_figure(comparison: Comparison) -> dict[str, Draw]:
 
     def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         with ExitStack() as stack:
-            environments = _Environments(comparison.task, stack)
-            resets = _resets(comparison.task, comparison.goals, comparison.seed, environments.default)
+            environments = Environments(comparison.task, stack)
+            resets = resets_of(comparison.task, comparison.goals, comparison.seed, environments.default)
 
             def replay(name: str, goal: int) -> list[dict[str, Any]]:
                 env = environments.of(comparison.methods[name])

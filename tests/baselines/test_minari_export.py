@@ -58,7 +58,12 @@ def test_names_that_cannot_be_are_one_line(minari, capsys):
     play = ["evaluate", "ranked-single", "--goals", "1", "--backend", "kinematic", "--minari"]
     assert main([*play, "one-v0"]) == 0
     assert "\nDataset: one-v0\n" in capsys.readouterr().out
-    for name, message in (("one-v0", "already"), ("no version", "Malformed"), ("../one-v0", "Malformed")):
+    for name, message in (
+        ("one-v0", "already"),
+        ("no-version", "such as no-version-v0"),
+        ("no version", "Malformed"),
+        ("../one-v0", "Malformed"),
+    ):
         assert main([*play, name]) == 2
         errors = capsys.readouterr().err
         assert message in errors
