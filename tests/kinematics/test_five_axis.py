@@ -153,10 +153,12 @@ def test_none_is_missed_of_arms_of_random_geometry(n, tmp_path):
 
 
 def test_none_is_missed_of_arms_with_three_parallel_axes(tmp_path):
-    """Of any size; and next to half a turn on a Koch, where the error's slope changes sign three times in 9 degrees."""
+    """Of any size; and next to half a turn on a Koch, where the error's slope changes sign three times in 9 degrees;
+    and with the elbow straight, where two postures are about to merge."""
     arms = [random_pitched_joints(4 + seed % 2, np.random.default_rng([seed, 19])) for seed in range(8)]
     tried = 0
-    for seed, figures in [*enumerate(arms), (865, FIGURES["koch"])]:
+    merging = random_pitched_joints(5, np.random.default_rng([147, 18]))
+    for seed, figures in [*enumerate(arms), (865, FIGURES["koch"]), (1391, merging)]:
         rng = np.random.default_rng([seed, 17])
         kin = kinematics_of(tmp_path, *figures)
         assert kin.solved == "by a search over one angle"
@@ -164,6 +166,35 @@ def test_none_is_missed_of_arms_with_three_parallel_axes(tmp_path):
         T[:3, :3] = orientations(rng)
         tried += found_by_many_starts(kin, T, rng, 60)
     assert tried > 50
+
+
+#: Seed of an arm with three parallel axes, number of a pose, and a posture [rad] hard to see between samples.
+HIDDEN = [
+    (7, 32, (-2.75, -0.559, 1.892, -2.53, 1.499)),  # elbow straight, beside two postures at half a turn
+    (33, 79, (-1.544, -0.549, 1.474, 2.867, 2.777)),
+    (59, 30, (-0.376, 1.645, -2.145, 1.478, -1.554)),
+    (9, 86, (-1.184, 2.419, 0.425, 3.042, 0.978)),  # a pair that is about to merge, each with two elbows
+    (9, 86, (-1.145, -2.977, -1.634, -2.106, 1.0)),
+    (66, 41, (0.516, -1.495, -2.154, 2.177, 0.398)),  # next to where joint 1 turns back
+    (199, 88, (1.131, -2.668, 1.927, 1.711, 0.467)),
+    (145, 90, (-1.989, 0.115, 1.091, -0.578, 1.693)),  # on a small loop, with two links of nearly one length
+    (189, 8, (0.956, 0.454, 2.779, -2.345, -0.875)),
+    (189, 57, (-0.37, -2.232, 2.779, 2.727, -0.402)),
+]
+
+
+def test_what_is_between_two_samples_is_found(tmp_path):
+    tried = 0
+    for seed, number, q in HIDDEN:
+        rng = np.random.default_rng([seed, 99])
+        kin = kinematics_of(tmp_path, *random_pitched_joints(5, rng))
+        for _ in range(number + 1):
+            T = kin.fk(rng.uniform(-np.pi, np.pi, kin.n))
+            T[:3, :3] = orientations(rng)
+        found = kin.all_solutions(T, limits=False)
+        assert apart(np.array(q), found.q).min() < 1e-3, (seed, number)
+        tried += 1
+    assert tried == len(HIDDEN)
 
 
 def test_minima_at_limits_are_those_of_what_the_limits_allow(kin):

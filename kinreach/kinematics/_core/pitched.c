@@ -8,7 +8,9 @@
  * with constants c and e; with two of them there, from the direction alone, and q5 from length 0.
  *
  * All of these are linear in (1, cos q1, sin q1) and in (1, cos q5, sin q5): a sample of q5 needs no other angle. Slopes are
- * multiplied by what makes them infinite where a curve of postures turns back, and stay bounded there. */
+ * multiplied by what makes them infinite where a curve of postures turns back, and stay bounded there. Where both sides of q1 or
+ * of phi meet, both are one smooth function of the root of the distance from there. Between samples a cubic, and how far it may
+ * be off, tell where another value is needed (`zeros_of`). */
 #include "pitched.h"
 
 #include "chain.h"
@@ -17,7 +19,8 @@
 #include <math.h>
 #include <string.h>
 
-enum { N = KR_FIVE_JOINTS, EVEN = 40, ENDS = 4, GRID = EVEN + 4 + 3 * ENDS, REFINED = 40 };
+enum { N = KR_FIVE_JOINTS, EVEN = 40, GRID = EVEN + 4, ENDS = 4, REFINED = 40 };
+enum { QUARTERS = 4, ALONG_END = 2 * QUARTERS + 1 };
 /* Axes are parallel if they are off by less; the angle between axes 1 and 2 is larger than this [rad]. */
 static const double PARALLEL = 1e-4, ACROSS = 0.05;
 /* How far a start may be outside the limits [rad], because Newton's method has yet to move it. */
@@ -25,9 +28,11 @@ static const double NEAR = 1e-2;
 static const double SLACK = 1e-9;
 /* A zero, and the end of a curve, are between two q5 that are so close [rad]; or it is so small a share of the first values. */
 static const double CLOSE = 1e-9, ZERO = 1e-15;
-/* Between two values a cubic is less by at most this share of both changes, or twice as much as it could be; one that is never
- * nearer to 0 than this share of the less has no zeros there. */
-static const double DEEPEST = 0.3, NEAR_ZERO = 0.9;
+/* Between two values of one sign there is no zero where they are at least this multiple of what they change by there and
+ * beside. A cubic is off by at most so often its next terms. Between two abscissas so close [rad] values are not asked for, nor
+ * more than `BUDGET` of a condition beyond its samples. */
+enum { BUDGET = 256 };
+static const double FAR = 0.6, UNSURE = 8.0, APART = 1e-4;
 /* A slope that is none where it is none for many q5. */
 static const double FLAT = 1e-12;
 /* How much the cosine of an elbow that is almost straight may be larger than 1. */
@@ -92,6 +97,13 @@ typedef struct {
     double q5, rate, c1, s1, x[2], dx[2], t[2], dt[2], k[3], dk[3];
 } sample;
 
+/* An end of what q1 makes up for: q5 there, and from there to where u is 1; samples at the u of `QUARTERS`. */
+typedef struct {
+    int open;
+    double q5, span;
+    sample at[ALONG_END];
+} turning_point;
+
 typedef struct {
     const kr_five_axis *five;
     const kr_stationary_goal *goal;
@@ -102,10 +114,12 @@ typedef struct {
     double K[3][3][3], X[2][3];        /* k and x as sums over (1, cos q1, sin q1); k over (1, cos q5, sin q5), too */
     double c0, s0, height, size;       /* of the condition on q1: a direction, and its amplitude */
     double upper, fore, upper_angle, fore_angle;
-    int samples;
-    double q5[GRID + 2];               /* in rising order, the first two once more at the end */
+    int samples, ends;
+    double q5[GRID + 1];               /* in rising order, the first once more at the end */
+    turning_point end[ENDS];
     sample grid[2][GRID];
     int open[2][GRID + 1];             /* whether a posture between a sample and the next may be within the limits */
+    int covered[GRID];                 /* whether what is between them is next to an end */
 } search;
 
 /* The products of the point and of W before joint 1 with what joint 1 and joint 5 turn. */
@@ -305,29 +319,49 @@ static void found(const search *s, const condition *on, int held, const sample *
     }
 }
 
-/* A function of q5: how far from where there is no phi, or one of a condition's. */
+/* A function of u: how far from where there is no phi, or one of a condition's. u is q5; or, from an end at which both sides
+ * of q1 or of phi meet, its square root, of which the function is smooth: negative on the other side. */
 enum { END = 2 };
 typedef struct {
     const search *s;
     const condition *on;
-    int side, which;  /* of q1; of phi, or END */
+    int side, which;   /* of q1; of phi, or END */
+    double end, span;  /* q5 at the end, and from there to where u is 1; `span` is 0 where u is q5 */
+    int turns;         /* q1 has its other side before the end, not phi */
     sample at;
 } function;
 
+/* Next to an end: from it by so much. */
+static const double AT_END = 1e-5;
+
+static double u_of(int quarter) { return quarter == QUARTERS ? AT_END : (double)(quarter - QUARTERS) / QUARTERS; }
+
+static double q5_of(const function *f, double u) { return f->span != 0.0 ? f->end + f->span * u * u : u; }
+
+/* The sides that u is on, and the sign of the function there. */
+static double sides_of(const function *f, double u, int *side, int *which) {
+    const int other = f->span != 0.0 && u < 0.0;
+    *side = other && f->turns ? 1 - f->side : f->side;
+    *which = other && !f->turns ? 1 - f->which : f->which;
+    return other ? -1.0 : 1.0;
+}
+
 /* Its value; returns 0 where there is none. */
-static int value_of(function *f, double q5, double *value) {
+static int value_of(function *f, double u, double *value) {
     double values[2], square;
-    take_at(f->s, q5, f->side, &f->at);
+    int side, which;
+    const double sign = sides_of(f, u, &side, &which);
+    take_at(f->s, q5_of(f, u), side, &f->at);
     if (f->which == END) {
         *value = f->at.exists ? lengths_of(f->on, &f->at).square : -1.0;
         return 1;
     }
     if (!(evaluate(f->on, &f->at, values, &square) > 0.0)) return 0;
-    *value = values[f->which];
+    *value = sign * values[which];
     return 1;
 }
 
-/* The zero between two q5 with values of opposite sign, by inverse quadratic interpolation or halving (T. Chandrupatla, A new
+/* The zero between two u with values of opposite sign, by inverse quadratic interpolation or halving (T. Chandrupatla, A new
  * hybrid quadratic/bisection algorithm, 1997). The two become those next to it. Returns 0 where there is no value. */
 static int zero_of(function *f, double *a, double *value_a, double *b, double *value_b) {
     const double small = f->which == END ? -1.0 : ZERO * fmin(fmax(fabs(*value_a), fabs(*value_b)), 1.0);
@@ -354,67 +388,127 @@ static int zero_of(function *f, double *a, double *value_a, double *b, double *v
     return 1;
 }
 
-/* Start from the zero between two q5, if there is one. What is least at a limit is where the slope falls. */
-static void between(const search *s, const condition *on, int side, int which, double a, double value_a, double b,
-                    double value_b) {
-    if ((value_a > 0.0) == (value_b > 0.0)) return;
-    if (on->held && on->way == LENGTH && (value_a > 0.0) != (a < b)) return;
-    function f = {.s = s, .on = on, .side = side, .which = which};
+/* Start from the zero between two u with values of opposite sign. What is least at a limit is where the slope falls. */
+static void start_between(const function *on, double a, double value_a, double b, double value_b) {
+    function f = *on;
+    int side, which;
     double value;
+    const double sign = sides_of(&f, fabs(a) > fabs(b) ? a : b, &side, &which);
+    if (f.on->held && f.on->way == LENGTH && (sign * value_a > 0.0) != (q5_of(&f, a) < q5_of(&f, b))) return;
     if (!zero_of(&f, &a, &value_a, &b, &value_b)) return;
-    const double q5 = fabs(value_a) < fabs(value_b) ? a : b;
-    if (f.at.q5 != q5 && !value_of(&f, q5, &value)) return;
-    found(s, on, on->held, &f.at, which);
+    const double u = fabs(value_a) < fabs(value_b) ? a : b;
+    if (!value_of(&f, u, &value)) return;
+    found(f.s, f.on, f.on->held, &f.at, which);
 }
 
-/* Where the cubic with two values of one sign and slopes is nearest to 0 between them, if it comes near; else NAN. */
-static double dip(double a, double value_a, double slope_a, double b, double value_b, double slope_b) {
-    const double span = b - a, sign = value_a > 0.0 ? 1.0 : -1.0, v0 = sign * value_a, v1 = sign * value_b;
-    const double m0 = sign * slope_a * span, m1 = sign * slope_b * span, least = fmin(v0, v1);
-    if (!(v1 >= 0.0 && least < DEEPEST * (fabs(m0) + fabs(m1)))) return NAN;
+/* Values at rising u, of which those from `first` to `last` are known, LEFT and RIGHT always. */
+enum { LEFT = 2, RIGHT = 3, KNOWN = 6 };
+typedef struct {
+    int first, last;
+    double u[KNOWN], value[KNOWN];
+} values;
+
+/* How many zeros are between LEFT and RIGHT: none, one, or SEVERAL, as far as the values tell; then it is known better with
+ * the value at `split`. The cubic through four values is off by the terms after it; where it has less than 0 below and more
+ * above, by its coefficients of S. Bernstein (R. Farouki, The Bernstein polynomial basis, 2012), there may be several. */
+enum { SEVERAL = 2 };
+static int zeros_of(const values *at, double *split) {
+    static const int order[KNOWN] = {LEFT, RIGHT, 1, 4, 0, 5};
+    const double a = at->u[LEFT], span = at->u[RIGHT] - a, middle = 0.5 * (a + at->u[RIGHT]);
+    const double sign = at->value[LEFT] > 0.0 ? 1.0 : -1.0, v0 = sign * at->value[LEFT], v1 = sign * at->value[RIGHT];
+    double u[KNOWN], term[KNOWN], product = 1.0, unsure = 0.0;
+    int count = 0;
+    for (int k = 0; k < KNOWN; k++) {  /* Newton's divided differences */
+        const int i = order[k];
+        if (i < at->first || i > at->last) continue;
+        double difference = sign * at->value[i];
+        for (int j = 0; j < count; j++) difference = (difference - term[j]) / (at->u[i] - u[j]);
+        u[count] = at->u[i], term[count] = difference, count++;
+    }
+    *split = middle;
+    if (count == 2) return SEVERAL;
+    const int terms = count - 1 < 4 ? count - 1 : 4;
+    for (int k = 0; k < count; k++) {
+        if (k >= terms) unsure += fabs(term[k] * product);
+        product *= middle - u[k];
+    }
+    unsure *= UNSURE;
+    const double second = terms > 2 ? term[2] : 0.0, third = terms > 3 ? term[3] : 0.0;
+    const double m0 = span * (term[1] - second * span - third * span * (a - u[2 < count ? 2 : 0]));
+    const double m1 = span * (term[1] + second * span + third * span * (a + span - u[2 < count ? 2 : 0]));
+    const double b1 = v0 + m0 / 3.0, b2 = v1 - m1 / 3.0;
+    if (v1 <= 0.0) return b1 < unsure && b2 > -unsure ? SEVERAL : 1;
+    if (b1 > unsure && b2 > unsure) return 0;
     const double c2 = 3.0 * (v1 - v0) - 2.0 * m0 - m1, c3 = 2.0 * (v0 - v1) + m0 + m1, square = c2 * c2 - 3.0 * c3 * m0;
-    if (!(square > 0.0)) return NAN;
-    const double root = sqrt(square), u = c2 > 0.0 ? -m0 / (c2 + root) : (root - c2) / (3.0 * c3);
-    if (!(u > 0.0 && u < 1.0) || !(v0 + u * (m0 + u * (c2 + u * c3)) < NEAR_ZERO * least)) return NAN;
-    return a + u * span;
+    double least = fmin(v0, v1);
+    if (square > 0.0) {
+        const double root = sqrt(square), x = c2 > 0.0 ? -m0 / (c2 + root) : (root - c2) / (3.0 * c3);
+        if (x > 0.0 && x < 1.0) {
+            least = fmin(least, v0 + x * (m0 + x * (c2 + x * c3)));
+            if (x > 0.05 && x < 0.95) *split = a + x * span;
+        }
+    }
+    return least > unsure && least > 0.5 * fmin(v0, v1) ? 0 : SEVERAL;
 }
 
-/* Two zeros on both sides of where there may be two, if the value there has another sign than those next to it. */
-static void pair_at(const search *s, const condition *on, int side, int which, double steady, double a, double value_a,
-                    double b, double value_b) {
-    function f = {.s = s, .on = on, .side = side, .which = which};
-    double there;
-    if (!value_of(&f, steady, &there) || (there > 0.0) == (value_a > 0.0)) return;
-    between(s, on, side, which, a, value_a, steady, there);
-    between(s, on, side, which, steady, there, b, value_b);
+/* Put a value between LEFT and RIGHT and keep what is on one side of it. */
+static values half_of(const values *at, int right, double u, double value) {
+    values half;
+    const int shift = right ? 1 : 0;
+    half.first = at->first - shift < 0 ? 0 : at->first - shift;
+    half.last = at->last + 1 - shift >= KNOWN ? KNOWN - 1 : at->last + 1 - shift;
+    for (int i = half.first; i <= half.last; i++) {
+        const int from = i + shift;  /* with the new one at RIGHT, and what was there after it */
+        half.u[i] = from < RIGHT ? at->u[from] : from == RIGHT ? u : at->u[from - 1];
+        half.value[i] = from < RIGHT ? at->value[from] : from == RIGHT ? value : at->value[from - 1];
+    }
+    return half;
 }
 
-/* Zeros from a q5 to the last before another at which there are values. There both sides of phi meet. */
-static void up_to_the_end(const search *s, const condition *on, int side, double q5, const double value[2],
-                          double beyond) {
+/* Start from every zero between LEFT and RIGHT. */
+static void start_inside(const function *on, const values *at, int *budget) {
+    const double a = at->u[LEFT], b = at->u[RIGHT], value_a = at->value[LEFT], value_b = at->value[RIGHT];
+    double split, value;
+    const int zeros = zeros_of(at, &split);
+    if (zeros == SEVERAL && b - a > APART && *budget > 0) {
+        function f = *on;
+        --*budget;
+        if (!value_of(&f, split, &value)) return;
+        for (int right = 0; right < 2; right++) {
+            const values half = half_of(at, right, split, value);
+            start_inside(on, &half, budget);
+        }
+    } else if ((value_a > 0.0) != (value_b > 0.0)) {
+        start_between(on, a, value_a, b, value_b);
+    }
+}
+
+/* Start from zeros between a q5 with values and the last before another, at which there are some: both sides of phi as one
+ * function of the square root of the distance from there. */
+static void up_to_the_end(const search *s, const condition *on, int side, double q5, double beyond, int *budget) {
     function f = {.s = s, .on = on, .side = side, .which = END};
-    double inside = q5, first, outside = beyond, second, square, middle[2], last[2];
-    sample end;
+    double inside = q5, first, outside = beyond, second, square, both[2], u[ALONG_END], value[ALONG_END];
     if (on->way != LENGTH) return;
     value_of(&f, inside, &first), value_of(&f, outside, &second);
     if (!(first > 0.0 && second < 0.0)) return;
     zero_of(&f, &inside, &first, &outside, &second);
-    take_at(s, inside, side, &end);
-    if (!(evaluate(on, &end, last, &square) > 0.0)) return;
-    const double at[3] = {q5, inside + 0.25 * (q5 - inside), inside};
-    take_at(s, at[1], side, &f.at);
-    if (!(evaluate(on, &f.at, middle, &square) > 0.0)) return;
-    for (int which = 0; which < 2; which++) {
-        const double v0 = value[which], v1 = middle[which], v2 = last[which];
-        between(s, on, side, which, at[0], v0, at[1], v1);
-        between(s, on, side, which, at[1], v1, at[2], v2);
-        /* by the parabola of the root of the distance from the end, 1 at the first: there the curve turns back */
-        const double m0 = 3.0 * v0 - 4.0 * v1 + v2, m1 = v0 - v2, m2 = 4.0 * v1 - v0 - 3.0 * v2;
-        const double near = dip(0.0, v2, m2, 0.5, v1, m1), far = dip(0.5, v1, m1, 1.0, v0, m0);
-        if (near == near) pair_at(s, on, side, which, inside + near * near * (q5 - inside), at[1], v1, at[2], v2);
-        if (far == far) pair_at(s, on, side, which, inside + far * far * (q5 - inside), at[0], v0, at[1], v1);
+    f.which = 0, f.end = inside, f.span = q5 - inside;
+    for (int k = QUARTERS; k >= 0; k--) {
+        take_at(s, q5_of(&f, (double)k / QUARTERS), side, &f.at);
+        if (!(evaluate(on, &f.at, both, &square) > 0.0)) return;
+        u[QUARTERS + k] = u_of(QUARTERS + k), u[QUARTERS - k] = u_of(QUARTERS - k);
+        value[QUARTERS - k] = -both[1], value[QUARTERS + k] = both[0];
     }
-    if ((last[0] > 0.0) == (last[1] > 0.0)) found(s, on, on->held, &end, 0);
+    if ((both[0] > 0.0) == (both[1] > 0.0)) found(s, on, on->held, &f.at, 0);
+    for (int k = 0; k + 1 < ALONG_END; k++) {
+        values at;
+        at.first = k < LEFT ? LEFT - k : 0, at.last = k + KNOWN - LEFT > ALONG_END ? ALONG_END - 1 - k + LEFT : KNOWN - 1;
+        for (int i = at.first; i <= at.last; i++) {
+            const int from = k + i - LEFT, last = k < QUARTERS && from == QUARTERS;
+            at.u[i] = last ? -u[from] : u[from], at.value[i] = last ? -both[1] : value[from];
+        }
+        start_inside(&f, &at, budget);
+    }
 }
 
 /* Past which end of its limits a joint is, -1 or 1: so far that Newton's method brings it back no more. */
@@ -428,29 +522,20 @@ static int past(const kr_arm *arm, int joint, double c, double n) {
 }
 
 /* Samples around the circle. Two are next to each of those at which the tip is farthest across: there q1 turns back, and
- * zeros may be close together. Between two others q1 only rises or falls. Three come before each end of what q1 makes up
- * for, the last one as good as there. */
+ * zeros may be close together. Between two others q1 only rises or falls. */
 static void set_grid(search *s) {
-    static const double BESIDE = 1e-4, BEFORE[3] = {1e-10, 0.01, 0.04};
-    const double c = s->five->tip[1][2], n = s->five->tip[2][2], farthest = atan2(n, c), radius = hypot(c, n);
-    double c5[GRID], s5[GRID], extra[4 + 3 * ENDS];
-    int count = 0;
-    for (int i = 0; i < 4; i++) extra[count++] = farthest + (i & 2 ? KR_PI : 0.0) + (i & 1 ? BESIDE : -BESIDE);
-    for (int i = 0; i < ENDS; i++) {
-        const double rest = (i & 2 ? s->size : -s->size) - s->height - s->five->tip[0][2];
-        if (!(fabs(rest) < radius)) continue;
-        const double turn = acos(rest / radius), into = i & 2 ? 1.0 : -1.0, sign = i & 1 ? -1.0 : 1.0;
-        for (int k = 0; k < 3; k++) extra[count++] = farthest + sign * (turn + into * BEFORE[k]);
-    }
+    static const double BESIDE = 1e-4;
+    const double farthest = atan2(s->five->tip[2][2], s->five->tip[1][2]);
+    double c5[GRID], s5[GRID];
+    s->samples = GRID;
     for (int i = 0; i < EVEN; i++) s->q5[i] = KR_TURN * (i + 0.37) / EVEN - KR_PI;
-    s->samples = EVEN + count;
-    for (int i = EVEN; i < s->samples; i++) {
-        const double q5 = kr_wrapped(extra[i - EVEN]);
+    for (int i = EVEN; i < GRID; i++) {
+        const double q5 = kr_wrapped(farthest + (i & 2 ? KR_PI : 0.0) + (i & 1 ? BESIDE : -BESIDE));
         int at = i;
         for (; at > 0 && s->q5[at - 1] > q5; at--) s->q5[at] = s->q5[at - 1];
         s->q5[at] = q5;
     }
-    for (int i = 0; i < 2; i++) s->q5[s->samples + i] = s->q5[i] + KR_TURN;
+    s->q5[GRID] = s->q5[0] + KR_TURN;
     kr_sincos_of_each(s->samples, s->q5, s5, c5);
     for (int side = 0; side < 2; side++) {
         int out[GRID + 1], rolled[GRID + 1];
@@ -467,104 +552,191 @@ static void set_grid(search *s) {
     }
 }
 
-/* Values at all samples, the first two once more at the end, and slopes there. */
+/* Samples from where q1 turns back to one of the grid that is WIDE away, or as far as there are some, with q1 on either side;
+ * what is between samples of the grid there is not tried once more. */
+static void set_ends(search *s) {
+    static const double WIDE = 0.12;
+    const double c = s->five->tip[1][2], n = s->five->tip[2][2], farthest = atan2(n, c), radius = hypot(c, n);
+    double turn[2];
+    int there[2];
+    s->ends = 0;
+    memset(s->covered, 0, sizeof s->covered);
+    for (int k = 0; k < 2; k++) {
+        const double rest = (k ? s->size : -s->size) - s->height - s->five->tip[0][2];
+        there[k] = fabs(rest) < radius, turn[k] = there[k] ? acos(rest / radius) : 0.0;
+    }
+    for (int k = 0; k < ENDS; k++) {
+        const int high = k >> 1, samples = s->samples;
+        const double sign = k & 1 ? -1.0 : 1.0, into = high ? sign : -sign;
+        if (!there[high]) continue;
+        turning_point *end = s->end + s->ends++;
+        end->q5 = kr_wrapped(farthest + sign * turn[high]);
+        const double arc = there[1 - high] ? fabs(turn[0] - turn[1]) : 2.0 * (high ? KR_PI - turn[1] : turn[0]);
+        int first = 0;
+        double away[GRID] = {0.0};
+        for (int i = 0; i < samples; i++) {
+            away[i] = into * kr_wrapped(s->q5[i] - end->q5);
+            if (away[i] <= 0.0) away[i] += KR_TURN;
+            if (away[i] < away[first]) first = i;
+        }
+        end->span = into * 0.5 * arc;
+        for (int i = first; away[i] < arc;) {
+            const int next = (i + (into > 0.0 ? 1 : samples - 1)) % samples;
+            end->span = into * away[i];
+            if (away[i] > WIDE || away[next] >= arc || away[next] < away[i]) break;
+            s->covered[into > 0.0 ? i : next] = 1, i = next;
+        }
+        const function f = {.end = end->q5, .span = end->span};
+        int out[2] = {1, 1}, rolled[2] = {1, 1};
+        for (int i = 0; i < ALONG_END; i++) {
+            sample *at = end->at + i;
+            take_at(s, q5_of(&f, u_of(i)), i < QUARTERS, at);
+            const int o = s->limits && at->exists ? past(s->goal->arm, 0, at->c1, at->s1) : 0;
+            const int r = s->limits ? past(s->goal->arm, 4, cos(at->q5), sin(at->q5)) : 0;
+            out[0] &= o < 0, out[1] &= o > 0, rolled[0] &= r < 0, rolled[1] &= r > 0;
+        }
+        end->open = !(out[0] || out[1] || rolled[0] || rolled[1]);
+    }
+}
+
+/* What a condition has at samples of rising u, around the circle or not. */
 typedef struct {
-    double value[GRID + 2], slope[GRID + 2];
+    int samples, around, flat[2], open[GRID], exists[GRID], sampled[GRID];
+    double u[GRID], square[GRID], value[2][GRID];
 } course;
 
-/* Slopes from the values on both sides, as far as there are some. */
-static void set_slopes(const search *s, const int *exists, course *of) {
-    const int samples = s->samples;
-    double *v = of->value;
-    for (int i = 1; i <= samples; i++) {
-        const double before = s->q5[i] - s->q5[i - 1], after = s->q5[i + 1] - s->q5[i];
-        const double down = (v[i] - v[i - 1]) / before, up = (v[i + 1] - v[i]) / after;
-        of->slope[i] = !exists[i - 1] ? up : !exists[i + 1] ? down : (down * after + up * before) / (before + after);
+/* Its values at samples around one and the next, as far as they are known. */
+static values values_at(const course *of, const int *known, const double *value, int i) {
+    values at = {.first = LEFT, .last = RIGHT};
+    const int samples = of->samples;
+    for (int k = 0; k < KNOWN; k++) {
+        const int index = i + k - LEFT, from = (index + samples) % samples;
+        at.u[k] = of->u[from] + (index < 0 ? -KR_TURN : index >= samples ? KR_TURN : 0.0), at.value[k] = value[from];
     }
-    of->slope[0] = of->slope[samples], of->slope[samples + 1] = of->slope[1];
+    for (int k = LEFT; at.first == k && k > 0 && (of->around || i + k > LEFT); k--)
+        at.first -= known[(i + k - 1 - LEFT + samples) % samples];
+    for (int k = RIGHT; at.last == k && k + 1 < KNOWN && (of->around || i + k + 1 - LEFT < samples); k++)
+        at.last += known[(i + k + 1 - LEFT) % samples];
+    return at;
 }
 
-static double dip_of(const search *s, const course *of, int i) {
-    return dip(s->q5[i], of->value[i], of->slope[i], s->q5[i + 1], of->value[i + 1], of->slope[i + 1]);
+/* Whether values of one sign are farther from 0 than they change around them. */
+static int far(const course *of, const int *known, const double *value, int i) {
+    const int samples = of->samples, before = (i + samples - 1) % samples, next = (i + 1) % samples;
+    const int after = (i + 2) % samples;
+    const double v0 = fabs(value[i]), v1 = fabs(value[next]), change = fabs(value[next] - value[i]);
+    if ((value[i] > 0.0) != (value[next] > 0.0) || !known[before] || !known[after]) return 0;
+    if (!of->around && (i == 0 || i + 2 == samples)) return 0;
+    return fmin(v0, v1) > FAR * (change + fabs(value[i] - value[before]) + fabs(value[after] - value[next]));
 }
 
-/* Where the root in phi is there at two samples, or at neither, it may be another way between them. */
-static void turn_between(const search *s, const condition *on, int side, int i, int exists, const course *square,
-                         const course value[2]) {
-    const double steady = dip_of(s, square, i), a = s->q5[i], b = s->q5[i + 1];
-    double values[2], there;
-    sample at;
-    if (!(steady == steady)) return;
-    take_at(s, steady, side, &at);
-    if (!at.exists || (evaluate(on, &at, values, &there) > 0.0) == exists) return;
-    const double low[2] = {value[0].value[i], value[1].value[i]}, high[2] = {value[0].value[i + 1], value[1].value[i + 1]};
-    up_to_the_end(s, on, side, exists ? a : steady, exists ? low : values, exists ? steady : a);
-    up_to_the_end(s, on, side, exists ? b : steady, exists ? high : values, exists ? steady : b);
+/* Where the root in phi is there at two samples, or at neither, it may be another way between them, and where it is at one,
+ * more than once. Returns whether it is so; then starts are taken. */
+static int ends_inside(const function *on, const values *at, int inner, int *budget) {
+    const double a = at->u[LEFT], b = at->u[RIGHT];
+    const int here = at->value[LEFT] > 0.0, there = at->value[RIGHT] > 0.0;
+    double split, value;
+    if (zeros_of(at, &split) == SEVERAL && b - a > APART && *budget > 0) {
+        function f = *on;
+        --*budget;
+        value_of(&f, split, &value);
+        const values low = half_of(at, 0, split, value), high = half_of(at, 1, split, value);
+        const int flips = here != there || (value > 0.0) != here;
+        const int before = ends_inside(on, &low, inner || flips, budget);
+        return ends_inside(on, &high, inner || flips || before, budget) || before;
+    }
+    if (here != there) {
+        int side, which;
+        sides_of(on, fabs(a) > fabs(b) ? a : b, &side, &which);
+        up_to_the_end(on->s, on->on, side, q5_of(on, here ? a : b), q5_of(on, here ? b : a), budget);
+        return 1;
+    }
+    for (int which = 0; inner && here && which < 2; which++) {
+        function f = *on;
+        values ends = {.first = LEFT, .last = RIGHT, .u[LEFT] = a, .u[RIGHT] = b};
+        f.which = which;
+        if (value_of(&f, a, &ends.value[LEFT]) && value_of(&f, b, &ends.value[RIGHT])) start_inside(&f, &ends, budget);
+    }
+    return 0;
+}
+
+/* Start from all zeros between samples. */
+static void start_along(const course *of, const function *on, int *budget) {
+    for (int i = 0; i < of->samples - !of->around; i++) {
+        const int next = (i + 1) % of->samples;
+        function f = *on;
+        f.which = END;
+        if (!of->open[i]) continue;
+        if (f.on->way == LENGTH && of->sampled[i] && of->sampled[next] && !far(of, of->sampled, of->square, i)) {
+            const values at = values_at(of, of->sampled, of->square, i);
+            if (ends_inside(&f, &at, 0, budget)) continue;
+        }
+        for (f.which = 0; of->exists[i] && of->exists[next] && f.which < (f.on->way == ALONG ? 1 : 2); f.which++) {
+            if (of->flat[f.which] || far(of, of->exists, of->value[f.which], i)) continue;
+            const values at = values_at(of, of->exists, of->value[f.which], i);
+            start_inside(&f, &at, budget);
+        }
+    }
 }
 
 /* Zeros over q5 with q1 on one side. */
-static void along(const search *s, const condition *on, int side) {
+static void along(const search *s, const condition *on, int side, int *budget) {
     const int ways = on->way == ALONG ? 1 : 2, *open = s->open[side], samples = s->samples;
-    course of[2], square;
-    double values[2];
-    int exists[GRID + 2], sampled[GRID + 2], flat[2] = {0, 0}, tried = 0;
+    const function f = {.s = s, .on = on, .side = side};
+    double both[2];
+    int tried = 0;
+    course of;
+    of.samples = samples, of.around = 1, of.flat[0] = of.flat[1] = 0;
     for (int i = 0; i < samples; i++) {
         const int before = (i + samples - 1) % samples, earlier = (i + samples - 2) % samples;
-        exists[i] = 0, square.value[i] = of[0].value[i] = of[1].value[i] = 0.0;
-        sampled[i] = s->grid[side][i].exists && (open[i] || open[i + 1] || open[before] || open[earlier]);
-        if (!sampled[i]) continue;
+        of.u[i] = s->q5[i], of.open[i] = open[i] && !s->covered[i];
+        of.exists[i] = 0, of.square[i] = of.value[0][i] = of.value[1][i] = 0.0;
+        of.sampled[i] = s->grid[side][i].exists && (open[i] || open[i + 1] || open[before] || open[earlier]);
+        if (!of.sampled[i]) continue;
         tried++;
-        const double scale = evaluate(on, &s->grid[side][i], values, square.value + i);
+        const double scale = evaluate(on, &s->grid[side][i], both, of.square + i);
         if (!(scale > 0.0)) continue;
-        exists[i] = 1;
+        of.exists[i] = 1;
         for (int which = 0; which < ways; which++) {
-            of[which].value[i] = values[which];
-            flat[which] += fabs(values[which]) < FLAT * scale;
+            of.value[which][i] = both[which];
+            of.flat[which] += fabs(both[which]) < FLAT * scale;
         }
     }
-    for (int i = 0; i < 2; i++) {
-        const int end = samples + i;
-        exists[end] = exists[i], sampled[end] = sampled[i], square.value[end] = square.value[i];
-        for (int which = 0; which < ways; which++) of[which].value[end] = of[which].value[i];
-    }
-    if (on->way == LENGTH) set_slopes(s, sampled, &square);
     for (int which = 0; which < ways; which++) {
-        set_slopes(s, exists, of + which);
-        flat[which] = flat[which] > 2 && 4 * flat[which] > tried;
-        if (!flat[which]) continue;
+        of.flat[which] = of.flat[which] > 2 && 4 * of.flat[which] > tried;
+        if (!of.flat[which]) continue;
         /* joint 5 is free, as where the tip points along axis 1: it stays as near to where it is as it can */
         sample at;
         double there, nearest = INFINITY;
         take_at(s, s->given[4], side, &at);
-        const int stays = evaluate(on, &at, values, &there) > 0.0;
+        const int stays = evaluate(on, &at, both, &there) > 0.0;
         for (int i = 0; i < samples && !stays; i++) {
             const double away = fabs(kr_wrapped(s->q5[i] - s->given[4]));
-            if (exists[i] && away < nearest) nearest = away, at = s->grid[side][i];
+            if (of.exists[i] && away < nearest) nearest = away, at = s->grid[side][i];
         }
         found(s, on, on->held, &at, which);
     }
-    for (int i = 0; i < samples; i++) {
-        const double a = s->q5[i], b = s->q5[i + 1];
-        if (!open[i]) continue;
-        if (on->way == LENGTH && sampled[i] && sampled[i + 1] && exists[i] == exists[i + 1])
-            turn_between(s, on, side, i, exists[i], &square, of);
-        if (exists[i] != exists[i + 1]) {
-            const int last = exists[i] ? i : i + 1;
-            const double ends[2] = {of[0].value[last], of[1].value[last]};
-            up_to_the_end(s, on, side, s->q5[last], ends, exists[i] ? b : a);
-            continue;
-        }
-        for (int which = 0; exists[i] && which < ways; which++) {
-            if (flat[which]) continue;
-            const double v0 = of[which].value[i], v1 = of[which].value[i + 1];
-            if ((v0 > 0.0) != (v1 > 0.0)) {
-                between(s, on, side, which, a, v0, b, v1);
-                continue;
-            }
-            const double steady = dip_of(s, of + which, i);
-            if (steady == steady) pair_at(s, on, side, which, steady, a, v0, b, v1);
+    start_along(&of, &f, budget);
+}
+
+/* Zeros on both sides of an end of what q1 makes up for. */
+static void around_end(const search *s, const condition *on, const turning_point *end, int *budget) {
+    const function f = {.s = s, .on = on, .end = end->q5, .span = end->span, .turns = 1};
+    const int ways = on->way == ALONG ? 1 : 2;
+    double both[2];
+    course of;
+    of.samples = ALONG_END, of.around = 0, of.flat[0] = of.flat[1] = 0;
+    for (int i = 0; i < ALONG_END; i++) {
+        of.u[i] = u_of(i), of.open[i] = 1, of.square[i] = 0.0, of.sampled[i] = end->at[i].exists;
+        const double scale = evaluate(on, end->at + i, both, of.square + i);
+        of.exists[i] = scale > 0.0;
+        for (int which = 0; which < ways; which++) {
+            of.value[which][i] = of.exists[i] ? i < QUARTERS ? -both[which] : both[which] : 0.0;
+            of.flat[which] += of.exists[i] && fabs(both[which]) < FLAT * scale;
         }
     }
+    for (int which = 0; which < ways; which++) of.flat[which] = of.flat[which] > 2;
+    start_along(&of, &f, budget);
 }
 
 /* What is stationary at one sample: `held` are joints 1 and 5 as far as they are at limits. */
@@ -649,9 +821,14 @@ void kr_pitched_starts(const kr_five_axis *five, const kr_stationary_goal *goal,
         }
         return;
     }
-    set_grid(&s);
-    for (int side = 0; side < 2; side++)
-        for (int k = 0; k < count; k++) s.given = given[k], along(&s, on + k, side);
+    set_grid(&s), set_ends(&s);
+    for (int k = 0; k < count; k++) {
+        int budget = BUDGET;
+        s.given = given[k];
+        for (int side = 0; side < 2; side++) along(&s, on + k, side, &budget);
+        for (int i = 0; i < s.ends; i++)
+            if (s.end[i].open) around_end(&s, on + k, s.end + i, &budget);
+    }
     for (int i = 0; limits && i < 5; i += 4)
         for (int end = 0; limited(arm, i) && end < 2; end++) {
             const double bound = end ? arm->upper[i] : arm->lower[i];
