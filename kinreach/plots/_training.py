@@ -198,12 +198,14 @@ def _marks(axes: Axes, single: bool, last: float) -> None:
         axes.annotate(f"thesis: {MULTI_REWARD}, discounted", (0.0, MULTI_REWARD), xytext=(6, 4), weight="bold",
                       textcoords="offset points", fontsize=8.5, color=INK, path_effects=HALO)  # fmt: skip
         return
-    axes.set_ylim(max(low, LOWEST), max(high, 4.0))
-    for text, (x, y) in SINGLE_MARKS.items():
-        if x <= last:
-            axes.plot(x, y, marker="D", ms=7, mfc="white", mec=INK, mew=1.6, ls="", clip_on=False, zorder=5)
-            axes.annotate(text, (x, y), xytext=(-9, 5), textcoords="offset points", fontsize=8.5, ha="right",
-                          color=INK, weight="bold", path_effects=HALO, zorder=5)  # fmt: skip
+    shown = {text: (x, y) for text, (x, y) in SINGLE_MARKS.items() if x <= last}
+    axes.set_ylim(min([max(low, LOWEST), *(y - 0.5 for _, y in shown.values())]), max(high, 4.0))
+    left, right = axes.get_xlim()
+    for text, (x, y) in shown.items():
+        place, align = ((9, -12), "left") if x < left + (right - left) / 6 else ((-9, 5), "right")
+        axes.plot(x, y, marker="D", ms=7, mfc="white", mec=INK, mew=1.6, ls="", clip_on=False, zorder=5)
+        axes.annotate(text, (x, y), xytext=place, textcoords="offset points", fontsize=8.5, ha=align,
+                      color=INK, weight="bold", path_effects=HALO, zorder=5)  # fmt: skip
 
 
 def _bars(axes: Axes, seeds: Mapping[str, _Training], unit: str) -> None:

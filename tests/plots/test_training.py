@@ -142,3 +142,13 @@ def test_what_is_no_curve_is_refused(rng):
             draw_training(curves)
     with pytest.raises(UnknownNameError, match="unknown panel 'gain'; available: distance, reached, reward"):
         draw_training({"a": log}, panels=["gain"])
+
+
+def test_marks_are_within_the_axes(rng):
+    """Also where every reward is above what the thesis says."""
+    log = curve(rng, impossible=0.0, possible=3.0)
+    (axes,) = draw_training({"seed 0": log}, environment=SINGLE, panels=["reward"]).axes
+    marks = [line.get_xydata()[0] for line in axes.lines if line.get_marker() == "D"]
+    assert len(marks) == 2
+    low, high = axes.get_ylim()
+    assert all(low < y < high for _, y in marks)
