@@ -10,7 +10,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.envs._options import about
 from kinreach.errors import InputError
-from kinreach.sim.inside import BOUNDS, DrawnArms, as_ranges, draw
+from kinreach.sim.inside import BOUNDS, DrawnArms, check_ranges, draw
 
 Ranges = Mapping[str, Sequence[float]]
 #: How far a camera can be off its place, along each of its axes [m].
@@ -34,14 +34,13 @@ RANDOMISE_TORQUE = _about(TORQUE)
 
 def check_randomise(
     given: Ranges | None, *, backend: str = "mujoco", names: Iterable[str] = (*BOUNDS, *CAMERA_BOUNDS)
-) -> dict[str, tuple[float, float]]:
-    """Check the option of an environment, and return its ranges in the order in which they are drawn."""
+) -> None:
+    """Check the option of an environment."""
     bounds = {**BOUNDS, **CAMERA_BOUNDS}
-    ranges = as_ranges(given, {name: bounds[name] for name in names})
-    dynamic = [name for name in ranges if name in BOUNDS]
+    check_ranges(given, {name: bounds[name] for name in names})
+    dynamic = drawn_of(given)
     if dynamic and backend != "mujoco":
         raise InputError(f'randomise[{dynamic[0]!r}] is of the dynamics: use backend="mujoco", got {backend!r}')
-    return ranges
 
 
 def drawn_of(given: Ranges | None) -> list[str]:
@@ -53,7 +52,7 @@ class Randomisation:
     """Draws for a number of environments, each from its own generator.
 
     Args:
-        ranges: As of `check_randomise`.
+        given: The option, as `check_randomise` checked it.
         count: Number of environments.
         arms: Writes what is drawn of them; None where nothing is.
         coordinates: Numbers of a camera's displacement.
@@ -61,16 +60,17 @@ class Randomisation:
 
     def __init__(
         self,
-        ranges: Mapping[str, tuple[float, float]],
+        given: Ranges | None,
         count: int,
         arms: DrawnArms | None,
         *,
         coordinates: int = 0,
     ) -> None:
-        self._ranges = ranges
+        ranges = given or {}
+        self._ranges = {name: ranges[name] for name in (*BOUNDS, *CAMERA_BOUNDS) if name in ranges}
         self._arms = arms
         sizes = {"camera": coordinates} if arms is None else {**arms.sizes, "camera": coordinates}
-        self._sizes = {name: sizes[name] for name in ranges}
+        self._sizes = {name: sizes[name] for name in self._ranges}
         self._rngs = [np.random.default_rng() for _ in range(count)]
         self._values = {name: np.zeros((count, size)) for name, size in self._sizes.items()}
 

@@ -244,8 +244,7 @@ class TabletopEpisodes(Episodes):
         self.options, self.setup, self.world, self.count = options, setup, world, world.count
         self.action_space, self.observation_space = setup.action_space, setup.observation_space
         self._streams = RowStreams(setup.sample, self.count, size=3 + setup.task.goal_size)
-        ranges = check_randomise(options.randomise, names=BOUNDS)
-        self._drawn = Randomisation(ranges, self.count, world.drawn)
+        self._drawn = Randomisation(options.randomise, self.count, world.drawn)
         self.goals = np.zeros((self.count, setup.task.goal_size))
         joints, numbers, truths = len(setup.home), np.zeros(self.count), np.zeros(self.count, dtype=np.bool_)
         self._state = TabletopState(

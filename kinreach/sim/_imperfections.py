@@ -89,26 +89,21 @@ OF_JOINTS = ("friction", "damping", "gears")
 NOMINAL = 1.0
 
 
-def as_ranges(
-    given: Mapping[str, Any] | None, bounds: Mapping[str, tuple[float, float]] = BOUNDS
-) -> dict[str, tuple[float, float]]:
-    """Check ranges by name, two numbers each, and return them in the order of the bounds."""
+def check_ranges(given: Mapping[str, Any] | None, bounds: Mapping[str, tuple[float, float]]) -> None:
+    """Check ranges by name, two numbers each."""
     if given is None:
-        return {}
+        return
     if not isinstance(given, Mapping):
         raise InputError(f"randomise must be a mapping of {', '.join(bounds)} to ranges, got {shown(given)}")
     for name in given:
         check_known("property to randomise", name, bounds)
-    ranges = {}
-    for name in (name for name in bounds if name in given):
+    for name, ends in given.items():
         least, most = bounds[name]
-        low, high = as_vector(f"randomise[{name!r}], its least and largest value,", given[name], 2)
+        low, high = as_vector(f"randomise[{name!r}], its least and largest value,", ends, 2)
         for value in (low, high):
             check_number(f"randomise[{name!r}]", float(value), least=least, most=most)
         if low > high:
-            raise InputError(f"randomise[{name!r}] must have its least value first, got {shown(given[name])}")
-        ranges[name] = (float(low), float(high))
-    return ranges
+            raise InputError(f"randomise[{name!r}] must have its least value first, got {shown(ends)}")
 
 
 def scene_of(flaws: Imperfections, drawn: Collection[str]) -> Imperfections:
@@ -117,9 +112,9 @@ def scene_of(flaws: Imperfections, drawn: Collection[str]) -> Imperfections:
     return Imperfections(**{**changed, "payload": NOMINAL}) if "payload" in drawn else flaws
 
 
-def draw(ranges: Mapping[str, tuple[float, float]], sizes: Mapping[str, int], rng: np.random.Generator) -> Floats:
+def draw(ranges: Mapping[str, Sequence[float]], sizes: Mapping[str, int], rng: np.random.Generator) -> Floats:
     """Draw a row of values, one name after the other, each uniform in its range."""
-    return np.concatenate([rng.uniform(*ends, sizes[name]) for name, ends in ranges.items()])
+    return np.concatenate([rng.uniform(ends[0], ends[1], sizes[name]) for name, ends in ranges.items()])
 
 
 class DrawnArms:

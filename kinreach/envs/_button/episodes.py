@@ -146,7 +146,7 @@ class ButtonEpisodes(Episodes):
         self.fps = round(1 / options.motors.period)  # a frame a step
         self._starts = ButtonStarts(options.motors.targets)
         self._streams = RowStreams(self._starts.sample, count, size=SIZE)
-        self._drawn = Randomisation(check_randomise(options.randomise, names=TORQUE), count, world.drawn)
+        self._drawn = Randomisation(options.randomise, count, world.drawn)
         self._period = options.motors.period
         self._gears = np.array(options.motors.gears)
         self._keep = options.fixed_target is not False

@@ -27,7 +27,7 @@ from kinreach.envs._lift.lift_task import (
     face_angle,
 )
 from kinreach.envs._options import check_box_actions
-from kinreach.envs._randomise import Randomisation, check_randomise
+from kinreach.envs._randomise import Randomisation
 from kinreach.envs._reach.observers import CameraObserver, PixelObserver
 from kinreach.envs._reach.reach_task import CAMERA, GOAL_RANGE, held_in_limits
 from kinreach.sim.inside import CUBE, SHAPES, Grasping, MoveStatus, Objects
@@ -71,9 +71,8 @@ class LiftEpisodes(Episodes):
         self.action_space = task.action_space
         self._streams = RowStreams(task.sample, count, size=9)
         self._sensors = [np.random.default_rng() for _ in range(count)]
-        ranges = check_randomise(self.options.randomise, backend=self.options.backend)
         arms = None if world is None else world.drawn
-        self._drawn = Randomisation(ranges, count, arms, coordinates=3)
+        self._drawn = Randomisation(task.options.randomise, count, arms, coordinates=3)
         kind = task.options.observation
         self._camera = CameraObserver(task.arm, task.options) if kind == CAMERA else None
         self._pixels = PixelObserver(task.arm, task.options) if kind == "pixels" else None

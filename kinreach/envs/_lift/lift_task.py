@@ -120,7 +120,8 @@ class LiftOptions(GoalOptions):
         check_objects(arm, self.sizes, self.masses, self.frictions)
         as_vector("table [m]", self.table, 3, most=MAX_SHIFT)
         check_flag("clutter", self.clutter)
-        if "camera" in check_randomise(self.randomise, backend=self.backend) and self.observation == "pixels":
+        check_randomise(self.randomise, backend=self.backend)
+        if "camera" in (self.randomise or ()) and self.observation == "pixels":
             raise InputError("randomise['camera'] displaces what cameras measure; observation=\"pixels\" has pictures")
         check_count("attempts", self.attempts, most=MAX_ATTEMPTS)
         if self.observation != "geometric":

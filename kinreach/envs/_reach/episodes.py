@@ -14,7 +14,7 @@ from kinreach._tensors import copied, on_device, on_host
 from kinreach.envs._batch import Episodes, Outcome, texts, told_terms
 from kinreach.envs._goals import Told
 from kinreach.envs._options import in_dtype
-from kinreach.envs._randomise import Randomisation, check_randomise
+from kinreach.envs._randomise import Randomisation
 from kinreach.envs._reach.observers import PixelObserver, goal_observer, measured
 from kinreach.envs._reach.reach_task import (
     CAMERA_RANGE,
@@ -61,9 +61,8 @@ class ReachEpisodes(Episodes):
         self._pictures: dict[str, NDArray[Any]] = {}
         self._changed = np.empty(count, dtype=np.bool_)  # since the pictures were taken
         self._streams = task.streams(count)
-        ranges = check_randomise(self.options.randomise, backend=self.options.backend)
         coordinates = task.layout.goal.stop - task.layout.goal.start
-        self._drawn = Randomisation(ranges, count, world.drawn, coordinates=coordinates)
+        self._drawn = Randomisation(self.options.randomise, count, world.drawn, coordinates=coordinates)
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._observation = np.empty((count, task.layout.size))
         self._observation[:, task.layout.gripper] = task.gripper_opening

@@ -145,7 +145,8 @@ class ReachOptions(GoalOptions):
         check_known("control", self.control, tip_control.CONTROLS)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
-        if "camera" in check_randomise(self.randomise, backend=self.backend) and self.observation == "pixels":
+        check_randomise(self.randomise, backend=self.backend)
+        if "camera" in (self.randomise or ()) and self.observation == "pixels":
             raise InputError("randomise['camera'] displaces what cameras measure; observation=\"pixels\" has pictures")
         check_reward(self.reward, names=REWARD_NAMES)
         if self.goal_env and self.goal_in != CAMERA:
