@@ -164,13 +164,14 @@ class MovingGradient(SimulatorGradient):
         """
         world, rate = self.world, moving.FRAMES * moving.PARTS
         q, v, frames, rolls = world.q.copy(), world.v.copy(), world.frames.copy(), world.rolls.astype(np.float32)
-        limits = {"speed": world.speed_limit, "acceleration": world.acceleration_limit}
+        speed, acceleration = (world.strength * limit for limit in (world.speed_limit, world.acceleration_limit))
         least = table_top(world.arm) + GRIPPER_CLEARANCE
 
         def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:
             own = rows.numpy()
 
             def places(targets: Floats) -> tuple[Floats, Floats]:
+                limits = {"speed": speed[own], "acceleration": acceleration[own]}
                 needed = moving.travel_times(q[own], v[own], targets, **limits).max(axis=1)
                 at = np.minimum(np.round(frames[own] * moving.PARTS + needed * rate).astype(int), rolls.shape[1] - 1)
                 return np.zeros((len(own), 3)), rolls[own, at]

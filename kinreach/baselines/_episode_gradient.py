@@ -18,7 +18,7 @@ import torch
 from kinreach._checks import Floats
 from kinreach.baselines._descent import SimulatorGradient, feeler_depth
 from kinreach.baselines.expert import GRIPPER, table_top
-from kinreach.envs.inside import moving
+from kinreach.envs.inside import Ids, moving
 
 #: Length of an episode, of every fourth one, and parts of a frame in which the arm's posture is computed [frames].
 FRAMES, LONG, EVERY = 30, 60, 4
@@ -112,7 +112,10 @@ class EpisodeGradient(SimulatorGradient):
         world, parts, n = self.world, moving.PARTS, len(balls.rolls)
         frames = (balls.rolls.shape[1] - 1) // parts
         observed = self._observed(balls, rng, frames)
-        limits = {"speed": float(world.speed_limit), "acceleration": float(world.acceleration_limit)}
+        nominal = {"speed": float(world.speed_limit), "acceleration": float(world.acceleration_limit)}
+        strength = torch.as_tensor(world.strength[self._worlds(n)], dtype=torch.float32)
+        # a share of one as a tensor would round the limits
+        limits: dict[str, Any] = nominal if (strength == 1.0).all() else {k: strength * v for k, v in nominal.items()}
         q = torch.as_tensor(world.home, dtype=torch.float32).expand(n, 6)
         v, tip = torch.zeros(n, 6), world.chain.fk(q)[:, :3, 3]
         least = table_top(world.arm) + CLEARANCE
@@ -137,19 +140,24 @@ class EpisodeGradient(SimulatorGradient):
         along = (_PARABOLA @ torch.stack(tips, 1)).flatten(1, 2)  # the tip in all parts of all frames
         return self._loss(along, torch.stack(depths, 1), torch.stack(folds, 1), balls)
 
+    def _worlds(self, count: int) -> Ids:
+        """Return environments, whose delays, noise and strength the episodes with as many balls have."""
+        return np.arange(count) % len(self.world.taken)
+
     def _observed(self, balls: Balls, rng: np.random.Generator, frames: int) -> list[torch.Tensor]:
         """Return observations without joints, for every frame."""
         world, n = self.world, len(balls.rolls)
-        taken = np.minimum(world.taken[: frames + 1], balls.ends[:, None])
+        rows = self._worlds(n)
+        taken = world.taken[rows, : frames + 1]
         sights = np.full((n, frames + 1, 3), world.height)
-        sights[:, :, :2] = balls.rolls[np.arange(n)[:, None], taken]
-        sights += rng.normal(0.0, world.noise, sights.shape)
-        ages = (np.arange(frames + 1) * moving.PARTS - world.taken[: frames + 1]) / (moving.FRAMES * moving.PARTS)
+        sights[:, :, :2] = balls.rolls[np.arange(n)[:, None], np.minimum(taken, balls.ends[:, None])]
+        sights += rng.normal(0.0, world.noise[rows, None, None], sights.shape)
+        ages = (np.arange(frames + 1) * moving.PARTS - taken) / (moving.FRAMES * moving.PARTS)
         observed = []
         for frame in range(frames):
             before = np.maximum(frame - np.arange(1, world.options.sights), 0)
             earlier = sights[:, before] - sights[:, [frame]]
-            x = np.concatenate([sights[:, frame], np.full((n, 1), ages[frame]), earlier.reshape(n, -1)], axis=1)
+            x = np.concatenate([sights[:, frame], ages[:, [frame]], earlier.reshape(n, -1)], axis=1)
             observed.append(torch.as_tensor(x, dtype=torch.float32))
         return observed
 

@@ -21,7 +21,18 @@ from kinreach._registration import MAX_EPISODE_STEPS, OBSTACLES
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, texts
 from kinreach.envs._lift.lift_task import table_of
 from kinreach.envs._options import EnvOptions, about, option_values, with_options
+from kinreach.envs._randomise import (
+    DRAWN,
+    WITH_CAMERAS,
+    Bounds,
+    Randomisation,
+    Ranges,
+    about_randomise,
+    check_randomise,
+    drawn_of,
+)
 from kinreach.envs._reach.env import PostureEnv
+from kinreach.envs._reach.observers import measured
 from kinreach.envs._reach.reach_task import (
     GOAL_RANGE,
     TOOL_DOWN,
@@ -33,12 +44,13 @@ from kinreach.envs._reach.reach_task import (
     goal_block,
 )
 from kinreach.envs._reach.worlds import STATUS_OF_CAUSE, STATUSES, TargetStatus
+from kinreach.envs._single import ONLY
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.kinematics.inside import MIN_MARGIN, PATH_MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription, Box, get_arm
 from kinreach.sim import ArmSimulation
-from kinreach.sim.inside import Scene, box_names, spare_boxes
+from kinreach.sim.inside import Scene, box_names, drawn_sizes, spare_boxes
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 Texts = NDArray[np.object_]
@@ -61,6 +73,8 @@ STANDING = 1e-3
 MAX_DRAWS = 1000
 #: Status of a move that ends beside the goal.
 MISSED = "missed"
+#: What can be drawn: of the arm and its cameras, and how far obstacles are from where they are observed [m].
+TO_DRAW: Bounds = {**WITH_CAMERAS, "obstacles": (-0.1, 0.1)}
 #: Terms of the reward.
 TERMS = ("distance", "reached", "collision")
 #: Bounds of what is observed of a box: whether there is one, centre and edges [m].
@@ -81,6 +95,7 @@ class ObstaclesOptions(EnvOptions):
         default=False,
         metadata=about("observe the obstacles too: 20 rows of seven numbers, zeros where there is none", flag=None),
     )
+    randomise: Ranges | None = field(default=None, metadata=about_randomise(TO_DRAW))
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -93,6 +108,9 @@ class ObstaclesOptions(EnvOptions):
             )
         check_number("margin [m]", self.margin, least=MIN_MARGIN, most=0.05)
         check_flag("boxes", self.boxes)
+        check_randomise(self.randomise, bounds=TO_DRAW)
+        if "obstacles" in (self.randomise or ()) and not self.boxes:
+            raise InputError("randomise['obstacles'] displaces observed obstacles: use boxes=True")
 
 
 def check_clutter(count: object) -> int:
@@ -159,6 +177,10 @@ class ObstaclesEpisodes(Episodes):
         self.directions = np.tile(TOOL_DOWN, (count, 1))
         self.goals, self.q = np.zeros((count, 3)), np.tile(task.home, (count, 1))
         self._rngs = [np.random.default_rng() for _ in range(count)]
+        goal = task.layout.goal
+        sizes = {"camera": goal.stop - goal.start, "obstacles": 3 * MAX_CLUTTER}
+        self._drawn = Randomisation(options.randomise, count, None, sizes={**drawn_sizes(len(task.home)), **sizes})
+        self._seen = np.zeros((count, 3))
         self._begun = np.zeros(count, dtype=np.bool_)
         self._simulations: list[ArmSimulation | None] = [None for _ in range(count)]
         self._observation = np.empty((count, task.layout.size))
@@ -170,7 +192,9 @@ class ObstaclesEpisodes(Episodes):
         """Return the simulation of an environment, with visuals only if it is drawn before anything else needs it."""
         made = self._simulations[index]
         if made is None:
-            made = self._simulations[index] = ArmSimulation(THESIS_ARM, visual=visual, boxes=MAX_CLUTTER)
+            drawn = drawn_of(self.options.randomise)
+            made = ArmSimulation(THESIS_ARM, visual=visual, boxes=MAX_CLUTTER, drawn=drawn)
+            self._simulations[index] = made
             self._follow(index)
         return made
 
@@ -179,6 +203,8 @@ class ObstaclesEpisodes(Episodes):
         simulation = self._simulations[index]
         if simulation is None:
             return
+        if self._begun[index] and simulation.drawn is not None:
+            simulation.drawn.write(ONLY, self._drawn.of_arms([index]))
         simulation.reset()
         if self._begun[index]:
             simulation.put_boxes(self.obstacles[index])
@@ -198,6 +224,7 @@ class ObstaclesEpisodes(Episodes):
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         self._rngs[index] = rng
+        self._drawn.seed(index, rng.spawn(1)[0])
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> ObstaclesStart:
         return ObstaclesStart(*option_values(options, {"clutter": check_clutter}, count))
@@ -207,7 +234,8 @@ class ObstaclesEpisodes(Episodes):
 
     def begin(self, ids: Ids, start: ObstaclesStart = ObstaclesStart()) -> None:  # noqa: B008 (immutable)
         """Draw other scenes; the arms stand in their start posture."""
-        home = self.task.home
+        home, drawn_too = self.task.home, self.options.randomise or ()
+        self._drawn.begin(ids)
         for row, index in enumerate(ids):
             drawn = self._rngs[index].choice(self.options.clutter)
             count = int(drawn if start.clutter is None else start.clutter[row])
@@ -221,7 +249,12 @@ class ObstaclesEpisodes(Episodes):
             self._boxes[index] = 0.0
             for row_of_box, box in zip(self._boxes[index], self.obstacles[index], strict=False):
                 row_of_box[:] = 1.0, *box.position, *box.size
-            self._observation[index, self.task.layout.goal] = goal_block(self.task.arm, self.goals[[index]])[0]
+            if "obstacles" in drawn_too:
+                off = self._drawn.values("obstacles", index).reshape(-1, 3)
+                self._boxes[index, :count, 1:4] += off[:count]
+            views = self._drawn.displaced([index], goal_block(self.task.arm, self.goals[[index]]))
+            self._observation[index, self.task.layout.goal] = views[0]
+            self._seen[index] = measured(self.task, views).seen[0] if "camera" in drawn_too else self.goals[index]
             self._measure(index)
             self._follow(index)
 
@@ -315,13 +348,16 @@ class ObstaclesEpisodes(Episodes):
         return self._observation.copy()
 
     def goal_info(self, rows: Any) -> dict[str, Any]:
-        obstacles = [self.obstacles[index] for index in np.arange(self.count)[rows]]
+        obstacles, drawn = [self.obstacles[index] for index in np.arange(self.count)[rows]], self._drawn.info(rows)
+        if (off := f"{DRAWN}obstacles") in drawn:
+            drawn[off] = drawn[off].reshape(-1, MAX_CLUTTER, 3)
         all_boxes = ([*own, *spare_boxes(MAX_CLUTTER)[len(own) :]] for own in obstacles)
         return {
             "goal": np.array(self.goals[rows]),
-            "seen": np.array(self.goals[rows]),
+            "seen": np.array(self._seen[rows]),
             "clutter": np.array([len(own) for own in obstacles]),
             "obstacles": np.array([[(*box.position, *box.size) for box in boxes] for boxes in all_boxes]),
+            **drawn,
         }
 
     def start_info(self, ids: Ids) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What `randomise` draws anew at every reset: properties of the arm, and where its cameras seem to be."""
+"""What `randomise` draws anew at every reset: properties of the arm, where its cameras seem to be, and others."""
 
 from __future__ import annotations
 
@@ -13,31 +13,26 @@ from kinreach.errors import InputError
 from kinreach.sim.inside import BOUNDS, DrawnArms, check_ranges, draw
 
 Ranges = Mapping[str, Sequence[float]]
+Bounds = Mapping[str, tuple[float, float]]
 #: How far a camera can be off its place, along each of its axes [m].
 CAMERA_BOUNDS = {"camera": (-0.1, 0.1)}
 #: Prefix of the entries of `info`.
 DRAWN = "drawn_"
+#: What is drawn of an arm with cameras, and of one under torque, which has no servos.
+WITH_CAMERAS: Bounds = {**BOUNDS, **CAMERA_BOUNDS}
+TORQUE: Bounds = {name: ends for name, ends in BOUNDS.items() if name != "encoder_noise"}
 
 
-def _about(names: Iterable[str]) -> dict[str, str | None]:
+def about_randomise(names: Iterable[str], example: str = '"payload": (0, 0.5)') -> dict[str, str | None]:
+    """Metadata of the option."""
     listed = ", ".join(f"`{name}`" for name in names)
-    text = f'ranges, drawn at every reset, of {listed}, such as `{{"payload": (0, 0.5)}}`; `info` has `drawn_NAME`'
+    text = f"ranges, drawn at every reset, of {listed}, such as `{{{example}}}`; `info` has `drawn_NAME`"
     return about(text, flag=None)
 
 
-#: Metadata of the option: of environments with cameras, without, and under torque.
-RANDOMISE, RANDOMISE_ARM = _about((*BOUNDS, *CAMERA_BOUNDS)), _about(BOUNDS)
-#: What is drawn of an arm under torque, which has no servos.
-TORQUE = tuple(name for name in BOUNDS if name != "encoder_noise")
-RANDOMISE_TORQUE = _about(TORQUE)
-
-
-def check_randomise(
-    given: Ranges | None, *, backend: str = "mujoco", names: Iterable[str] = (*BOUNDS, *CAMERA_BOUNDS)
-) -> None:
-    """Check the option of an environment."""
-    bounds = {**BOUNDS, **CAMERA_BOUNDS}
-    check_ranges(given, {name: bounds[name] for name in names})
+def check_randomise(given: Ranges | None, *, backend: str = "mujoco", bounds: Bounds = WITH_CAMERAS) -> None:
+    """Check the option of an environment in which what has `bounds` can be drawn."""
+    check_ranges(given, bounds)
     dynamic = drawn_of(given)
     if dynamic and backend != "mujoco":
         raise InputError(f'randomise[{dynamic[0]!r}] is of the dynamics: use backend="mujoco", got {backend!r}')
@@ -54,8 +49,8 @@ class Randomisation:
     Args:
         given: The option, as `check_randomise` checked it.
         count: Number of environments.
-        arms: Writes what is drawn of them; None where nothing is.
-        coordinates: Numbers of a camera's displacement.
+        arms: Writes what is drawn of them; None where nothing is, or the environment writes what is `of_arms`.
+        sizes: Numbers of each property that `arms` has not, by name; draws follow their order.
     """
 
     def __init__(
@@ -64,13 +59,12 @@ class Randomisation:
         count: int,
         arms: DrawnArms | None,
         *,
-        coordinates: int = 0,
+        sizes: Mapping[str, int] | None = None,
     ) -> None:
-        ranges = given or {}
-        self._ranges = {name: ranges[name] for name in (*BOUNDS, *CAMERA_BOUNDS) if name in ranges}
+        ranges, every = given or {}, {**({} if arms is None else arms.sizes), **(sizes or {})}
+        self._sizes = {name: size for name, size in every.items() if name in ranges}
+        self._ranges = {name: ranges[name] for name in self._sizes}
         self._arms = arms
-        sizes = {"camera": coordinates} if arms is None else {**arms.sizes, "camera": coordinates}
-        self._sizes = {name: sizes[name] for name in self._ranges}
         self._rngs = [np.random.default_rng() for _ in range(count)]
         self._values = {name: np.zeros((count, size)) for name, size in self._sizes.items()}
 
@@ -84,11 +78,18 @@ class Randomisation:
             return
         rows = np.stack([draw(self._ranges, self._sizes, self._rngs[index]) for index in ids])
         parts = np.split(rows, np.cumsum(list(self._sizes.values()))[:-1], axis=1)
-        drawn = dict(zip(self._sizes, parts, strict=True))
-        for name, values in drawn.items():
+        for name, values in zip(self._sizes, parts, strict=True):
             self._values[name][ids] = values
         if self._arms is not None:
-            self._arms.write(ids, {name: values for name, values in drawn.items() if name in BOUNDS})
+            self._arms.write(ids, self.of_arms(ids))
+
+    def of_arms(self, ids: Any) -> dict[str, Floats]:
+        """Return what was drawn of the arms themselves, by name, each of shape (k, size)."""
+        return {name: values[ids] for name, values in self._values.items() if name in BOUNDS}
+
+    def values(self, name: str, ids: Any) -> Floats:
+        """Return what was drawn of a property, shape (k, size), or of one environment (size,)."""
+        return self._values[name][ids]
 
     def displaced(self, ids: Any, views: Floats) -> Floats:
         """Return what displaced cameras see [m], shape (k, coordinates); three zeros stay what they mean."""

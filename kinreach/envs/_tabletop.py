@@ -18,7 +18,7 @@ from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome,
 from kinreach.envs._goals import DENSE, REWARD_NAMES, SPARSE, GoalMethods, Told, goal_dict
 from kinreach.envs._lift.lift_task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
 from kinreach.envs._options import EnvOptions, check_box_actions, in_dtype, option_rows
-from kinreach.envs._randomise import RANDOMISE_ARM, Randomisation, Ranges, check_randomise, drawn_of
+from kinreach.envs._randomise import Randomisation, Ranges, about_randomise, check_randomise, drawn_of
 from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, held_in_limits, joint_limits, seen_joints
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
@@ -174,13 +174,13 @@ class TabletopOptions(EnvOptions):
     limit: int = 100
     goal_env: bool = False
     reward: str = DENSE
-    randomise: Ranges | None = field(default=None, metadata=RANDOMISE_ARM)
+    randomise: Ranges | None = field(default=None, metadata=about_randomise(BOUNDS))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_flag("goal_env", self.goal_env)
         check_known("reward", self.reward, REWARD_NAMES)
-        check_randomise(self.randomise, names=BOUNDS)
+        check_randomise(self.randomise, bounds=BOUNDS)
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> TabletopOptions:

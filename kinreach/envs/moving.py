@@ -23,6 +23,7 @@ from kinreach._tensors import namespace
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome
 from kinreach.envs._options import EnvOptions, about, check_box_actions, option_values, with_options
 from kinreach.envs._posed import PosedEnv
+from kinreach.envs._randomise import Bounds, Randomisation, Ranges, about_randomise, check_randomise
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
@@ -42,6 +43,8 @@ INSIDE = 0.02
 #: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds, and sights before.
 BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
 JOINTS = 6
+#: Options that can be drawn instead, and their bounds.
+DRAWN: Bounds = {"noise": (0.0, 0.1), "delay": (0.0, 1.0), "strength": (0.1, 1.0)}
 #: Terms of the reward.
 TERMS = ("distance", "touch", "collision")
 #: Targets of the greatest motion in a frame are a little beyond where a joint stops after it, so that it does not brake
@@ -122,6 +125,7 @@ class MovingOptions(EnvOptions):
     strength: float = field(
         default=1.0, metadata=about("the arm's limits of speed and acceleration, as a share of those that methods know")
     )
+    randomise: Ranges | None = field(default=None, metadata=about_randomise(DRAWN, '"delay": (0.03, 0.08)'))
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -129,12 +133,13 @@ class MovingOptions(EnvOptions):
             check_speed(speed)
         for path in self.paths:
             check_path(path)
-        check_number("delay [s]", self.delay, least=0.0, most=1.0)
-        check_number("noise [m]", self.noise, least=0.0, most=0.1)
+        for name, what in (("delay", "delay [s]"), ("noise", "noise [m]"), ("strength", "strength")):
+            least, most = DRAWN[name]
+            check_number(what, getattr(self, name), least=least, most=most)
         check_count("sights", self.sights, most=round(SECONDS * FRAMES))
         check_flag("collisions", self.collisions)
         check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
-        check_number("strength", self.strength, least=0.1, most=1.0)
+        check_randomise(self.randomise, bounds=DRAWN)
 
 
 def check_speed(speed: object) -> float:
@@ -194,8 +199,10 @@ class MovingEpisodes(Episodes):
         frames: Frames so far, shape (count,).
         q, v: Joint angles [rad] and speeds [rad/s], shape (count, 6).
         area: Least and greatest place of a ball on the table [m], each shape (2,).
-        taken: Part of a frame in which the sight of each frame was taken, shape (FRAMES * SECONDS + 1,).
-        noise: Standard deviation of a coordinate of a sight [m].
+        taken: Part of a frame in which the sight of each frame was taken, shape (count, FRAMES * SECONDS + 1).
+        noise: Standard deviation of a coordinate of a sight [m], shape (count,).
+        strength: The arms' limits of speed and acceleration, as a share of `speed_limit` and `acceleration_limit`,
+            shape (count, 1).
         rolls: Where the balls are at each part of a frame [m], shape (count, PARTS * FRAMES * SECONDS + 1, 3).
     """
 
@@ -215,10 +222,12 @@ class MovingEpisodes(Episodes):
         region: Any = arm.workcell.goals
         self.area: tuple[Floats, Floats] = tuple(np.array([region.x, region.y]).T)
         self.height = region.z[0]
-        self.noise = options.noise / MEDIAN_LENGTH
         frames = round(SECONDS * FRAMES)
         self._times = np.arange(frames * PARTS + 1) / (FRAMES * PARTS)
-        self.taken = np.maximum(np.arange(frames + 1) * PARTS - round(options.delay * FRAMES * PARTS), 0)
+        self._drawn = Randomisation(options.randomise, count, None, sizes=dict.fromkeys(DRAWN, 1))
+        self.taken, self.noise = np.empty((count, frames + 1), dtype=np.intp), np.empty(count)
+        self.strength = np.empty((count, 1))
+        self._set_drawn(np.arange(count))
         self._rngs = [np.random.default_rng() for _ in range(count)]
         self.rolls = np.empty((count, len(self._times), 3))
         self._sights = np.empty((count, frames + 1, 3))
@@ -230,6 +239,18 @@ class MovingEpisodes(Episodes):
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generator."""
         self._rngs[index] = rng
+        self._drawn.seed(index, rng.spawn(1)[0])
+
+    def _set_drawn(self, ids: Ids) -> None:
+        """Give environments what was drawn, or what their options say."""
+        drawn, said = self.options.randomise or (), self.options
+        delay, noise, strength = (
+            self._drawn.values(name, ids) if name in drawn else np.full((len(ids), 1), getattr(said, name))
+            for name in ("delay", "noise", "strength")
+        )
+        late = np.round(delay * FRAMES * PARTS).astype(np.intp)
+        self.taken[ids] = np.maximum(np.arange(self.taken.shape[1]) * PARTS - late, 0)
+        self.noise[ids], self.strength[ids] = noise[:, 0] / MEDIAN_LENGTH, strength
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> MovingStart:
         """Return the options of `reset`: `speed` [m/s] and `path`, one for all balls or one for each."""
@@ -241,6 +262,8 @@ class MovingEpisodes(Episodes):
 
     def begin(self, ids: Ids, start: MovingStart = ALL_DRAWN) -> None:
         """Draw other balls; the arms rest in their start posture."""
+        self._drawn.begin(ids)
+        self._set_drawn(ids)
         for row, index in enumerate(ids):
             rng = self._rngs[index]
             speed, path = rng.choice(self.options.speeds), str(rng.choice(list(self.options.paths)))
@@ -249,8 +272,8 @@ class MovingEpisodes(Episodes):
             places = PATHS[path](rng, speed, self._times, self.area[0] + INSIDE, self.area[1] - INSIDE)
             end = int(last_part(places, self.area))
             self.rolls[index, :, :2], self.rolls[index, :, 2] = places, self.height
-            noise = rng.normal(0.0, self.noise, self._sights.shape[1:])
-            self._sights[index] = self.rolls[index, np.minimum(self.taken, end)] + noise
+            noise = rng.normal(0.0, self.noise[index], self._sights.shape[1:])
+            self._sights[index] = self.rolls[index, np.minimum(self.taken[index], end)] + noise
             self._ends[index], self._speeds[index], self._paths[index] = end, speed, path
         self.frames[ids], self.q[ids], self.v[ids], self._nearest[ids] = 0, self.home, 0.0, np.inf
         self._reasons[ids] = ""
@@ -258,7 +281,7 @@ class MovingEpisodes(Episodes):
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
         """Simulate one frame in all environments, or where `acting` is True."""
         targets, dt = math.pi * np.clip(actions, -1.0, 1.0), 1.0 / (FRAMES * PARTS)
-        speed, acceleration = (self.options.strength * limit for limit in (self.speed_limit, self.acceleration_limit))
+        speed, acceleration = (self.strength * limit for limit in (self.speed_limit, self.acceleration_limit))
         acting = np.ones(len(targets), dtype=np.bool_) if acting is None else acting
         q, v, postures = self.q, self.v, np.empty((len(targets), PARTS, 6))
         for part in range(PARTS):
@@ -306,7 +329,7 @@ class MovingEpisodes(Episodes):
         """Return the observations of all environments."""
         everyone, frames = np.arange(len(self.frames)), self.frames
         seen = self._sights[everyone, frames]
-        age = (frames * PARTS - self.taken[frames]) / (FRAMES * PARTS)
+        age = (frames * PARTS - self.taken[everyone, frames]) / (FRAMES * PARTS)
         before = np.maximum(frames[:, None] - np.arange(1, self.options.sights), 0)
         moved_by = self._sights[everyone[:, None], before] - seen[:, None]
         return np.concatenate([seen, age[:, None], self.q, self.v, moved_by.reshape(len(seen), -1)], axis=1)
@@ -322,6 +345,7 @@ class MovingEpisodes(Episodes):
             "goal": self.rolls[np.arange(len(self.frames))[rows], now],
             "q": np.array(self.q[rows]),
             "time": self.frames[rows] / FRAMES,
+            **self._drawn.info(rows),
         }
 
     def _info(self, rows: Any, touched: Flags, terms: dict[str, Floats]) -> dict[str, Any]:
@@ -492,15 +516,15 @@ def steered(q: Any, v: Any, share: Any, *, speed: float, acceleration: float) ->
     return ends[0] + (ends[1] - ends[0]) * (share + 1.0) / 2.0
 
 
-def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> Floats:
+def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: Any, acceleration: Any) -> Floats:
     """Return the least times in which joints come to rest at targets [s], shape (m, n).
 
     Args:
         q: Where they are [rad], shape (n,) or (m, n).
         v: How fast they are [rad/s], likewise.
         targets: [rad], shape (m, n).
-        speed: Limit [rad/s].
-        acceleration: Limit [rad/s^2].
+        speed: Limit [rad/s], or one for each angle.
+        acceleration: Limit [rad/s^2], or one for each angle.
     """
     way = targets - q
     stop = v * np.abs(v) / (2.0 * acceleration)  # how far they go in braking at once

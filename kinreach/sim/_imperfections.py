@@ -117,6 +117,11 @@ def draw(ranges: Mapping[str, Sequence[float]], sizes: Mapping[str, int], rng: n
     return np.concatenate([rng.uniform(ends[0], ends[1], sizes[name]) for name, ends in ranges.items()])
 
 
+def drawn_sizes(joints: int) -> dict[str, int]:
+    """Return how many numbers each property of an arm has, by name."""
+    return {name: joints if name in OF_JOINTS else 1 for name in BOUNDS}
+
+
 class DrawnArms:
     """Writes drawn properties into the models of simulations, one or a batch.
 
@@ -137,7 +142,7 @@ class DrawnArms:
         names = [model.body(i).name for i in range(model.nbody)]
         self._load = names.index(PAYLOAD) if PAYLOAD in names else -1
         self._inertia = model.body_inertia[self._load].copy() / max(model.body_mass[self._load], 1e-12)
-        self.sizes = {name: len(joints) if name in OF_JOINTS else 1 for name in BOUNDS}
+        self.sizes = drawn_sizes(len(joints))
         self.encoder_noise = np.zeros(count)
 
     def write(self, ids: Ids, values: Mapping[str, Floats]) -> None:

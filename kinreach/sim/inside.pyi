@@ -18,6 +18,7 @@ from ._imperfections import Imperfections as Imperfections
 from ._imperfections import as_imperfections as as_imperfections
 from ._imperfections import check_ranges as check_ranges
 from ._imperfections import draw as draw
+from ._imperfections import drawn_sizes as drawn_sizes
 from ._imperfections import scene_of as scene_of
 from ._movable_boxes import box_names as box_names
 from ._movable_boxes import spare_boxes as spare_boxes

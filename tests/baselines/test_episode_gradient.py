@@ -44,20 +44,22 @@ def test_balls_are_those_of_the_environment(trainee):
     assert 10 < left < 60
 
 
-def test_an_episode_is_that_of_the_environment(trainee, monkeypatch):
+@pytest.mark.parametrize("drawn", [None, {"noise": (0, 1e-3), "delay": (0, 0.2), "strength": (0.5, 1)}])
+def test_an_episode_is_that_of_the_environment(trainee, monkeypatch, drawn):
     """By the exported actor in `kinreach/Moving-v0` with the same balls and sights: the tip goes the same way."""
     model, rng, count = trainee.model, np.random.default_rng(0), 12
-    balls = drawn_balls(model.world, rng, count, 30)
+    world = moving.MovingEpisodes(replace(model.world.options, collisions=False, randomise=drawn), count)
+    world.begin(np.arange(count))
+    monkeypatch.setattr(model, "world", world)
+    balls = drawn_balls(world, rng, count, 30)
     played = {}
     monkeypatch.setattr(model, "_loss", lambda tips, *others: played.setdefault("tips", tips).sum())
     model.episodes(balls, np.random.default_rng(5))
-    options = replace(model.world.options, collisions=False)
-    world, actor = moving.MovingEpisodes(options, count), averaged_actor(model)
-    world.begin(np.arange(count))
+    actor = averaged_actor(model)
     world.rolls[:, : balls.rolls.shape[1], :2] = balls.rolls
-    taken = np.minimum(world.taken[:31], balls.ends[:, None])
+    taken = np.minimum(world.taken[:, :31], balls.ends[:, None])
     sights = np.concatenate([balls.rolls[np.arange(count)[:, None], taken], np.full((count, 31, 1), world.height)], 2)
-    world._sights[:, :31] = sights + np.random.default_rng(5).normal(0.0, world.noise, sights.shape)
+    world._sights[:, :31] = sights + np.random.default_rng(5).normal(0.0, world.noise[:, None, None], sights.shape)
     for frame in range(30):
         world.step(np.clip(actor(world.observe()), -1.0, 1.0))
         tip = world.chain.positions(world.q)

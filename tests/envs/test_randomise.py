@@ -10,6 +10,7 @@ from gymnasium.utils.env_checker import check_env
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.envs import TabletopTask, register_tabletop
+from kinreach.envs.inside import ObstaclesEnv
 from kinreach.errors import InputError, UnknownNameError, UnknownOptionError
 from kinreach.sim._imperfections import OF_JOINTS
 from tests.cases import slow
@@ -17,6 +18,7 @@ from tests.cases import slow
 ARM = {"payload": (0.1, 0.5), "friction": (0.0, 0.05), "damping": (0.0, 0.02), "gears": (0.7, 1.3)}
 SERVOS = {**ARM, "encoder_noise": (0.0, 1e-3)}
 ALL = {**SERVOS, "camera": (-0.005, 0.005)}
+SIGHTS = {"noise": (1e-4, 1e-3), "delay": (0.02, 0.1), "strength": (0.6, 1.0)}
 
 
 class Push(TabletopTask):
@@ -41,9 +43,11 @@ CASES = {
     "button": ("kinreach/ButtonPress-v0", ARM, {}),
     "report": ("kinreach/ButtonPress-v0", ARM, {"actuation": "report"}),
     "push": ("tests/DrawnPush-v0", SERVOS, {}),
+    "moving": ("kinreach/Moving-v0", SIGHTS, {}),
+    "obstacles": ("kinreach/Obstacles-v0", {**ALL, "obstacles": (-0.02, 0.02)}, {"boxes": True, "clutter": (1, 3)}),
     "kinematic": ("kinreach/UR5MultiStepKinematic-v0", {"camera": (-0.005, 0.005)}, {}),
 }
-QUICK = ("multi", "lift", "button", "kinematic")
+QUICK = ("multi", "lift", "button", "moving", "obstacles", "kinematic")
 EVERY = [*QUICK, *slow(*(name for name in CASES if name not in QUICK))]
 
 
@@ -65,6 +69,8 @@ def drawn(info):
 def action_of(env, seed=0):
     env.action_space.seed(seed)
     action = env.action_space.sample()
+    if isinstance(env.unwrapped, ObstaclesEnv):  # a posture near the first
+        return (env.unwrapped.home + 0.2 * action) / np.pi
     return action if isinstance(env.action_space, gym.spaces.Discrete) else 0.2 * action
 
 
@@ -83,7 +89,7 @@ def test_every_range_is_met_and_every_seed_draws_the_same(case):
             np.testing.assert_array_equal(stepped[name], value)
         seen.append(found)
     joints = env.unwrapped.arm.joints
-    numbers = {name: shapes[f"drawn_{name}"] for name in ranges if name != "camera"}
+    numbers = {name: shapes[f"drawn_{name}"] for name in ranges if name not in ("camera", "obstacles")}
     assert numbers == {name: (len(joints),) if name in OF_JOINTS else () for name in numbers}
     for name, (low, high) in ranges.items():
         values = np.array([found[f"drawn_{name}"] for found in seen])
@@ -127,7 +133,7 @@ def test_gymnasium_checks_it(case):
     check_env(single(case).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("case", [name for name in QUICK if name != "kinematic"])
+@pytest.mark.parametrize("case", ["multi", "lift", "button"])
 def test_what_is_drawn_is_in_the_model_and_changes_the_dynamics(case):
     """One at a time; goals and starts of a seed stay as they are."""
     ranges = CASES[case][1]
@@ -172,7 +178,56 @@ def test_a_range_of_one_value_is_that_imperfection(name, value):
         np.testing.assert_array_equal(drawn_env.step(action)[4]["q"], given.step(action)[4]["q"])
 
 
-@pytest.mark.parametrize("case", ["multi", "lift", "kinematic"])
+def test_arms_among_obstacles_are_as_drawn():
+    """The move that a plain one makes ends elsewhere, one property at a time; scenes stay as they are."""
+    ranges, changed = CASES["obstacles"][1], 0
+    for name in (None, *SERVOS):
+        env = single("obstacles", randomise=name and {name: ranges[name]}, clutter=(2,))
+        info = env.reset(seed=3)[1]
+        q = env.step((info["q"] + 0.2) / np.pi)[4]["q"]
+        if name is None:
+            start, end = info, q
+            continue
+        np.testing.assert_array_equal(info["obstacles"], start["obstacles"])
+        np.testing.assert_array_equal(info["goal"], start["goal"])
+        assert 1e-9 < np.abs(q - end).max() < 0.5, name
+        if name == "payload":
+            assert env.unwrapped.model.body("payload").mass[0] == info["drawn_payload"]
+        changed += 1
+    assert changed == 5
+
+
+def test_obstacles_are_observed_beside_their_places():
+    env, off = single("obstacles", dtype="float64", clutter=(0, 3, 20)), []
+    for seed in range(8):
+        observation, info = env.reset(seed=seed)
+        boxes, count = observation[13:].reshape(20, 7), info["clutter"]
+        np.testing.assert_allclose(boxes[:count, 1:4] - info["drawn_obstacles"][:count], info["obstacles"][:count, :3])
+        np.testing.assert_array_equal(boxes[:count, 4:], info["obstacles"][:count, 3:])
+        assert not boxes[count:].any()
+        off += [*np.abs(boxes[:count, 1:4] - info["obstacles"][:count, :3]).max(axis=1)]
+    assert len(off) >= 40
+    assert 0.0 < min(off) < 0.02
+
+
+def test_sights_of_a_ball_are_as_drawn():
+    """As an environment with these options has them, to the bit; and the arm keeps its share of its limits."""
+    env, steps = single("moving", dtype="float64", sights=3), 0
+    for seed in range(4):
+        observation, info = env.reset(seed=seed)
+        options = {name: float(info[f"drawn_{name}"]) for name in SIGHTS}
+        same = single("moving", randomise=None, dtype="float64", sights=3, **options)
+        np.testing.assert_array_equal(same.reset(seed=seed)[0], observation)
+        for number in range(12):
+            action = action_of(env, number)
+            observation, *_, info = env.step(action)
+            np.testing.assert_array_equal(same.step(action)[0], observation)
+            steps += 1
+        assert abs(observation[3] - info["drawn_delay"]) <= 0.5 / 240 + 1e-9
+    assert steps == 48
+
+
+@pytest.mark.parametrize("case", ["multi", "lift", "kinematic", "obstacles"])
 def test_cameras_off_their_places_see_goals_elsewhere(case):
     env, off = single(case, dtype="float64"), []
     plain = single(case, randomise=None, dtype="float64")
@@ -181,13 +236,14 @@ def test_cameras_off_their_places_see_goals_elsewhere(case):
         ideal, _ = plain.reset(seed=seed)
         size = 3 if case == "lift" else 6
         np.testing.assert_allclose(observation[:size] + info["drawn_camera"], ideal[:size], atol=1e-9)
-        np.testing.assert_array_equal(info["view"], observation[:size])
+        if case != "obstacles":
+            np.testing.assert_array_equal(info["view"], observation[:size])
         off.append(np.linalg.norm(info["seen"] - info["goal"]))
     assert min(off) > 5e-4
     assert max(off) < 0.01
 
 
-@pytest.mark.parametrize("case", ["multi", "button"])
+@pytest.mark.parametrize("case", ["multi", "button", "moving", "obstacles"])
 def test_a_state_has_what_was_drawn(case):
     one, other = single(case), single(case)
     one.reset(seed=1)
@@ -196,7 +252,7 @@ def test_a_state_has_what_was_drawn(case):
     state = one.unwrapped.save_state()
     other.unwrapped.restore_state(state)
     copied = copy.deepcopy(one)
-    for number in range(3):
+    for number in range(1, 4):
         action = action_of(one, number)
         steps = [env.step(action) for env in (one, other, copied)]
         for step in steps[1:]:
@@ -223,6 +279,9 @@ def test_a_state_has_what_was_drawn(case):
         ("multi", {"randomise": {"payload": (0, 1)}, "backend": "kinematic"}, InputError, 'use backend="mujoco"'),
         ("lift", {"randomise": {"gears": (1, 1)}, "backend": "kinematic"}, InputError, "of the dynamics"),
         ("multi", {"randomise": {"camera": (0, 0.01)}, "observation": "pixels"}, InputError, "pixels"),
+        ("moving", {"randomise": {"payload": (0, 1)}}, UnknownNameError, "available: delay, noise, strength$"),
+        ("moving", {"randomise": {"strength": (0.0, 1)}}, InputError, r"randomise\['strength'\] .*0.1"),
+        ("obstacles", {"boxes": False}, InputError, "use boxes=True"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_drawn_is_refused(case, options, error, words):

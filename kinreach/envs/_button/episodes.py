@@ -30,7 +30,7 @@ from kinreach.envs._button.button_task import (
 )
 from kinreach.envs._button.world import Ids, TorqueWorld
 from kinreach.envs._options import EnvOptions, about, option_rows
-from kinreach.envs._randomise import RANDOMISE_TORQUE, TORQUE, Randomisation, Ranges, check_randomise
+from kinreach.envs._randomise import TORQUE, Randomisation, Ranges, about_randomise, check_randomise
 from kinreach.envs._reach.rewards import OwnReward, RewardFunction, Scorer, Terms, check_reward, term_names
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
@@ -57,11 +57,11 @@ class ButtonOptions(EnvOptions):
     controls: bool = field(default=False, metadata=about("observe the three controls, too", flag=None))
     frames: int = field(default=1, metadata=about("observe so many steps, up to 16, the newest first", flag=None))
 
-    randomise: Ranges | None = field(default=None, metadata=RANDOMISE_TORQUE)
+    randomise: Ranges | None = field(default=None, metadata=about_randomise(TORQUE))
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_randomise(self.randomise, names=TORQUE)
+        check_randomise(self.randomise, bounds=TORQUE)
         check_known("actuation", self.actuation, ACTUATIONS)
         check_reward(self.reward, "distance, q and press")
         check_flag("controls", self.controls)

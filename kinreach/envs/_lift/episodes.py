@@ -72,7 +72,7 @@ class LiftEpisodes(Episodes):
         self._streams = RowStreams(task.sample, count, size=9)
         self._sensors = [np.random.default_rng() for _ in range(count)]
         arms = None if world is None else world.drawn
-        self._drawn = Randomisation(task.options.randomise, count, arms, coordinates=3)
+        self._drawn = Randomisation(task.options.randomise, count, arms, sizes={"camera": 3})
         kind = task.options.observation
         self._camera = CameraObserver(task.arm, task.options) if kind == CAMERA else None
         self._pixels = PixelObserver(task.arm, task.options) if kind == "pixels" else None

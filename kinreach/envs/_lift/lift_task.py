@@ -25,7 +25,7 @@ from kinreach._checks import (
 from kinreach.envs import _tip_control as tip_control
 from kinreach.envs._goals import DENSE, REWARD_NAMES, GoalOptions, goal_dict
 from kinreach.envs._options import about, given_options, option_rows
-from kinreach.envs._randomise import RANDOMISE, Ranges, check_randomise
+from kinreach.envs._randomise import WITH_CAMERAS, Ranges, about_randomise, check_randomise
 from kinreach.envs._reach.reach_task import (
     CAMERA_RANGE,
     GOAL_RANGE,
@@ -102,7 +102,7 @@ class LiftOptions(GoalOptions):
         default=(0.0, 0.0, 0.0), metadata=about("how far the table is moved, x, y and z [m], within 0.05")
     )
     attempts: int = field(default=1, metadata=about("grasps that may be tried in an episode of single steps"))
-    randomise: Ranges | None = field(default=None, metadata=RANDOMISE)
+    randomise: Ranges | None = field(default=None, metadata=about_randomise(WITH_CAMERAS))
 
     control: str = field(default=tip_control.JOINTS, metadata=tip_control.about_control(*tip_control.SMALL_STEP))
     reward: str = field(default=DENSE, metadata=about('`"dense"`, or `"sparse"`: 0 for success, else -1', flag=None))

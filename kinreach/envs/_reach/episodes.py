@@ -62,7 +62,7 @@ class ReachEpisodes(Episodes):
         self._changed = np.empty(count, dtype=np.bool_)  # since the pictures were taken
         self._streams = task.streams(count)
         coordinates = task.layout.goal.stop - task.layout.goal.start
-        self._drawn = Randomisation(self.options.randomise, count, world.drawn, coordinates=coordinates)
+        self._drawn = Randomisation(self.options.randomise, count, world.drawn, sizes={"camera": coordinates})
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._observation = np.empty((count, task.layout.size))
         self._observation[:, task.layout.gripper] = task.gripper_opening

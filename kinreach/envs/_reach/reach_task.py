@@ -31,7 +31,7 @@ from kinreach.envs import _tip_control as tip_control
 from kinreach.envs._batch import RowStreams, goal_streams
 from kinreach.envs._goals import REWARD_NAMES, GoalOptions, goal_dict
 from kinreach.envs._options import ARM_BACKENDS, about, check_box_actions, option_rows
-from kinreach.envs._randomise import RANDOMISE, Ranges, check_randomise
+from kinreach.envs._randomise import WITH_CAMERAS, Ranges, about_randomise, check_randomise
 from kinreach.envs._reach.rewards import (
     RewardFunction,
     Score,
@@ -131,7 +131,7 @@ class ReachOptions(GoalOptions):
             '`{"payload": 0.5}`; by default it is ideal'
         ),
     )
-    randomise: Ranges | None = field(default=None, metadata=RANDOMISE)
+    randomise: Ranges | None = field(default=None, metadata=about_randomise(WITH_CAMERAS))
 
     def __post_init__(self) -> None:
         super().__post_init__()
