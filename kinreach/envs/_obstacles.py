@@ -7,7 +7,7 @@ judges dense samples of what the arm did.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
@@ -32,7 +32,7 @@ from kinreach.envs._randomise import (
     drawn_of,
 )
 from kinreach.envs._reach.env import PostureEnv
-from kinreach.envs._reach.observers import measured
+from kinreach.envs._reach.observers import DEPTH_RANGE, measured
 from kinreach.envs._reach.reach_task import (
     GOAL_RANGE,
     TOOL_DOWN,
@@ -50,7 +50,7 @@ from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.kinematics.inside import MIN_MARGIN, PATH_MARGIN
 from kinreach.robots import THESIS_ARM, ArmDescription, Box, get_arm
 from kinreach.sim import ArmSimulation
-from kinreach.sim.inside import Scene, box_names, drawn_sizes, spare_boxes
+from kinreach.sim.inside import CAMERA, FrameRenderer, Scene, box_names, drawn_sizes, spare_boxes
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 Texts = NDArray[np.object_]
@@ -75,6 +75,10 @@ MAX_DRAWS = 1000
 MISSED = "missed"
 #: What can be drawn: of the arm and its cameras, and how far obstacles are from where they are observed [m].
 TO_DRAW: Bounds = {**WITH_CAMERAS, "obstacles": (-0.1, 0.1)}
+#: Size of the picture of depths [px].
+DEPTH_WIDTH, DEPTH_HEIGHT = 64, 48
+#: Its name in an observation.
+DEPTH = f"{CAMERA}_depth"
 #: Terms of the reward.
 TERMS = ("distance", "reached", "collision")
 #: Bounds of what is observed of a box: whether there is one, centre and edges [m].
@@ -95,6 +99,10 @@ class ObstaclesOptions(EnvOptions):
         default=False,
         metadata=about("observe the obstacles too: 20 rows of seven numbers, zeros where there is none", flag=None),
     )
+    depth: bool = field(
+        default=False,
+        metadata=about(f"observe a picture of depths too, {DEPTH_WIDTH} by {DEPTH_HEIGHT} pixels", flag=None),
+    )
     randomise: Ranges | None = field(default=None, metadata=about_randomise(TO_DRAW))
 
     def __post_init__(self) -> None:
@@ -108,6 +116,7 @@ class ObstaclesOptions(EnvOptions):
             )
         check_number("margin [m]", self.margin, least=MIN_MARGIN, most=0.05)
         check_flag("boxes", self.boxes)
+        check_flag("depth", self.depth)
         check_randomise(self.randomise, bounds=TO_DRAW)
         if "obstacles" in (self.randomise or ()) and not self.boxes:
             raise InputError("randomise['obstacles'] displaces observed obstacles: use boxes=True")
@@ -151,6 +160,39 @@ class Verdict(NamedTuple):
     targets: Floats
 
 
+class DepthPictures:
+    """Pictures of depths, taken in one scene for all environments by the camera that looks at arm and table.
+
+    Attributes:
+        space: Of a picture [m].
+    """
+
+    def __init__(self) -> None:
+        self.space = spaces.Box(0.0, DEPTH_RANGE, (DEPTH_HEIGHT, DEPTH_WIDTH, 1), np.float32)
+        self._simulation = ArmSimulation(THESIS_ARM, boxes=MAX_CLUTTER)
+        self._renderer: FrameRenderer | None = None
+
+    def take(self, postures: Floats, goals: Floats, obstacles: Sequence[tuple[Box, ...]]) -> NDArray[np.float32]:
+        """Return the pictures of arms in postures (k, 6) [rad], with balls at (k, 3) [m] and obstacles each."""
+        simulation, pictures = self._simulation, np.empty((len(postures), *self.space.shape), np.float32)
+        if self._renderer is None:
+            self._renderer = FrameRenderer(simulation.model, width=DEPTH_WIDTH, height=DEPTH_HEIGHT, shadows=False)
+        limits = simulation.controller
+        for picture, q, goal, boxes in zip(pictures, postures, goals, obstacles, strict=True):
+            simulation.reset(np.clip(q, limits.lower, limits.upper))
+            simulation.put_boxes(boxes)
+            simulation.place_ball(goal)
+            depth = self._renderer.depth(simulation.data, CAMERA)
+            picture[:, :, 0] = np.minimum(depth, np.float32(DEPTH_RANGE))
+        return pictures
+
+    def close(self) -> None:
+        """Free the graphics memory; the next picture would ask for it again."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
 class ObstaclesEpisodes(Episodes):
     """The episodes of a number of environments, each with a simulation of its own.
 
@@ -165,13 +207,17 @@ class ObstaclesEpisodes(Episodes):
     def __init__(self, options: ObstaclesOptions, count: int) -> None:
         self.options, self.count, self.kinematics = options, count, _kinematics()
         self.task = task = ReachTask(ReachOptions(), WAYPOINT)
-        self.action_space, self.observation_space = action_space(task.arm), task.observation_space
+        self.action_space, numbers = action_space(task.arm), task.observation_space
         if options.boxes:
             seen: Any = task.observation_space
             low, high = (
                 np.append(bound, np.tile(row, MAX_CLUTTER)) for bound, row in ((seen.low, LOW), (seen.high, HIGH))
             )
-            self.observation_space = spaces.Box(low, high, dtype=np.float64)
+            numbers = spaces.Box(low, high, dtype=np.float64)
+        self._pictures = DepthPictures() if options.depth else None
+        self.observation_space: spaces.Space[Any] = numbers
+        if self._pictures is not None:
+            self.observation_space = spaces.Dict({"observation": numbers, DEPTH: self._pictures.space})
         self._boxes = np.zeros((count, MAX_CLUTTER, len(LOW)))
         self.obstacles: list[tuple[Box, ...]] = [() for _ in range(count)]
         self.directions = np.tile(TOOL_DOWN, (count, 1))
@@ -341,11 +387,18 @@ class ObstaclesEpisodes(Episodes):
         self._tips[index], self._distance[index] = T[:3, 3], np.linalg.norm(T[:3, 3] - self.goals[index])
         self._posture_error[index] = np.arctan2(np.linalg.norm(T[:2, 2]), -T[2, 2])
 
-    def observe(self) -> Floats:
+    def observe(self) -> Any:
         self._observation[:, self.task.layout.q] = self.q
+        numbers = self._observation.copy()
         if self.options.boxes:
-            return np.column_stack([self._observation, self._boxes.reshape(self.count, -1)])
-        return self._observation.copy()
+            numbers = np.column_stack([numbers, self._boxes.reshape(self.count, -1)])
+        if self._pictures is None:
+            return numbers
+        return {"observation": numbers, DEPTH: self._pictures.take(self.q, self.goals, self.obstacles)}
+
+    def close(self) -> None:
+        if self._pictures is not None:
+            self._pictures.close()
 
     def goal_info(self, rows: Any) -> dict[str, Any]:
         obstacles, drawn = [self.obstacles[index] for index in np.arange(self.count)[rows]], self._drawn.info(rows)
@@ -410,6 +463,9 @@ class ObstaclesEnv(PostureEnv):
 
     With `boxes=True` it is `Box(153,), float32`: 20 rows of seven numbers follow, 1 where there is an obstacle, its
     centre in the world and its edges [m]; rows without one are zeros.
+
+    With `depth=True` it is a `Dict` of this, as `observation`, and of `overview_depth`, `Box(0, 10, (48, 64, 1),
+    float32)`: depths along the axis of the camera `overview` [m], with the arm and the ball in the picture.
 
     ## Rewards
     Minus the distance from the tip to the ball [m], 1 more where the goal is reached, and 1 less for a collision.

@@ -279,8 +279,8 @@ def test_arguments_are_keywords(name):
     every = {"pipeline", "width", "height", "rgb_noise", "depth_noise", "exposure"}
     assert cameras == every.intersection(names)
     flagless = {entry.name for entry in entries if entry.metadata["flag"] is None}
-    none = {"boxes", "control", "controls", "dtype", "frames", "goal_env", "goal_in", "info", "randomise", "sights"}
-    none |= {"render_mode", "render_camera", "render_width", "render_height"}
+    none = {"boxes", "control", "controls", "depth", "dtype", "frames", "goal_env", "goal_in", "info", "randomise"}
+    none |= {"sights", "render_mode", "render_camera", "render_width", "render_height"}
     assert flagless == none.intersection(names) | ({"reward"} if name == LIFT else set())
 
 

@@ -1,5 +1,6 @@
 """Obstacles on the table: what is free, what collides, and who says so."""
 
+import copy
 from itertools import pairwise
 
 import gymnasium as gym
@@ -10,6 +11,7 @@ import kinreach  # noqa: F401  (registers the environments)
 from kinreach.envs import _obstacles
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import CollisionChecker, URKinematics, plan_path
+from kinreach.vision import RGBDCamera
 
 NAME = "kinreach/Obstacles-v0"
 FIRST, SECOND = np.eye(6)[:2]
@@ -199,6 +201,44 @@ def test_bad_calls(env, monkeypatch):
     env.reset(seed=0)
     with pytest.raises(InputError, match="shape"):
         env.step(np.zeros(5))
+
+
+def test_depths_are_those_of_the_scene(needs_gl):
+    """No farther than rays to the boxes, and as far where nothing else is before them; in a batch and a copy too."""
+    env = gym.make(NAME, depth=True, clutter=(16,), dtype="float64")
+    batch = gym.make_vec(NAME, 3, "vector_entry_point", depth=True, clutter=(16,), dtype="float64")
+    world, together, hit, met = env.unwrapped, batch.reset(seed=0)[0], 0, 0
+    camera = RGBDCamera(gym.make(NAME).unwrapped.scene, "overview", width=64, height=48)
+    k, T = camera.intrinsics, camera.T_world_camera
+    u, v = np.meshgrid(np.arange(64), np.arange(48))
+    rays = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones((48, 64))], axis=2) @ T[:3, :3].T
+    for seed in range(3):
+        seen, _ = env.reset(seed=seed)
+        depth = seen["overview_depth"]
+        assert env.observation_space.contains(seen)
+        assert (depth.dtype, depth.shape, seen["observation"].shape) == (np.float32, (48, 64, 1), (13,))
+        for name, part in seen.items():
+            np.testing.assert_array_equal(together[name][seed], part)
+        boxes = np.full((48, 64), np.inf)
+        for box in world.obstacles:
+            ends = (np.array(box.position) + np.array([[-0.5], [0.5]]) * box.size)[:, None, None] - T[:3, 3]
+            near, far = np.sort(ends / rays, axis=0)
+            enters = near.max(axis=2)
+            boxes = np.where(enters < far.min(axis=2), np.minimum(boxes, enters), boxes)
+        on_box = np.isfinite(boxes)
+        away = depth[:, :, 0][on_box] - boxes[on_box]
+        hit, met = hit + len(away), met + (np.abs(away) < 2e-3).sum()
+        assert (away < 2e-3).mean() > 0.98  # but at edges
+    assert hit > 500
+    assert met > 0.7 * hit
+    twin, action = copy.deepcopy(world), world.action_for(world.home + 0.1 * FIRST)
+    moved = env.step(action)[0]["overview_depth"]
+    np.testing.assert_array_equal(twin.step(action)[0]["overview_depth"], moved)
+    assert 10 < (np.abs(moved - depth) > 0.005).sum() < 1000
+    for each in (env, batch, twin, camera):
+        each.close()
+    with pytest.raises(InputError, match="depth must be true or false, got 2"):
+        gym.make(NAME, depth=2)
 
 
 def test_obstacles_can_be_observed():
