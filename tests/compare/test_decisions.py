@@ -13,7 +13,7 @@ import pytest
 
 from kinreach.compare import get_task
 from kinreach.compare._methods import learned
-from kinreach.compare._runner import _Environments, _resets
+from kinreach.compare._runner import Environments, resets_of
 
 KEPT = Path(__file__).parents[1] / "data" / "decisions.json"
 #: Options with which they are quick, how many steps are compared, and how exactly.
@@ -27,8 +27,8 @@ TASKS = {
 def decided(task, steps):
     """Actions of every method: the numbers of one, mean and spread of many."""
     with ExitStack() as stack:
-        environments = _Environments(task, stack)
-        (reset,) = _resets(task, 1, 5, environments.default)
+        environments = Environments(task, stack)
+        (reset,) = resets_of(task, 1, 5, environments.default)
         for name, method in task.methods.items():
             env, policy, numbers = environments.of(method), environments.policy(method), []
             observation, info = env.reset(**reset)

@@ -189,7 +189,7 @@ def test_another_arm_of_the_same_name_does_not_go_on(tmp_path):
 
 
 def test_policies_are_for_the_arm_that_they_were_trained_on(monkeypatch):
-    monkeypatch.setattr(runner._Environments, "policy", lambda environments, method: None)
+    monkeypatch.setattr(runner.Environments, "policy", lambda environments, method: None)
     own = get_arm("ur5-thesis")
     others = (replace(own, name="mine"), "ur5", "ur3-thesis")
     for arm, all_of_them in (("ur5-thesis", True), (own, True), *((other, False) for other in others)):

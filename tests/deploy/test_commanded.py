@@ -202,4 +202,4 @@ def test_a_straight_move_through_an_exact_singularity_keeps_its_branch_or_is_ref
             assert after.branch[0] == before
             through += 1
     assert refused > 12
-    assert through > 1
+    assert through >= 1
