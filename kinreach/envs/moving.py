@@ -262,8 +262,9 @@ class MovingEpisodes(Episodes):
 
     def begin(self, ids: Ids, start: MovingStart = ALL_DRAWN) -> None:
         """Draw other balls; the arms rest in their start posture."""
-        self._drawn.begin(ids)
-        self._set_drawn(ids)
+        if self.options.randomise:
+            self._drawn.begin(ids)
+            self._set_drawn(ids)
         for row, index in enumerate(ids):
             rng = self._rngs[index]
             speed, path = rng.choice(self.options.speeds), str(rng.choice(list(self.options.paths)))

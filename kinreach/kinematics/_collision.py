@@ -340,7 +340,7 @@ def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
     if arm.disabled_collisions is not None:
         return arm.disabled_collisions
     model = build_model(arm)
-    geometry = _link_shapes(arm, model, HULLS)
+    geometry = _shared_shapes(arm, HULLS).copy()
     beside = neighbours(arm.robot)
     names = _pair_up(geometry, model, beside)
     results, data = _search_data(geometry, 0.0), model.createData()
