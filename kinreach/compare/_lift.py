@@ -40,6 +40,8 @@ TIME_TABLE = "Distances and times"
 SQUEEZE = 0.024
 #: Least height of the tip above the table [m]; the fingers end 10 mm beyond it.
 MIN_HEIGHT = 0.012
+#: Least distance from an object to the finger that its size brings near the tip, while that is open [m].
+BESIDE = 0.004
 #: Turns of the fingers that are tried around a ball or a cylinder; a cube has one for each pair of faces.
 TURNS = 6
 UP = np.array([0.0, 0.0, 1.0])
@@ -101,7 +103,10 @@ class GraspPolicy:
         self._solver, self._env = solver, env.unwrapped
         task: Any = self._env
         self._home: Floats = task.home
+        self._sides: tuple[float, float] = task.arm.gripper.sides
         self._upright: Floats = task.kinematics.fk(self._home)[:3, :3]
+        if self._upright[2, 2] > -0.5:  # the tool starts ahead or upwards
+            self._upright = np.diag([1.0, -1.0, -1.0])
         self.diagnostics: Mapping[str, float] = {}
         self.reason = ""
 
@@ -127,7 +132,7 @@ class GraspPolicy:
         place, size = observation[lift_task.SEEN].copy(), float(observation[lift_task.SIZE])
         place[2] += max(0.0, MIN_HEIGHT - size)
         outwards = math.atan2(place[1], place[0])
-        step, first = math.pi / TURNS, 0.0
+        step, first, beyond = math.pi / TURNS, 0.0, size + BESIDE - self._sides[0]
         if observation[lift_task.IS_CUBE]:
             step = math.pi / 2
             first = float(
@@ -139,6 +144,8 @@ class GraspPolicy:
             T = np.eye(4)
             aside = (count + 1) // 2 * (-1) ** count * step
             T[:3, :3], T[:3, 3] = turn(UP, outwards + first + aside) @ self._upright, place
+            if beyond > 0.0:
+                T[:3, 3] += beyond * T[:3, 1]
             yield T
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from kinreach._checks import MAX_ANGLE, Floats, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError, UnknownNameError, UnknownOptionError
 from kinreach.robots._calibration import Calibration, place_by_calibration
-from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
+from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, JawGripper, add_parallel_gripper
 from kinreach.robots._meshes import HULLS, MESHES_AS
 from kinreach.robots._srdf import read_srdf
 from kinreach.robots._tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
@@ -113,7 +113,7 @@ class ArmDescription:
     acceleration_limit: float = 0.0
     armature: float = 0.1
     joint_damping: tuple[float, ...] = ()
-    gripper: Gripper | None = None
+    gripper: Gripper | JawGripper | None = None
     moves_last: tuple[str, ...] = ()
     cameras: tuple[CameraMount, ...] = ()
     missing_shapes: str = ""
@@ -146,7 +146,7 @@ class ArmDescription:
         missing = [name for name in defaults if not getattr(self, name)]
         if missing:
             tip = self.tips.get(self.default_tip, self.default_tip) if self.default_tip else None
-            gripper = () if self.gripper is None else (self.gripper.joint, self.gripper.mimic_joint)
+            gripper = () if self.gripper is None else self.gripper.joints
             urdf = UrdfArm(self.name, self._checked.robot, tip=tip, joints=self.joints, held=gripper)
             for name in missing:
                 object.__setattr__(self, name, defaults[name](urdf))
@@ -174,7 +174,7 @@ class ArmDescription:
             "build_urdf": (Callable, "a function"),  # type: ignore[dict-item]
             "package_root": (Callable, "a function"),  # type: ignore[dict-item]
             "workcell": (Workcell, "a Workcell"),
-            "gripper": (Gripper | None, "a Gripper or None"),
+            "gripper": (Gripper | JawGripper | None, "a Gripper or None"),
         }
         for name, (kind, wanted) in kinds.items():
             if not isinstance(getattr(self, name), kind):
@@ -249,7 +249,7 @@ class ArmDescription:
         gripper = _checked_facts(facts).pop("gripper", None)
         if gripper is not None and gripper_on is not None:
             raise InputError("give gripper= for one that is in the file, or gripper_on= to mount one; not both")
-        own = () if gripper is None else (gripper.joint, gripper.mimic_joint)
+        own = () if gripper is None else gripper.joints
         from kinreach.robots._urdf_file import read_arm  # an arm by its name needs no reader of files
 
         source = read_arm(file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs, gripper=own)
@@ -335,7 +335,7 @@ class ArmDescription:
     def with_tool(self, tool: Tool | str | ArrayLike) -> ArmDescription:
         """Return the same arm with a tool on its flange, whose centre point becomes the tip `"tool"`.
 
-        It replaces a gripper, such as that of the thesis's arm.
+        It replaces a gripper, such as that of the thesis's arm, but not a `JawGripper`, which is part of its last link.
 
         Args:
             tool: A `Tool`; or only its centre point, `[x, y, z, rx, ry, rz]` as on the pendant, or a 4x4 transform; or
@@ -347,7 +347,7 @@ class ArmDescription:
         tool = Tool.of(tool)
         robot, tips, disabled = self._checked.copy(), dict(self.tips), self.disabled_collisions
         flange = tips.get(FLANGE, tips[self.default_tip])
-        if self.gripper is not None:
+        if isinstance(self.gripper, Gripper):
             prune(robot, links=links_below(robot, flange))
         for link in (TOOL, TOOL_BODY):
             if named(robot, "link", link) is not None:
@@ -366,7 +366,7 @@ class ArmDescription:
             tips={**{name: link for name, link in tips.items() if link in links}, TOOL: TOOL},
             default_tip=TOOL,
             disabled_collisions=disabled,
-            gripper=None,
+            gripper=self.gripper if isinstance(self.gripper, JawGripper) else None,
             cameras=tuple(camera for camera in self.cameras if camera.link in {WORLD, *links}),
         )
 
@@ -464,11 +464,11 @@ class ArmDescription:
 
     @property
     def locked_joints(self) -> Mapping[str, float]:
-        """Joints that are not part of `q`, with the position [m] they are held at."""
-        if self.gripper is None:
+        """Joints that are not part of `q`, with the position [m, rad] they are held at."""
+        gripper = self.gripper
+        if gripper is None:
             return {}
-        half = self.gripper.opening / 2
-        return {self.gripper.joint: half, self.gripper.mimic_joint: half}
+        return dict(zip(gripper.joints, gripper.positions(np.array(gripper.opening)).tolist(), strict=True))
 
 
 def between_phases(arm: ArmDescription, q: Floats, target: Floats) -> Floats:
@@ -491,7 +491,7 @@ def _checked_facts(facts: dict[str, Any]) -> dict[str, Any]:
                 f"unknown attribute of an arm from a file {name!r}; available: {', '.join(available)}"
             )
     for name, kind, wanted in (
-        ("gripper", Gripper | None, "a Gripper or None"),
+        ("gripper", Gripper | JawGripper | None, "a Gripper or None"),
         ("tips", Mapping, "a mapping of short names to links"),
         ("notes", tuple | list, "a tuple of lines"),
     ):

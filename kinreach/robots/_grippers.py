@@ -1,11 +1,14 @@
-"""Grippers, and a parallel gripper that can be added to any URDF."""
+"""Grippers: two fingers that slide, which can be added to any URDF, or a jaw that turns beside a fixed one."""
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
-from kinreach._checks import check_number, shown
+import numpy as np
+
+from kinreach._checks import MAX_ANGLE, Floats, check_number, shown
 from kinreach.errors import InputError
 from kinreach.robots._urdf import Solid, add_joint, add_link
 
@@ -50,6 +53,93 @@ class Gripper:
         check_number("opening of a gripper [m]", self.opening, least=0.0, most=self.stroke)
         check_number("force of a gripper [N]", self.force, above=0.0, most=1e6)
         check_number("length of a gripper [m]", self.length, least=SHORTEST, most=1.0)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The driven joints, in the order of `positions`."""
+        return self.joint, self.mimic_joint
+
+    def positions(self, openings: Floats) -> Floats:
+        """Return positions of the joints [m], shape (..., 2), for openings [m], shape (...,)."""
+        return np.repeat(openings[..., None] / 2, 2, axis=-1)
+
+    def openings(self, positions: Floats) -> Floats:
+        """Return openings [m] for positions of the joints [m]."""
+        return np.asarray(positions.sum(axis=-1))
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Distances from the tip to the fingers along its y axis and against it, open as the arm reaches [m]."""
+        return self.opening / 2, self.opening / 2
+
+
+@dataclass(frozen=True)
+class JawGripper:
+    """A gripper with one jaw that is fixed to its link and one that turns, as that of an SO-101.
+
+    The opening is the distance from the fixed jaw's face to the other jaw's tip, perpendicular to that face:
+    pivot + length sin(angle - ahead).
+
+    Attributes:
+        joint: Name of the revolute joint of the jaw, which opens it as the angle grows.
+        tip: Name of a tip of the arm between the jaws: its z axis points ahead, and its y axis to the fixed jaw.
+        stroke: Largest opening that is used [m].
+        opening: Opening in which the arm reaches [m].
+        torque: Largest torque of the drive [N m].
+        pivot: From the face of the fixed jaw to the joint's axis [m].
+        length: From the joint's axis to the tip of its jaw [m].
+        ahead: Angle at which that tip is straight ahead of the axis [rad].
+        least: Least angle of the joint [rad]; openings below that of this angle stop there.
+        beside: From the tip to the face of the fixed jaw [m].
+
+    Raises:
+        InputError: A number or a name that no such gripper has.
+    """
+
+    joint: str
+    tip: str
+    stroke: float
+    opening: float
+    torque: float
+    pivot: float
+    length: float
+    ahead: float
+    least: float
+    beside: float
+
+    def __post_init__(self) -> None:
+        for name in ("joint", "tip"):
+            if not isinstance(getattr(self, name), str) or not getattr(self, name):
+                raise InputError(f"{name} of a gripper must be a name, got {shown(getattr(self, name))}")
+        check_number("pivot of a gripper [m]", self.pivot, least=0.0, most=1.0)
+        check_number("length of a gripper [m]", self.length, above=0.0, most=1.0)
+        check_number("ahead of a gripper [rad]", self.ahead, least=-MAX_ANGLE, most=MAX_ANGLE)
+        quarter = math.pi / 2
+        check_number("least of a gripper [rad]", self.least, least=self.ahead - quarter, most=self.ahead + quarter)
+        check_number("stroke of a gripper [m]", self.stroke, above=0.0, most=self.pivot + self.length)
+        closed = max(0.0, float(self.openings(np.array([self.least]))))
+        check_number("opening of a gripper [m]", self.opening, least=closed, most=self.stroke)
+        check_number("torque of a gripper [N m]", self.torque, above=0.0, most=1e6)
+        check_number("beside of a gripper [m]", self.beside, least=0.0, most=self.opening)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The driven joint."""
+        return (self.joint,)
+
+    def positions(self, openings: Floats) -> Floats:
+        """Return angles of the joint [rad], shape (..., 1), for openings [m], shape (...,)."""
+        sine = np.clip((openings[..., None] - self.pivot) / self.length, -1.0, 1.0)
+        return np.maximum(self.ahead + np.arcsin(sine), self.least)
+
+    def openings(self, positions: Floats) -> Floats:
+        """Return openings [m] for angles of the joint [rad], shape (..., 1)."""
+        return np.asarray(self.pivot + self.length * np.sin(positions[..., 0] - self.ahead))
+
+    @property
+    def sides(self) -> tuple[float, float]:
+        """Distances from the tip to the jaws along its y axis and against it, open as the arm reaches [m]."""
+        return self.beside, self.opening - self.beside
 
 
 #: The thesis's gripper.

@@ -2,6 +2,7 @@
 
 - `ArmFlags`: the flags of the command line that describe an arm; `FILES`, the endings of files that do.
 - Shapes of links, obstacles and meshes, for drawing, simulation and collision checks.
+- `JawGripper`: the gripper of an SO-101.
 - Moves of two phases: `between_phases`.
 - URDF elements: `neighbours`, `origin_of`, `without_shapes`, `skeleton`.
 - Joints without end: `endless_joints`, `one_number_each`; those that follow others: `followers`, `following_joints`,

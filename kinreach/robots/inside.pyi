@@ -2,6 +2,7 @@ from ._calibration import nominal_dh as nominal_dh
 from ._description import between_phases as between_phases
 from ._description import followers as followers
 from ._flags import ArmFlags as ArmFlags
+from ._grippers import JawGripper as JawGripper
 from ._identification import IdentifiedArm as IdentifiedArm
 from ._identification import JointTerms as JointTerms
 from ._identification import Prior as Prior

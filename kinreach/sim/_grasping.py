@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.errors import InputError
 from kinreach.robots import Gripper
+from kinreach.robots.inside import JawGripper
 from kinreach.sim._controller import JointController, pairs_in_contact, touches
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import BODY_FIELDS, GEOM_FIELDS, OBJECT, OBJECTS, Objects
@@ -59,13 +60,15 @@ class Grasping:
             raise InputError(f"arm {arm.name!r} has no gripper; with_gripper() puts one on its flange")
         self.drawn = simulation.drawn
         self.controller: JointController = simulation.controller
-        self.gripper: Gripper = arm.gripper
+        self.gripper: Gripper | JawGripper = arm.gripper
         self.objects = len(self.controller.objects)
         plant: Any = simulation._plant
         self._plant: SinglePlant | BatchPlant = plant
         self.count = len(plant.qpos)
-        joints = [arm.gripper.joint, arm.gripper.mimic_joint]
+        joints = arm.gripper.joints
         self._fingers = [int(model.jnt_bodyid[model.joint(name).id]) for name in joints]
+        if len(joints) == 1:  # the other jaw is part of the link that carries this one
+            self._fingers += [int(model.body_parentid[body]) for body in self._fingers]
         self._finger_qpos = as_index([model.joint(name).qposadr[0] for name in joints])
         self._servos = as_index([model.actuator(name).id for name in joints])
         self._all_servos = np.arange(model.nu)
@@ -93,7 +96,7 @@ class Grasping:
 
     def put_fingers(self, ids: Ids, openings: Floats) -> None:
         """Put fingers at rest where they are open by `openings` [m], shape (k,), at once."""
-        ends = np.repeat(openings[:, None] / 2, 2, axis=1)
+        ends = self.gripper.positions(openings)
         self._plant.qpos[rows_and_columns(ids, self._finger_qpos)] = ends
         self._plant.ctrl[rows_and_columns(ids, self._servos)] = ends
 
@@ -138,7 +141,7 @@ class Grasping:
 
     def drive(self, ids: Ids, openings: Floats, seconds: float) -> None:
         """Move the fingers evenly to openings [m], shape (k,), while the arms keep their setpoints."""
-        self._lead(ids, self._servos, openings[:, None] / 2, seconds)
+        self._lead(ids, self._servos, self.gripper.positions(openings), seconds)
 
     def rest(self, ids: Ids, seconds: float) -> None:
         """Simulate with unchanged setpoints."""
@@ -147,7 +150,7 @@ class Grasping:
     def steer(self, ids: Ids, postures: Floats, openings: Floats, seconds: float) -> None:
         """Move the setpoints of arms and fingers evenly to postures [rad] and openings [m]."""
         servos = np.concatenate([self._all_servos[self.controller.ctrl], self._all_servos[self._servos]])
-        end = np.concatenate([postures, np.repeat(openings[:, None] / 2, 2, axis=1)], axis=1)
+        end = np.concatenate([postures, self.gripper.positions(openings)], axis=1)
         self._lead(ids, servos, end, seconds, misread=self._misread(ids, postures, seconds))
 
     def _misread(self, ids: Ids, postures: Floats, seconds: float) -> Floats | float:
@@ -157,7 +160,7 @@ class Grasping:
         periods, starts = self._periods(seconds), self._plant.qpos[rows_and_columns(ids, self.controller.qpos)]
         rows = zip(self.controller.encoder_noise[ids], starts, postures, strict=True)
         errors = np.stack([encoder_errors(sigma, start, end, periods) for sigma, start, end in rows], axis=1)
-        return np.concatenate([errors, np.zeros((periods, len(ids), 2))], axis=2)
+        return np.concatenate([errors, np.zeros((periods, len(ids), len(self.gripper.joints)))], axis=2)
 
     def _periods(self, seconds: float) -> int:
         return max(1, round(seconds / self._period))
@@ -214,5 +217,5 @@ class Grasping:
             )
         place, rotation = (values[ids] for values in self.pose())
         below = self._kinds[0].of(ids).lowest(rotation)
-        opening = self._plant.qpos[rows_and_columns(ids, self._finger_qpos)].sum(axis=1)
+        opening = self.gripper.openings(self._plant.qpos[rows_and_columns(ids, self._finger_qpos)])
         return Grasp(held, gripped, place, place[:, 2] - below - self._table[ids], collides, opening)

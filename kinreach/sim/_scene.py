@@ -20,7 +20,7 @@ from kinreach._checks import check_number
 from kinreach.errors import InputError
 from kinreach.kinematics.inside import check_shapes, disabled_pairs
 from kinreach.robots import ArmDescription
-from kinreach.robots.inside import collision_mesh, followers
+from kinreach.robots.inside import JawGripper, collision_mesh, followers
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import add_free_objects
 from kinreach.sim._imperfections import IDEAL, PAYLOAD, Imperfections
@@ -41,6 +41,8 @@ ANGLES = 361
 COUPLING = [0.999, 0.9999, 0.001, 0.5, 2.0]
 #: Rotor inertia of the gripper's drive seen at a finger [kg].
 GRIPPER_ARMATURE = 0.1
+#: A jaw that turns presses with its whole torque when it is held off by this [rad].
+JAW_YIELD = 0.1
 
 
 def build_scene(
@@ -142,7 +144,7 @@ def _drive_joints(spec: Any, arm: ArmDescription) -> None:
 
 
 def _drive_gripper(spec: Any, arm: ArmDescription) -> None:
-    """Two servos, to be given the same setpoint, stand for the one drive of both fingers.
+    """Two servos, to be given the same setpoint, stand for the one drive of both fingers; a jaw has one.
 
     The importer's equality for the URDF's `mimic` goes: as the only constraint of an arm that touches nothing it would
     keep the solver busy in every step, for a seventh of its time.
@@ -151,9 +153,12 @@ def _drive_gripper(spec: Any, arm: ArmDescription) -> None:
         spec.delete(equality)
     if arm.gripper is None:
         return
-    for name in (arm.gripper.joint, arm.gripper.mimic_joint):
-        spec.joint(name).armature = GRIPPER_ARMATURE
-        _add_servo(spec, spec.joint(name), GRIPPER_GAIN)
+    gain, armature = GRIPPER_GAIN, GRIPPER_ARMATURE
+    if isinstance(arm.gripper, JawGripper):
+        gain, armature = arm.gripper.torque / JAW_YIELD, arm.armature
+    for name in arm.gripper.joints:
+        spec.joint(name).armature = armature
+        _add_servo(spec, spec.joint(name), gain)
 
 
 def _couple_joints(spec: Any, arm: ArmDescription) -> None:

@@ -138,8 +138,8 @@ class ArmSimulation:
     def open_gripper(self, opening: float) -> None:
         """Put the fingers of the arm's gripper where it is open by `opening` [m], at once."""
         gripper: Any = self.arm.gripper
-        for name in (gripper.joint, gripper.mimic_joint):
-            self.data.joint(name).qpos[0] = opening / 2
+        for name, position in zip(gripper.joints, gripper.positions(np.array(opening)), strict=True):
+            self.data.joint(name).qpos[0] = position
 
     def move(self, q_target: ArrayLike, *, two_phase: bool = True) -> MoveResult:
         """Move to a posture by dynamics; see `JointController.move`.

@@ -382,7 +382,7 @@ def test_geometry_predicts_what_the_dynamics_do():
         ({"steps": "two"}, UnknownNameError, "two"),
         ({"clutter": 1}, InputError, "clutter"),
         ({"arm": "panda"}, InputError, "arm 'panda'"),
-        ({"arm": "arm3"}, InputError, "flange 'tool0', a UR; arm 'arm3' has none"),
+        ({"arm": "arm3"}, InputError, "flange 'tool0' for one, as a UR has; arm 'arm3' has none"),
         (
             {"arm": replace(get_arm("ur5e"), workcell=Workcell())},
             InputError,

@@ -30,6 +30,7 @@ def test_what_fingers_close_around_by_geometry(what, shape, bound):
             place = T[:3, :3] @ [by["across"], by["beside"], along]
             opening = 2 * size + (value if what == "squeeze" else -0.01)
             given = T[None], np.array([opening]), place[None], np.zeros(1), kind
-            verdicts.append(bool(closes(*given, come_open=0.1)[0]))
+            verdicts.append(bool(closes(*given, sides=(0.05, 0.05))[0]))
     assert verdicts == [True, True, False, False]
-    assert not closes(np.eye(4)[None], np.zeros(1), np.zeros((1, 3)), np.zeros(1), kind, come_open=0.1)[0]  # from below
+    from_below = np.eye(4)[None], np.zeros(1), np.zeros((1, 3)), np.zeros(1), kind
+    assert not closes(*from_below, sides=(0.05, 0.05))[0]

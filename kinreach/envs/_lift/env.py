@@ -123,6 +123,10 @@ class LiftEnv(GoalMethods, ForfeitEnv, ArmEnv):
     ## Other Arms
     `arm=` takes any UR; one without a gripper gets the same on its flange. An action has one number for each joint.
 
+    The `so101` has a jaw that turns beside a fixed one, with at most 1.9 N m: open by 0.07 m at the start, by 0.10 m at
+    most. The size of an object is 0.03 m at most. The tip is `tcp`, 17 mm from the fixed jaw. Where the arm cannot
+    point down above a grasp, it is tilted there.
+
     ## Arguments
 
     <table of the options>

@@ -232,7 +232,7 @@ class LiftEpisodes(Episodes):
         T = task.poses(q)
         self._distance[ids] = np.linalg.norm(T[:, :3, 3] - self.goals[ids], axis=1)
         kinds = self.kinds.of(ids)
-        closed = ~bad & closes(T, opening, self.goals[ids], self.yaws[ids], kinds, come_open=task.gripper.opening)
+        closed = ~bad & closes(T, opening, self.goals[ids], self.yaws[ids], kinds, sides=task.gripper.sides)
         self._gripped[ids] = closed
         self._stage[ids] = np.where(closed, LIFTED, np.where(~bad & (self._distance[ids] <= NEAR), REACHED, STARTED))
 
@@ -476,7 +476,7 @@ class LiftEpisodes(Episodes):
 
 
 def closes(
-    T: Floats, openings: Floats, places: Floats, yaws: Floats, kinds: Objects, *, come_open: float
+    T: Floats, openings: Floats, places: Floats, yaws: Floats, kinds: Objects, *, sides: tuple[float, float]
 ) -> NDArray[np.bool_]:
     """Return which of k grasps hold what they are to hold, by geometry: no contact forces, nothing moves.
 
@@ -486,13 +486,13 @@ def closes(
         places: Middles of the objects in the world [m], shape (k, 3).
         yaws: Their turns about the vertical [rad], shape (k,).
         kinds: What they are.
-        come_open: How wide the fingers are open before [m].
+        sides: How far the fingers are from the tip before, along its y axis and against it [m].
     """
     x, y, z = np.einsum("kji,kj->ik", T[:, :3, :3], places - T[:, :3, 3])
     turned = face_angle(np.arctan2(T[:, 1, 1], T[:, 0, 1]) - yaws)
     cube = kinds.shape == SHAPES.index(CUBE)
     half = kinds.size * np.where(cube, np.abs(np.cos(turned)) + np.abs(np.sin(turned)), 1.0)
-    around = np.abs(y) + half <= come_open / 2 - ROOM
+    around = (y + half <= sides[0] - ROOM) & (half - y <= sides[1] - ROOM)
     straight = (T[:, 2, 2] <= -np.cos(TILT)) & (~cube | (np.abs(turned) <= TURN))
     between = (np.abs(x) <= ACROSS) & (z >= -np.minimum(BEHIND, kinds.size)) & (z <= AHEAD)
     return np.asarray(around & straight & between & (openings <= 2 * kinds.size - SQUEEZE))

@@ -38,7 +38,7 @@ from kinreach.envs._tip_control import TipControl
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import THESIS_ARM, ArmDescription, Box, BoxRegion, get_arm
-from kinreach.robots.inside import FLANGE
+from kinreach.robots.inside import FLANGE, JawGripper
 from kinreach.sim.inside import BALL_SHAPE, BEYOND_LIMIT, CUBE, SHAPES, Objects
 
 #: Ways to act: a grasp in one action, or changes of joints and fingers 25 times a second.
@@ -82,7 +82,8 @@ class LiftOptions(GoalOptions):
         metadata=about('`"mujoco"`, or `"kinematic"`: a grasp is judged by geometry and nothing is lifted'),
     )
     arm: str | ArmDescription = field(
-        default=THESIS_ARM, metadata=about("name of a UR, or an `ArmDescription`; one without a gripper gets it")
+        default=THESIS_ARM,
+        metadata=about("a UR or `so101` by name, or an `ArmDescription`; a UR without a gripper gets it"),
     )
     shapes: tuple[str, ...] = field(
         default=(BALL_SHAPE,), metadata=about(f"one of them an episode: {', '.join(SHAPES)}")
@@ -168,8 +169,13 @@ def grasping_arm(arm: str | ArmDescription) -> ArmDescription:
 def _with_gripper(found: ArmDescription) -> ArmDescription:
     if found.gripper is None:
         if FLANGE not in found.tips:
-            raise InputError(f"grasping needs an arm with a flange {FLANGE!r}, a UR; arm {found.name!r} has none")
+            raise InputError(
+                f"grasping needs a gripper, or a flange {FLANGE!r} for one, as a UR has; arm {found.name!r} has none"
+            )
         found = found.with_gripper()
+    elif isinstance(found.gripper, JawGripper):
+        check_known(f"tip of arm {found.name!r} between the jaws", found.gripper.tip, found.tips)
+        found = replace(found, default_tip=found.gripper.tip)
     if not isinstance(found.workcell.goals, BoxRegion) or not any(
         box.name == "table" for box in found.workcell.obstacles
     ):

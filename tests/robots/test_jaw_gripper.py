@@ -1,0 +1,73 @@
+"""The gripper with one jaw that turns: openings, angles, and the jaw in a simulation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, CollisionChecker
+from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots._so101 import JAW_MIDDLE, TOUCH
+from kinreach.sim import ArmSimulation
+from kinreach.sim._engine import mujoco
+
+GRIPPER = get_arm("so101").gripper
+
+
+def test_angles_of_openings_are_theirs():
+    closed = float(GRIPPER.openings(np.array([GRIPPER.least])))
+    assert 0.0 < closed < 0.003
+    openings = np.random.default_rng(0).uniform(closed, GRIPPER.stroke, 200)
+    angles = GRIPPER.positions(openings)
+    assert angles.shape == (200, 1)
+    np.testing.assert_allclose(GRIPPER.openings(angles), openings, atol=1e-12)
+    assert (np.diff(GRIPPER.positions(np.sort(openings))[:, 0]) > 0.0).all()
+    np.testing.assert_allclose(GRIPPER.positions(np.array([0.0, closed])), GRIPPER.least)
+    limit = get_arm("so101").robot.find("joint[@name='gripper']/limit")
+    assert float(limit.get("lower")) == GRIPPER.least
+    assert GRIPPER.positions(np.array(GRIPPER.stroke)).item() < float(limit.get("upper"))
+
+
+def test_the_jaw_of_a_simulation_is_where_the_opening_says():
+    """The tip lies between the jaws, its y axis towards the fixed one."""
+    arm, count = get_arm("so101"), 0
+    simulation = ArmSimulation(replace(arm, default_tip="tcp"))
+    data = simulation.data
+    for opening in np.random.default_rng(1).uniform(0.003, GRIPPER.stroke, 20):
+        simulation.open_gripper(opening)
+        mujoco.mj_forward(simulation.model, data)
+        jaw, tip = data.body("jaw_link"), data.body("tcp")
+        touch = jaw.xpos + jaw.xmat.reshape(3, 3) @ [*TOUCH, JAW_MIDDLE]
+        across = tip.xmat.reshape(3, 3).T @ (touch - tip.xpos)
+        assert across[1] == pytest.approx(GRIPPER.beside - opening, abs=1e-9)
+        assert abs(across[0]) < 2e-4
+        count += 1
+    assert count == 20
+    T = ArmKinematics.of(arm, tip="tcp", base="world").fk(arm.home)
+    np.testing.assert_allclose(data.body("tcp").xpos, T[:3, 3], atol=1e-9)
+
+
+def test_it_is_held_open_where_nothing_grasps():
+    arm = get_arm("so101")
+    assert arm.joints == ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
+    assert arm.locked_joints == {"gripper": pytest.approx(GRIPPER.positions(np.array(0.07)).item())}
+    held = arm.with_tool([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
+    assert held.gripper is GRIPPER
+    assert CollisionChecker(held).free(held.home)
+
+
+def test_a_file_with_a_jaw(tmp_path):
+    arm, file = get_arm("so101"), tmp_path / "so101.urdf"
+    file.write_text(arm.urdf)
+    read = ArmDescription.from_file(file, tip="gripper_frame_link", gripper=GRIPPER, workcell=arm.workcell)
+    assert read.joints == arm.joints
+    assert read.locked_joints == arm.locked_joints
+
+
+@pytest.mark.parametrize("wrong", [{"stroke": 0.2}, {"opening": 0.001}, {"opening": 0.11}, {"torque": -1.0},
+                                   {"tip": ""}, {"joint": 3}, {"length": 0.0}, {"least": -2.0}, {"beside": 0.08},
+                                   {"pivot": "far"}], ids=str)  # fmt: skip
+def test_what_no_jaw_has_is_refused(wrong):
+    with pytest.raises(InputError):
+        replace(GRIPPER, **wrong)
