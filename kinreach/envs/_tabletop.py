@@ -320,8 +320,8 @@ class TabletopEpisodes(Episodes):
         success = acting & ~collides & self._success(achieved, goals)
         paid = self._paid(success, collides, lambda: self._own_terms(lambda: self._state, achieved, goals))
         terms = {name: np.where(acting, term, 0.0) for name, term in paid.items()}
-        reward, ended = sum(terms.values(), np.zeros(self.count)), success | collides
-        return Outcome(reward, ended, lost & ~ended, self._info(slice(None), success, collides, terms))
+        reward = sum(terms.values(), np.zeros(self.count))
+        return Outcome(reward, success, (collides | lost) & ~success, self._info(slice(None), success, collides, terms))
 
     def _compared(self) -> tuple[Floats, Floats]:
         """Return what was achieved and the goals; of goal environments as observed, so that rewards are the same."""
@@ -366,8 +366,7 @@ class TabletopEpisodes(Episodes):
             return TabletopState(**parts, collides=collides)
 
         terms = self._paid(success, collides, lambda: self._own_terms(state, achieved, desired))
-        ended = success | collides
-        return Outcome(sum(terms.values(), np.zeros(len(success))), ended, np.zeros_like(ended), {})
+        return Outcome(sum(terms.values(), np.zeros(len(success))), success, collides, {})
 
     def start_info(self, ids: Ids) -> dict[str, Any]:
         nothing, task = np.zeros(len(ids), dtype=np.bool_), self.setup.task
@@ -407,8 +406,9 @@ class TabletopEnv(GoalMethods, ArmEnv):
     | goal_size | the goal, as the task has it | m |
 
     The reward is the sum of the task's terms and of `collision`, -1 where a link is in the table, in another obstacle
-    or in another link by more than 1 mm. An episode terminates with the task's success or with a collision; a
-    simulation that diverges truncates it. `reset(options={"place": (x, y), "yaw": angle, "goal": goal})` sets any of
+    or in another link by more than 1 mm. An episode terminates with the task's success. A collision
+    truncates it, or what a collision spares would make it pay where rewards are negative; so does a simulation that
+    diverges. `reset(options={"place": (x, y), "yaw": angle, "goal": goal})` sets any of
     what is drawn. `info` has `goal`, `achieved`, `distance` (of the two), the fields of `TabletopState`, `is_success`,
     `reached`, `impossible` (a collision) and `reward_terms`, from `reset` too.
 

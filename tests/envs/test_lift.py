@@ -338,15 +338,17 @@ def test_a_simulation_that_diverges_in_a_grasp_ends_the_episode(stage, monkeypat
     assert len(begun) == 1
 
 
-def test_a_collision_ends_an_episode_of_small_steps():
-    env = make(steps="multi")
+@pytest.mark.parametrize("kind", ["dense", "sparse"])
+def test_a_collision_ends_an_episode_of_small_steps(kind):
+    """With sparse rewards it is no terminal state: fewer steps of -1 would make it pay."""
+    env = make(steps="multi", reward=kind)
     env.reset(seed=0)
-    over = False
-    while not over:
-        _, reward, over, truncated, info = env.step([0, 1, 0, 0, 0, 0, 0])  # the upper arm goes down
-        assert not truncated
+    terminated = truncated = False
+    while not (terminated or truncated):
+        _, reward, terminated, truncated, info = env.step([0, 1, 0, 0, 0, 0, 0])  # the upper arm goes down
+    assert (terminated, truncated) == (kind == "dense", kind == "sparse")
     assert (info["impossible"], info["status"], info["is_success"]) == (True, "collision", False)
-    assert info["reward_terms"]["impossible"] == -1.0
+    assert info["reward_terms"].get("impossible", reward) == -1.0
     assert reward == sum(info["reward_terms"].values())
 
 

@@ -130,16 +130,19 @@ def test_the_object_lies_on_the_table_and_is_pushed(example):
         assert reward > 0.98
 
 
-def test_a_collision_ends_the_episode():
-    env = gym.make(ID)
+@pytest.mark.parametrize("reward", ["dense", "sparse"])
+def test_a_collision_cuts_the_episode_off(reward):
+    """It does not terminate: what is lost until the limit of steps would make a collision pay."""
+    env = gym.make(ID, reward=reward)
     env.reset(seed=0)
     down = np.array([0, 1, 0, 0, 0, 0], dtype=np.float32)
     for _ in range(60):
-        _, reward, ended, _, info = env.step(down)
-        if ended:
+        _, paid, ended, cut, info = env.step(down)
+        assert not ended
+        if cut:
             break
     assert info["impossible"]
-    assert reward < -1.0
+    assert paid < -1.0 if reward == "dense" else paid == -1.0
     with pytest.raises(InputError, match="over"):
         env.step(down)
 

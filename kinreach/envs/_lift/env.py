@@ -97,8 +97,9 @@ class LiftEnv(GoalMethods, ForfeitEnv, ArmEnv):
     Success: the object's lowest point is 0.10 m above the table for 0.5 s, and it touches both fingers and neither the
     table nor anything else that stands around. Single steps: the episode terminates with success or after `attempts`
     actions; before another attempt the arm goes home and looks again. Small steps: it terminates with success, or when
-    the arm collides by more than 1 mm; Gymnasium truncates it after 150 steps (`max_episode_steps`). A simulation that
-    diverges ends it; `info["impossible_reason"]` then begins with "diverged".
+    the arm collides by more than 1 mm, which with `reward="sparse"` truncates it instead; Gymnasium truncates it after
+    150 steps (`max_episode_steps`). A simulation that diverges ends it; `info["impossible_reason"]` then begins with
+    "diverged".
 
     ## Info
     `reset` and `step` give the same entries, each of one type and shape. After a reset nothing is held, lifted or

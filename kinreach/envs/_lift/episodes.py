@@ -365,8 +365,17 @@ class LiftEpisodes(Episodes):
         self._stage[ids] = np.maximum(self._stage[ids], stage)
         hit = ids[now.collides & ~lost]
         self._reasons[hit] = self._status[hit] = "collision"
-        ended = acting & ((self._stage == LIFTED) | (self._status == "collision"))
-        return self._outcome(acting, ended, acting & self._lost & ~ended)
+        done = self._ends(self._stage == LIFTED, self._status == "collision", self._lost)
+        return self._outcome(acting, *(acting & flags for flags in done))
+
+    def _ends(self, lifted: Flags, collides: Flags, lost: Flags) -> tuple[Flags, Flags]:
+        """Return which episodes of small steps terminate and which are truncated, each of shape (k,).
+
+        With -1 a step a collision that terminates would pay.
+        """
+        cut = lost | collides if self.options.reward == SPARSE else lost
+        ended = lifted | (collides & ~cut)
+        return ended, cut & ~ended
 
     def _outcome(self, acting: Flags, terminated: Flags, truncated: Flags) -> Outcome:
         lifted = acting & (self._stage == LIFTED) & (self._status != "collision")
@@ -432,8 +441,7 @@ class LiftEpisodes(Episodes):
         for term in self._paid(lifted, impossible, grasps).values():
             reward += term
         if self.options.steps == MULTI:
-            ended = lifted | (impossible & ~lost)
-            return Outcome(reward, ended, lost & ~ended, {})
+            return Outcome(reward, *self._ends(lifted, impossible & ~lost, lost), {})
         ended = lifted | lost | (told.get("attempts", 1) >= self.options.attempts)
         return Outcome(reward, ended, np.zeros_like(ended), {})
 
