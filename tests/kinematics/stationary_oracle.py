@@ -23,25 +23,30 @@ class Oracle:
     """
 
     def __init__(self, kin, T, *, axis_only=False):
-        self.chain, self.n, self.p = kin.chain, kin.n, T[:3, 3]
+        self.placements, self.n, self.p = kin.chain.placements, kin.n, T[:3, 3]
         self.W = np.outer(T[:3, 2], [0.0, 0.0, 1.0]) if axis_only else T[:3, :3]
         self.lower, self.upper = kin.lower, kin.upper
 
     def derivatives(self, q):
         """Trace, its gradient, Jacobian of the position (m, n, 3), rest of the way, axes and rotations of postures."""
-        T, J = self.chain.fk(q), self.chain.jacobian(q).swapaxes(1, 2)
-        R, z = T[:, :3, :3], J[:, :, 3:]
-        a = sum(np.cross(R[:, :, c], self.W[:, c]) for c in range(3))
-        return (R * self.W).sum((1, 2)), np.einsum("mir,mr->mi", z, a), J[:, :, :3], self.p - T[:, :3, 3], z, R
+        R, p, z, o = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3)), [], []
+        for A, angle in zip(self.placements, [*q.T, None], strict=True):
+            R, p = R @ A[:3, :3], p + R @ A[:3, 3]
+            if angle is not None:
+                z.append(R[:, :, 2])
+                o.append(p)
+                c, s, x, y = np.cos(angle)[:, None], np.sin(angle)[:, None], R[:, :, 0], R[:, :, 1]
+                R = np.stack([c * x + s * y, c * y - s * x, z[-1]], axis=2)
+        z, S = np.stack(z, axis=1), R @ self.W.T
+        a = np.stack([S[:, 1, 2] - S[:, 2, 1], S[:, 2, 0] - S[:, 0, 2], S[:, 0, 1] - S[:, 1, 0]], axis=1)
+        J = _cross(z, p[:, None] - np.stack(o, axis=1))
+        return np.trace(S, axis1=1, axis2=2), (z @ a[:, :, None])[:, :, 0], J, self.p - p, z, R
 
     def _hessian(self, parts, multipliers):
         f, _, J, _, z, R = parts
-        S, H = self.W @ R.swapaxes(1, 2), np.empty((len(f), self.n, self.n))
-        for i in range(self.n):
-            for j in range(i, self.n):
-                turned = np.einsum("mr,mrs,ms->m", z[:, j], S, z[:, i]) - (z[:, i] * z[:, j]).sum(1) * f
-                H[:, i, j] = H[:, j, i] = turned - (multipliers * np.cross(z[:, i], J[:, j])).sum(1)
-        return H
+        turned = z @ R @ self.W.T @ z.swapaxes(1, 2) - z @ z.swapaxes(1, 2) * f[:, None, None]
+        H = np.triu(turned - _cross(multipliers[:, None], z) @ J.swapaxes(1, 2))
+        return H + np.triu(H, 1).swapaxes(1, 2)
 
     def stationary(self, rng, starts):
         """Postures that Newton's method converges to from random starts at the point, and their traces."""
@@ -103,9 +108,13 @@ def _short(step, most):
     return step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / most)
 
 
+def _cross(a, b):
+    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+
+
 def _distinct(q, f):
     kept = []
     for i in range(len(q)):
-        if not any(np.abs(wrapped(q[i] - q[k])).max() < 1e-4 for k in kept):
+        if not (np.abs(wrapped(q[i] - q[kept])).max(axis=1) < 1e-4).any():
             kept.append(i)
     return q[kept], f[kept]

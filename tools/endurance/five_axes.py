@@ -1,8 +1,13 @@
-"""Arms of four and five axes: nothing stationary that Newton's method finds from random postures is missed."""
+"""Arms of four and five axes: nothing stationary that Newton's method finds from random postures is missed.
+
+`python -m tools.endurance.five_axes 0 2500` checks a part of the poses; a third number is the step between them.
+"""
 
 from __future__ import annotations
 
+import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,15 +29,16 @@ from tools.endurance.outcome import Outcome, demand
 STARTS, ARMS, SAME = 60, 100, 1e-4
 
 
-def many_starts(count: int) -> Outcome:
-    """`count` poses of any orientation: on random arms, on random ones with three parallel axes, on owned ones."""
-    tried = missed = 0
+def many_starts(indices: Sequence[int]) -> Outcome:
+    """Poses of any orientation: on random arms, on random ones with three parallel axes, on owned ones."""
+    tried, missed = 0, []
     with tempfile.TemporaryDirectory() as folder:
-        for index in range(count):
+        for index in indices:
             found, lost = at_pose(Path(folder), index)
-            tried, missed = tried + found, missed + lost
-    demand(missed == 0, f"{missed} of {tried:,} postures are missed")
-    return Outcome(count, "poses", f"{tried:,} postures of many starts, each found")
+            tried += found
+            missed += [index] * lost
+    demand(not missed, f"{len(missed)} of {tried:,} postures are missed, at poses {', '.join(map(str, missed))}")
+    return Outcome(len(indices), "poses", f"{tried:,} postures of many starts, each found")
 
 
 def at_pose(folder: Path, index: int) -> tuple[int, int]:
@@ -54,3 +60,7 @@ def _arm(folder: Path, index: int, rng: np.random.Generator) -> FiveAxisKinemati
     arm = index // 2 % (2 * ARMS) if index % 2 == 0 else number % (2 * ARMS)
     geometry = random_pitched_joints if index % 4 == 3 else random_joints
     return kinematics_of(folder, *geometry(4 + arm % 2, np.random.default_rng([arm, 18])))
+
+
+if __name__ == "__main__":
+    print(many_starts(range(*map(int, sys.argv[1:]))))
