@@ -7,7 +7,7 @@ judges dense samples of what the arm did.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
@@ -243,6 +243,11 @@ class ObstaclesEpisodes(Episodes):
             self._simulations[index] = made
             self._follow(index)
         return made
+
+    def renew(self, index: int, *, visual: bool) -> None:
+        """Make the simulation of an environment anew, with or without visuals."""
+        self._simulations[index] = None
+        self.simulation(index, visual=visual)
 
     def _follow(self, index: int) -> None:
         """Put the simulation of an environment into the start of the episode, if there are both."""
@@ -548,6 +553,13 @@ class ObstaclesEnv(PostureEnv):
     def _dynamics(self) -> Scene:
         scene: Scene = self.episodes.simulation(0)
         return scene
+
+    def _made_later(self) -> Iterator[None]:
+        for visual in (False, True):
+            self.episodes.renew(0, visual=visual)
+            if self._picture is not None:
+                self._picture.show(self.scene)
+            yield
 
     def accept(self, q: ArrayLike) -> bool:
         """Return whether a posture [rad], shape (6,), keeps the margin from everything.

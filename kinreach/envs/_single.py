@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -179,11 +179,24 @@ class SingleEnv(WithModel, gym.Env[Any, Any], EzPickle):
             self.reset(seed=0)  # what is made by the first reset is filled in
         try:
             self._put_back(state)
-        except InputError:
-            with suppress(NoDynamicsError):
-                _ = self.model  # a simulation that is made by the first step
-            self._put_back(state)
+        except InputError as error:
+            self._put_back_into_more(state, error)
         self._follow()
+
+    def _put_back_into_more(self, state: EnvState, error: InputError) -> None:
+        for _ in self._made_later():
+            try:
+                return self._put_back(state)
+            except InputError:
+                continue
+        raise error
+
+    def _made_later(self) -> Iterator[None]:
+        """Make what is made when it is first needed, one after the other."""
+        for name in ("model", "scene"):
+            with suppress(NoDynamicsError):
+                getattr(self, name)
+                yield
 
     def _put_back(self, state: EnvState) -> None:
         for name, then in state.values.items():

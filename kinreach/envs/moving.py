@@ -346,6 +346,8 @@ class MovingEpisodes(Episodes):
             "goal": self.rolls[np.arange(len(self.frames))[rows], now],
             "q": np.array(self.q[rows]),
             "time": self.frames[rows] / FRAMES,
+            "speed": np.array(self._speeds[rows]),
+            "path": np.array(self._paths[rows]),
             **self._drawn.info(rows),
         }
 
@@ -354,8 +356,6 @@ class MovingEpisodes(Episodes):
         reasons = np.array(self._reasons[rows])
         return {
             **self.goal_info(rows),
-            "speed": np.array(self._speeds[rows]),
-            "path": np.array(self._paths[rows]),
             "distance": np.array(self._nearest[rows]),
             "reached": touched,
             "is_success": touched,

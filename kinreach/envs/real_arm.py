@@ -408,12 +408,15 @@ class RealArmEpisodes(MovedEpisodes):
             observed[:, MOVES], observed[:, BUDGET] = self._moves[index], self.options.budgets[self._level[index]]
         return Outcome(reward, over, np.zeros_like(over), self._info(slice(None), reward))
 
+    def goal_info(self, rows: Any) -> dict[str, Any]:
+        """Return where the first balls are, and what is wrong with the arms."""
+        names = {"errors": np.array(self._named[0, rows]), "calibration": np.array(self._named[1, rows])}
+        return names | super().goal_info(rows)
+
     def _info(self, rows: Any, reward: Floats) -> dict[str, Any]:
         distance = np.array(self._distance[rows])
         near = distance < REACHED_WITHIN
         return {
-            "errors": np.array(self._named[0, rows]),
-            "calibration": np.array(self._named[1, rows]),
             **self.goal_info(rows),
             "q": np.array(self.q[rows, 0]),
             "distance": distance,

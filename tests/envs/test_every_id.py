@@ -129,6 +129,33 @@ def test_infos_of_native_batches_are_of_one_kind(name, mode):
     assert restarted >= (mode is AutoresetMode.DISABLED)
 
 
+@pytest.mark.parametrize("name", NATIVE)
+def test_infos_of_a_batch_that_restarted_are_of_the_new_episodes(name):
+    """What an episode begins with and keeps, such as a ball's speed, is there that of the reset of a single one."""
+    alone = [gym.make(name, disable_env_checker=True, max_episode_steps=2, **options(name)) for _ in range(3)]
+    batch = gym.make_vec(name, 3, vectorization_mode="vector_entry_point", max_episode_steps=2, **options(name))
+    batch.reset(seed=3)
+    batch.action_space.seed(0)
+    begun = [env.reset(seed=3 + index)[1] for index, env in enumerate(alone)]
+    kept, pairs = dict.fromkeys(set(begun[0]) - {"reward_terms"}, True), []
+    for _ in range(6):
+        actions = batch.action_space.sample()
+        info = batch.step(actions)[-1]
+        for index, env in enumerate(alone):
+            *_, terminated, truncated, told = env.step(actions[index])
+            for key in kept:
+                kept[key] &= np.array_equal(told[key], begun[index][key])
+            if terminated or truncated:
+                begun[index] = env.reset()[1]
+                pairs.append((begun[index], {key: info[key][index] for key in kept if key in info}))
+    assert len(pairs) >= 6
+    found = {key for key, still in kept.items() if still and any(key in new for _, new in pairs)}
+    assert "goal" in found or name == "kinreach/Moving-v0"  # there it rolls
+    for single, new in pairs:
+        for key in found & new.keys():
+            np.testing.assert_array_equal(new[key], single[key])
+
+
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("name", IDS)
 def test_vectors_of_gymnasium(name, mode):

@@ -103,6 +103,26 @@ def check(name, options):
     assert ended or name in LONG or options.get("steps") == "multi"
 
 
+@pytest.mark.parametrize("name", IDS)
+def test_a_scene_that_was_asked_for_is_no_other_state(name):
+    """It is copied, and a state with it is restored where there is none, or another one."""
+    env = made(name, QUICK.get(name, {}))
+    env.reset(seed=3)
+    actions, cases = drawn(env, 2), 0
+    plain = env.save_state()
+    _ = env.scene
+    state = env.save_state()
+    expected = goes_on(env, actions)
+    env.reset(seed=5)
+    for each in (_with(env, state), copy.deepcopy(_with(env, state))):
+        assert_same(goes_on(each, actions), expected)
+        cases += 1
+    for one in (plain, state):
+        assert_same(goes_on(_with(made(name, QUICK.get(name, {})), one), actions), expected)
+        cases += 1
+    assert cases == 4
+
+
 def _with(env, state):
     env.restore_state(state)
     return env
