@@ -17,6 +17,7 @@ from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, thousandf
 from kinreach.compare._button import decision_ms
 from kinreach.compare._figures import origin
 from kinreach.compare._methods.resolve import policy_method
+from kinreach.compare._tabletop import scene_with_object
 from kinreach.compare._task import SOLVER, Method, Task, episode_seed, of_reached
 from kinreach.envs.inside import lift_task
 from kinreach.kinematics import PoseGoal, Solver
@@ -24,6 +25,7 @@ from kinreach.kinematics.inside import new_solver
 from kinreach.plots import new_figure
 from kinreach.plots.inside import name_label
 from kinreach.robots import THESIS_ARM
+from kinreach.sim.inside import Scene
 
 #: Stages at which a grasp can fail, in their order, and how tables and figures call them.
 _STAGES = {
@@ -57,6 +59,10 @@ def _failed(cause: str) -> Callable[[Trial], bool]:
 
 def _scripted(name: str) -> Method:
     return Method(lambda env: GraspPolicy(new_solver(name, env.unwrapped.kinematics), env), SOLVER)  # type: ignore[attr-defined]
+
+
+def _scene(env: gym.Env[Any, Any], trial: Trial) -> Scene:
+    return scene_with_object(env, trial, {name: trial[name] for name in ("shape", "size", "mass", "friction")})
 
 
 def draw_causes(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
@@ -182,6 +188,7 @@ LIFT_TASK = Task(
         Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "quantiles", TIME_TABLE),
     ),
     figures={"causes": draw_causes},
+    scene=_scene,
     reached=f"the object's lowest point is {lift_task.HEIGHT:g} m above the table for {lift_task.HOLD:g} s, "
     "and the object touches both fingers and nothing that stands around",
     terms={

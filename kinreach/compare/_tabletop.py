@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from enum import Enum, auto
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -154,17 +154,24 @@ class PickAndPlaceScript(_TipScript):
         return self._action(seen, way, now, -1.0)
 
 
-def _scene(env: gym.Env[Any, Any], trial: Trial) -> Scene:
-    """Return arm, object and goal after the last step."""
+def scene_with_object(env: gym.Env[Any, Any], trial: Trial, start: Mapping[str, Any]) -> Scene:
+    """Return arm, fingers and object after the last step, after a reset with the options `start`."""
     spec: Any = env.spec
     drawn: Any = gym.make(spec, render_mode="rgb_array").unwrapped
-    drawn.reset()
+    drawn.reset(seed=env.unwrapped.np_random_seed, options=start)
     world, only = drawn.episodes.world, np.zeros(1, dtype=np.intp)
     world.reset(only, np.array([trial["q"]]))
     world.put_fingers(only, np.array([trial["opening"]]))
     world.put_at(only, np.array([trial["position"]]), np.reshape(trial["rotation"], (1, 3, 3)))
-    drawn.scene.place_ball(trial["goal"])
-    return drawn.scene
+    scene: Scene = drawn.scene
+    return scene
+
+
+def _scene(env: gym.Env[Any, Any], trial: Trial) -> Scene:
+    """Return the scene with the ball that marks the goal."""
+    scene: Any = scene_with_object(env, trial, {})
+    scene.place_ball(trial["goal"])
+    return cast("Scene", scene)
 
 
 def _columns() -> tuple[Column, ...]:

@@ -281,9 +281,9 @@ class TabletopEpisodes(Episodes):
         self._read(ids)
 
     def _read(self, ids: Ids) -> None:
-        now, q, (position, rotation) = self.world.grasp(ids), self.world.q[ids], self.world.pose()
+        now, q = self.world.grasp(ids), self.world.q[ids]
         tip = np.asarray(self.setup.kinematics.chain.positions(q))
-        read = (q, now.opening, tip, position[ids], rotation[ids], now.gripped, now.clearance, now.collides)
+        read = (q, now.opening, tip, now.position, now.rotation, now.gripped, now.clearance, now.collides)
         for mine, new in zip(self._state, read, strict=True):
             mine[ids] = new
 

@@ -29,6 +29,7 @@ class Grasp(NamedTuple):
         held: Whether the object touches both fingers and nothing but the gripper.
         gripped: Whether it touches both fingers.
         position: Of the object's centre in the world [m], shape (k, 3).
+        rotation: Of the object to the world, shape (k, 3, 3).
         clearance: Of its lowest point above the table on which it was put [m].
         collides: Whether a link is in an obstacle or in another link, deeper than `TOUCHED`.
         opening: Between the fingers [m].
@@ -37,6 +38,7 @@ class Grasp(NamedTuple):
     held: Flags
     gripped: Flags
     position: Floats
+    rotation: Floats
     clearance: Floats
     collides: Flags
     opening: Floats
@@ -218,4 +220,4 @@ class Grasping:
         place, rotation = (values[ids] for values in self.pose())
         below = self._kinds[0].of(ids).lowest(rotation)
         opening = self.gripper.openings(self._plant.qpos[rows_and_columns(ids, self._finger_qpos)])
-        return Grasp(held, gripped, place, place[:, 2] - below - self._table[ids], collides, opening)
+        return Grasp(held, gripped, place, rotation, place[:, 2] - below - self._table[ids], collides, opening)

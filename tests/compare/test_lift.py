@@ -2,10 +2,15 @@
 
 from importlib import resources
 
+import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 
 from kinreach.compare import compare, get_task
+
+GEOMS = mujoco.mjtGeom
+SHAPES = {"ball": GEOMS.mjGEOM_SPHERE, "cube": GEOMS.mjGEOM_BOX, "cylinder": GEOMS.mjGEOM_CYLINDER}
 
 
 class Aside:
@@ -57,3 +62,24 @@ def test_a_policy_of_small_steps_acts_in_small_steps():
     assert 20 < steps["attempts"] < 150
     assert steps["attempts"] == same["attempts"]
     assert [entry["reached"] for entry in found["methods"]] == [1.0, 1.0, 1.0]
+
+
+def test_the_picture_of_a_trial_has_the_object_where_it_ended():
+    """Lifted, and after fingers that did not close; of every shape."""
+    task = get_task("lift")
+    for (shape, kind), closes in zip(SHAPES.items(), (True, True, False), strict=True):
+        env = gym.make(task.environment, dtype="float64", shapes=(shape,), sizes=(0.03,), attempts=1)
+        script = task.methods["closed-form"].make(env)
+        observation, _ = env.reset(seed=0)
+        action = script.act(observation)
+        *_, info = env.step(action if closes else np.append(action[:-1], 1.0))
+        assert info["is_success"] == closes
+        np.testing.assert_allclose(env.unwrapped.data.joint("object").qpos[:3], info["position"])
+        scene = task.scene(env, {name: np.array(value).tolist() for name, value in info.items()})
+        mujoco.mj_forward(scene.model, scene.data)
+        np.testing.assert_allclose(scene.data.body("object").xpos, info["position"], atol=1e-9)
+        np.testing.assert_allclose(scene.data.body("object").xmat, np.ravel(info["rotation"]), atol=1e-9)
+        np.testing.assert_allclose(scene.q, info["q"])
+        geom, ball = scene.model.geom("object"), scene.model.geom("ball")
+        assert (geom.type[0], geom.size[0]) == (kind, pytest.approx(0.03))
+        assert ball.group[0] == 3  # hidden

@@ -116,6 +116,7 @@ class LiftEnv(GoalMethods, ForfeitEnv, ArmEnv):
     | `cause` | what failed: `seen`, `reached`, `closed`, `slipped`, `dropped`; empty after success |
     | `held`, `clearance` | whether it touches both fingers; height of its lowest point above the table [m] |
     | `opening` | of the fingers [m] |
+    | `position`, `rotation` | of the object after the action: its middle [m], and its rotation to the world |
     | `posture_error` | tilt of the tool plus angle between fingers and faces of a cube [rad] |
     | `status`, `impossible`, `impossible_reason` | how the action ended, and why it was impossible |
     | `attempts`, `move_s` | actions so far; simulated time [s] |

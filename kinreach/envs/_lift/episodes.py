@@ -11,6 +11,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats
+from kinreach._rotations import turn
 from kinreach.envs._batch import Episodes, Flags, Ids, Outcome, RowStreams, texts, told_terms
 from kinreach.envs._goals import SPARSE, Told
 from kinreach.envs._lift.lift_task import (
@@ -51,6 +52,7 @@ LIFTED_REWARD = 20.0
 LOOK = 0.1
 #: What is to be achieved: the object's height [m], and the time for which it is held up [s].
 DESIRED = np.array([HEIGHT, HOLD])
+UP = np.array([0.0, 0.0, 1.0])
 ALL_DRAWN = LiftStart()
 _SHAPES = np.array(SHAPES, dtype=object)
 
@@ -83,6 +85,7 @@ class LiftEpisodes(Episodes):
         self.q, self._opening = np.empty((count, len(task.home))), np.empty(count)
         self._distance, self._clearance = np.empty(count), np.empty(count)
         self._gripped = np.empty(count, dtype=np.bool_)
+        self._place, self._rotation = np.empty((count, 3)), np.empty((count, 3, 3))  # of the objects now
         self._stage, self._steps = np.empty(count, dtype=np.intp), np.empty(count, dtype=np.intp)
         self._lifted_for, self._time = np.empty(count), np.empty(count)
         self._reasons, self._status = np.empty(count, dtype=object), np.empty(count, dtype=object)
@@ -124,6 +127,7 @@ class LiftEpisodes(Episodes):
             self._others[ids] = others + [0.0, 0.0, 1.0] * kinds.size[:, None]
         self.goals[ids] = places + [0.0, 0.0, 1.0] * kinds.size[:, None]
         self.yaws[ids] = rows[:, 2]
+        self._place[ids], self._rotation[ids] = self.goals[ids], [turn(UP, yaw) for yaw in rows[:, 2].tolist()]
         self._stage[ids], self._steps[ids] = STARTED, 0
         self._lifted_for[ids] = self._time[ids] = self._clearance[ids] = 0.0
         self._gripped[ids], self._reasons[ids], self._status[ids] = False, "", ""
@@ -332,6 +336,7 @@ class LiftEpisodes(Episodes):
         now = world.grasp(ids)
         self.q[ids], self._opening[ids] = world.q[ids], now.opening
         self._gripped[ids], self._clearance[ids] = now.gripped, now.clearance
+        self._place[ids], self._rotation[ids] = now.position, now.rotation
         return now
 
     def _sent_to(self, ids: Ids, changes: Floats) -> Floats:
@@ -459,6 +464,8 @@ class LiftEpisodes(Episodes):
             "held": np.array(self._gripped[rows]),
             "clearance": np.array(self._clearance[rows]),
             "opening": np.array(self._opening[rows]),
+            "position": np.array(self._place[rows]),
+            "rotation": np.array(self._rotation[rows]),
             "reached": lifted,
             "is_success": lifted,
             "impossible": np.zeros(len(ids), dtype=np.bool_),
