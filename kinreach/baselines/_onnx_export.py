@@ -24,7 +24,7 @@ from kinreach.baselines._policies import SLACK, LearnedPolicy
 from kinreach.baselines._policy_file import Network
 from kinreach.baselines._steering import AHEAD, FIRST_FRAMES, FORECASTING, PLACES, TINY, WINDOWS, Steering, table_middle
 from kinreach.baselines.random_arms import ur5
-from kinreach.envs.inside import moving, reach_task
+from kinreach.envs.inside import moving
 from kinreach.errors import InputError
 from kinreach.robots import THESIS_ARM, get_arm
 
@@ -90,7 +90,7 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
             joints = JOINTS if eyes else graph("Slice", INPUT, [observations - 1 - outputs], [observations - 1], [1])
             half, middle = policy.action_range
             posture = graph("Add", graph("Mul", action, half), middle)
-            _paced(graph, graph("Sub", posture, joints))
+            _paced(graph, graph("Div", graph("Sub", posture, joints), policy.step_sizes))
         kind = kinds.DOUBLE
         shape.append(outputs)
     graph.nodes[-1].output[0] = OUTPUT
@@ -261,7 +261,6 @@ def _activated(graph: _Graph, x: str, activation: str) -> str:
     return graph({"tanh": "Tanh", "relu": "Relu"}[activation], x)
 
 
-def _paced(graph: _Graph, way: str) -> str:
-    longest = graph("ReduceMax", graph("Abs", way), [1], keepdims=1)
-    steps = graph("Ceil", graph("Sub", graph("Div", longest, reach_task.STEP_SIZE), SLACK))
-    return graph("Div", graph("Div", way, reach_task.STEP_SIZE), graph("Max", steps, 1.0))
+def _paced(graph: _Graph, steps: str) -> str:
+    longest = graph("ReduceMax", graph("Abs", steps), [1], keepdims=1)
+    return graph("Div", steps, graph("Max", graph("Ceil", graph("Sub", longest, SLACK)), 1.0))

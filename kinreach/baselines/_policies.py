@@ -28,13 +28,14 @@ Array = NDArray[Any]
 SLACK = 1e-6
 
 
-def paced(way: Array) -> Array:
-    """Return the next multi-step action, in [-1, 1], for joint angles still to go [rad], in the fewest equal steps.
+def paced(way: Array, largest: Array) -> Array:
+    """Return the next multi-step action, in [-1, 1], for a way still to go [rad, m], in the fewest equal steps.
 
-    Smaller last steps would end episodes on the way, within the thesis's 10 mm of the goal.
+    `largest` are the joints' largest steps, shape (n,). Smaller last steps would end episodes on the way, within the
+    thesis's 10 mm of the goal.
     """
-    steps = np.abs(way).max(axis=-1, keepdims=True) / reach_task.STEP_SIZE
-    return way / reach_task.STEP_SIZE / np.maximum(1.0, np.ceil(steps - SLACK))
+    steps = way / largest
+    return np.asarray(steps / np.maximum(1.0, np.ceil(np.abs(steps).max(axis=-1, keepdims=True) - SLACK)))
 
 
 _SUFFIX = ".safetensors"
@@ -78,7 +79,7 @@ class LearnedPolicy:
         if not self.stepwise:
             return action
         half, middle = self.action_range
-        return paced(half * action + middle - self._joints(observation))
+        return paced(half * action + middle - self._joints(observation), self.step_sizes)
 
     def posture(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
         """Return the posture that a reach policy aims at [rad], shape (..., m).
@@ -103,6 +104,13 @@ class LearnedPolicy:
             numbers = len(self.network.gain)
             raise InputError(f"a posture of the arm {name!r} has {len(half)} numbers, got {numbers}")
         return half, middle
+
+    @cached_property
+    def step_sizes(self) -> Array:
+        """The largest change of each joint in a step [rad, m], shape (m,); 5 degrees if the card names no arm."""
+        if not self.arm:
+            return np.full(len(self.network.gain), reach_task.STEP_SIZE)
+        return reach_task.step_sizes(get_arm(self.arm))
 
     @property
     def digest(self) -> str:

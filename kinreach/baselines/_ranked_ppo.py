@@ -78,6 +78,7 @@ class TriesVecEnv(SB3VecEnv):
         self._tries, self._draw, self._steps, self._blur = tries, draw, steps, blur
         self._layout = layout
         self._half, self._middle = reach_task.action_range(get_arm(arm))
+        self._largest = reach_task.step_sizes(get_arm(arm))
         self._rng = np.random.default_rng()
         self._infos: list[dict[str, Any]] = [{} for _ in range(env.num_envs)]
         self._over = np.ones(env.num_envs, dtype=np.bool_)
@@ -100,7 +101,7 @@ class TriesVecEnv(SB3VecEnv):
     def _walk(self, postures: Array) -> tuple[Any, Any]:
         q = self._first[:, self._layout.q]
         for _ in range(self._steps):
-            observations, rewards, _, _, info = self._env.step(paced(postures - q))
+            observations, rewards, _, _, info = self._env.step(paced(postures - q, self._largest))
             q = observations[:, self._layout.q]
         return rewards, info
 

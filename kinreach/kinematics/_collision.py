@@ -138,7 +138,8 @@ class CollisionChecker:
     Examples:
         >>> from kinreach.kinematics import CollisionChecker
         >>> from kinreach.robots import Obstacle
-        >>> checker = CollisionChecker("ur5e", obstacles=[Obstacle("shelf", (0.2, 0.4, 0.02), [0.5, 0, 0.3, 0, 0, 0])])
+        >>> shelf = Obstacle("shelf", (0.2, 0.4, 0.02), [0.5, 0, 0.3, 0, 0, 0])
+        >>> checker = CollisionChecker("ur5e", obstacles=[shelf])
         >>> checker.free(checker.kinematics.arm.home)
         True
     """

@@ -67,7 +67,7 @@ def test_pacing_arrives_in_equal_steps_as_few_as_can_be():
     fewest = np.ceil(np.abs(ways).max(axis=1) / STEP_SIZE)
     left, lengths = ways.copy(), []
     for _ in range(int(fewest.max())):
-        actions = paced(left)
+        actions = paced(left, STEP_SIZE)
         assert (np.abs(actions) <= 1).all()
         lengths.append(np.abs(actions).max(axis=1))
         left = left - STEP_SIZE * actions
@@ -76,7 +76,7 @@ def test_pacing_arrives_in_equal_steps_as_few_as_can_be():
     np.testing.assert_array_equal((lengths > 1e-6).sum(axis=0), fewest)
     for column, steps in zip(lengths.T, fewest.astype(int), strict=True):
         np.testing.assert_allclose(column[:steps], column[0], rtol=1e-6)
-    np.testing.assert_array_equal(paced(np.zeros(6)), 0)
+    np.testing.assert_array_equal(paced(np.zeros(6), STEP_SIZE), 0)
 
 
 def test_a_way_of_whole_steps_takes_no_step_more_for_a_rounding_error():
@@ -85,7 +85,7 @@ def test_a_way_of_whole_steps_takes_no_step_more_for_a_rounding_error():
     for steps in range(1, 33):
         for error in (-1e-9, 0.0, 1e-9):
             way = STEP_SIZE * (steps + error) * np.array([1.0, -0.5, 0.25, 0.0, 0.0, -1.0])
-            assert np.abs(paced(way)).max() == pytest.approx(1.0, abs=1e-8)
+            assert np.abs(paced(way, STEP_SIZE)).max() == pytest.approx(1.0, abs=1e-8)
             checked += 1
     assert checked == 96
 

@@ -344,7 +344,7 @@ class UR5MultiStepEnv(ReachEnv):
     As in `kinreach/UR5SingleStep-v0`.
 
     ## Other Arms
-    As in `kinreach/UR5SingleStep-v0`; a joint turns by up to 5 degrees a step.
+    As in `kinreach/UR5SingleStep-v0`; a joint turns by up to 5 degrees a step, or slides by up to 10 mm.
 
     ## Arguments
 

@@ -56,8 +56,8 @@ from kinreach.vision.inside import MAX_EXPOSURE
 
 #: How the tool points at a goal, in the world: straight down.
 TOOL_DOWN = (0.0, 0.0, -1.0)
-#: Largest change of a joint in one step of the multi-step task [rad].
-STEP_SIZE = math.radians(5.0)
+#: Largest change of a joint in one step of the multi-step task [rad], and of one that slides [m].
+STEP_SIZE, STEP_LENGTH = math.radians(5.0), 0.01
 #: Cameras see no further than this; the bound of the goal's coordinates in the observation space [m].
 CAMERA_RANGE = 2.0
 #: The same for an arm without cameras, whose goals are given in the world [m].
@@ -178,7 +178,7 @@ class ReachVariant:
     Attributes:
         name: `"single"` or `"multi"`.
         relative: Whether an action changes the joint angles (else it sets them).
-        scale: What an action of 1 means [rad]; where it sets a joint, that of one with the limits ±pi.
+        scale: What an action of 1 means for a joint that turns [rad]; where it sets one, for the limits ±pi.
         two_phase: Whether the arm's `moves_last` (shoulder_lift of a UR) wait for the other joints.
         one_action: Whether an episode is over after its first action.
     """
@@ -192,7 +192,7 @@ class ReachVariant:
 
 #: One action sets all joints, shoulder_lift last; the episode is over (thesis, section 3.4.5).
 SINGLE_STEP = ReachVariant("single", relative=False, scale=math.pi, two_phase=True, one_action=True)
-#: Actions of -5 ... 5 degrees, all joints at once.
+#: Actions of -5 ... 5 degrees, or -10 ... 10 mm, all joints at once.
 MULTI_STEP = ReachVariant("multi", relative=True, scale=STEP_SIZE, two_phase=False, one_action=False)
 
 
@@ -293,6 +293,12 @@ def action_range(arm: ArmDescription) -> tuple[Floats, Floats]:
     """Return the change by an action of 1, from the middle of each joint's range, and the middle [rad], shape (n,)."""
     low, high = joint_limits(arm)
     return (high - low) / 2, (high + low) / 2
+
+
+@lru_cache
+def step_sizes(arm: ArmDescription) -> Floats:
+    """Return the largest change of each joint in one step of the multi-step task [rad, m], shape (n,)."""
+    return np.where(ArmKinematics(arm).slides, STEP_LENGTH, STEP_SIZE)
 
 
 def action_space(arm: str | ArmDescription = THESIS_ARM) -> spaces.Box:
@@ -408,6 +414,7 @@ class ReachTask:
         self.gripper_opening = opening_of(arm)
         _check_views(arm)
         self._half, self._middle = action_range(arm)
+        self._steps = step_sizes(arm)
         self._endless = _endless(arm)
         self.tip: TipControl | None = None
         if options.control != tip_control.JOINTS:
@@ -537,7 +544,7 @@ class ReachTask:
         A joint that turns without end goes to the angle of an action by the shorter way.
         """
         if self.variant.relative:
-            return q + self.variant.scale * actions
+            return q + self._steps * actions
         targets = self._half * actions + self._middle
         return np.where(self._endless, q + wrapped(targets - q), targets) if self._endless.any() else targets
 
@@ -546,7 +553,7 @@ class ReachTask:
         if self.tip is not None:
             return self.tip.action_for(q, target)
         if self.variant.relative:
-            way = (target - q) / self.variant.scale
+            way = (target - q) / self._steps
             return np.asarray(way / max(1.0, float(np.abs(way).max())))
         return np.asarray((seen_joints(self.arm, target) - self._middle) / self._half)
 

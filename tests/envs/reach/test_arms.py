@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from kinreach.baselines._policies import paced
 from kinreach.envs._reach.reach_task import action_range, layout_of
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, PositionGoal
 from kinreach.robots import ArmDescription, BoxRegion, Workcell, _registry, get_arm
+from tests.kinematics.test_coupled_and_sliding import SCARA, chain
 from tests.robots import peoples_files as people
 from tests.robots.peoples_files import MASS, shape
 
@@ -50,6 +52,22 @@ def test_single_step_actions_map_linearly_onto_the_joint_limits():
         assert info["impossible"] != env.accept(q)
         taken += not info["impossible"]
     assert 20 < taken < 60
+
+
+def test_a_joint_that_slides_goes_10_mm_where_others_turn_by_5_degrees(tmp_path):
+    file = tmp_path / "scara.urdf"
+    file.write_text(chain(*SCARA))
+    goals = BoxRegion(x=(0.2, 0.3), y=(-0.1, 0.1), z=(0.1, 0.1))
+    arm = ArmDescription.from_file(file, workcell=Workcell(goals=goals))
+    env = gym.make(MULTI, backend="kinematic", arm=arm)
+    _, info = env.reset(seed=0)
+    largest = np.array([np.radians(5), np.radians(5), 0.01, np.radians(5)])
+    for action in (np.ones(4), -np.ones(4), np.array([0.0, 0.5, -0.25, 1.0])):
+        q = info["q"]
+        *_, info = env.step(action)
+        np.testing.assert_allclose(info["q"] - q, largest * action, atol=1e-12)
+        np.testing.assert_allclose(env.unwrapped.action_for(info["q"] + largest * action / 2), action / 2, atol=1e-12)
+        np.testing.assert_allclose(paced(1.5 * largest * action, largest), 0.75 * action, atol=1e-12)
 
 
 @pytest.mark.parametrize("arm", ["ur5-thesis", "arm3"])
