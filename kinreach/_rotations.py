@@ -56,6 +56,36 @@ def turn(axis: Floats, angle: float) -> Floats:
     return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
 
 
+def turns(vectors: Floats) -> Floats:
+    """Return the rotations of rotation vectors (..., 3) [rad] by Rodrigues' formula, shape (..., 3, 3).
+
+    As scipy's `Rotation`, whose import takes as long as that of the rest of the kinematics.
+    """
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    K = np.zeros((*vectors.shape, 3))
+    K[..., 2, 1], K[..., 0, 2], K[..., 1, 0] = np.moveaxis(vectors, -1, 0)
+    K -= K.swapaxes(-1, -2)
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / TURN) ** 2 * (K @ K))
+
+
+def vectors_of(R: Floats) -> Floats:
+    """Return the rotation vectors of rotations (..., 3, 3), at most pi long [rad], shape (..., 3)."""
+    diagonal = np.diagonal(R, axis1=-2, axis2=-1)
+    trace = diagonal.sum(axis=-1, keepdims=True)
+    Q = np.empty((*R.shape[:-2], 4, 4))  # four multiples of the quaternion (w, x, y, z)
+    Q[..., 1:, 1:] = R + R.swapaxes(-1, -2)
+    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1)), start=1):
+        Q[..., 0, i] = Q[..., i, 0] = R[..., k, j] - R[..., j, k]
+    squares = np.concatenate([trace, 2.0 * diagonal - trace], axis=-1)
+    Q[..., range(4), range(4)] = 1.0 + squares
+    longest = squares.argmax(axis=-1)[..., None, None]
+    quaternion = np.take_along_axis(Q, longest, axis=-2)[..., 0, :]
+    quaternion *= np.where(quaternion[..., :1] < 0.0, -1.0, 1.0)
+    sine = np.linalg.norm(quaternion[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, quaternion[..., :1])
+    return np.asarray(angle / np.where(sine > 0.0, sine, 1.0) * quaternion[..., 1:])
+
+
 def rotation_to(axis: Floats) -> Floats:
     """Return a rotation whose third column is the given unit axis."""
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
@@ -87,9 +117,7 @@ class PoseLine:
     """
 
     def __init__(self, start: Floats, end: Floats) -> None:
-        from scipy.spatial.transform import Rotation
-
-        vector = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
+        vector = vectors_of(start[:3, :3].T @ end[:3, :3])
         self._start = start
         self.way: Floats = end[:3, 3] - start[:3, 3]
         self.length = float(np.linalg.norm(self.way))
@@ -142,14 +170,12 @@ def pose(numbers: ArrayLike) -> Floats:
         >>> pose([0.4, 0, 0.2, 0, 0, 3.141592653589793]).round(6)[:2].tolist()
         [[-1.0, -0.0, 0.0, 0.4], [0.0, -1.0, 0.0, 0.0]]
     """
-    from scipy.spatial.transform import Rotation  # takes as long to import as the rest of the kinematics
-
     numbers = as_floats("numbers", numbers)
     if numbers.shape[-1:] != (6,):
         raise InputError(f"a pose has six numbers, x, y, z, rx, ry, rz, got shape {numbers.shape}")
     check_entries("numbers", numbers, MAX_DISTANCE)
     T = np.zeros((*numbers.shape[:-1], 4, 4))
-    T[..., :3, :3] = Rotation.from_rotvec(numbers[..., 3:].reshape(-1, 3)).as_matrix().reshape(*T.shape[:-2], 3, 3)
+    T[..., :3, :3] = turns(numbers[..., 3:])
     T[..., :3, 3], T[..., 3, 3] = numbers[..., :3], 1.0
     return T
 
@@ -171,14 +197,11 @@ def pose_vector(T: ArrayLike) -> Floats:
         >>> pose_vector(pose([0.4, 0, 0.2, 0, 0, 1.5])).round(6).tolist()
         [0.4, 0.0, 0.2, 0.0, 0.0, 1.5]
     """
-    from scipy.spatial.transform import Rotation
-
     T = as_floats("T", T)
     if T.shape[-2:] != (4, 4):
         raise InputError(f"T must have shape (..., 4, 4), got {T.shape}")
     check_poses("T", T.reshape(-1, 4, 4))
-    turned = Rotation.from_matrix(T[..., :3, :3].reshape(-1, 3, 3)).as_rotvec().reshape(*T.shape[:-2], 3)
-    return np.concatenate([T[..., :3, 3], turned], axis=-1)
+    return np.concatenate([T[..., :3, 3], vectors_of(T[..., :3, :3])], axis=-1)
 
 
 def quick_pose_vector(T: Floats) -> list[float]:

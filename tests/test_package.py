@@ -211,8 +211,13 @@ def test_an_episode_loads_few_modules(run_python):
 
 def test_kinematics_loads_no_simulator_and_no_learner(run_python):
     heavy = {"gymnasium", "mujoco", "torch", "stable_baselines3", "cv2", "matplotlib", "placo", "trimesh"}
-    heavy |= {"scipy.stats"}
-    code = f"import sys; from kinreach.kinematics import UR5Kinematics; print(sorted({heavy} & set(sys.modules)))"
+    heavy |= {"scipy"}
+    code = (
+        "import sys; from kinreach.kinematics import UR5Kinematics, pose, pose_vector\n"
+        "kin = UR5Kinematics(); T = pose([0.4, 0.1, 0.3, 3.1, 0, 0])\n"
+        "assert abs(pose_vector(kin.fk(kin.nearest(T, kin.arm.home).q)) - pose_vector(T)).max() < 1e-9\n"
+        f"print(sorted({heavy} & set(sys.modules)))"
+    )
     done = run_python("-c", code)
     assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stderr
 

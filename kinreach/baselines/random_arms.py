@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
-from scipy.stats import qmc
 
 from kinreach._checks import Floats
 from kinreach._registration import MAX_EPISODE_STEPS, RANDOM_ARM
@@ -60,6 +59,8 @@ def ur5() -> URKinematics:
 @cache
 def _spread_out(count: int, dimensions: int) -> Floats:
     """Return points of Halton's sequence, shape (count, dimensions)."""
+    from scipy.stats import qmc  # half a second to import
+
     return np.asarray(qmc.Halton(dimensions, scramble=True, rng=np.random.default_rng(0)).random(count))
 
 

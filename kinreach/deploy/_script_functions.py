@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kinreach._checks import shown
-from kinreach._rotations import PoseLine, quick_pose_vector
+from kinreach._rotations import PoseLine, quick_pose_vector, rotation, rpy, turns, vectors_of
 from kinreach.deploy._script_tree import Constant, Expression, Place, ScriptError, is_number
 from kinreach.kinematics import pose
 
@@ -371,15 +371,11 @@ def _to_num(text: object) -> float:
 
 
 def _roll_pitch_yaw(vector: object) -> tuple[float, ...]:
-    from scipy.spatial.transform import Rotation
-
-    return tuple(Rotation.from_rotvec(some_numbers(vector, 3)).as_euler("xyz").tolist())
+    return rpy(turns(np.array(some_numbers(vector, 3))))
 
 
 def _rotation_vector(angles: object) -> tuple[float, ...]:
-    from scipy.spatial.transform import Rotation
-
-    return tuple(Rotation.from_euler("xyz", some_numbers(angles, 3)).as_rotvec().tolist())
+    return tuple(vectors_of(rotation(some_numbers(angles, 3))).tolist())
 
 
 def _length(value: object) -> float:

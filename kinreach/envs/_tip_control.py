@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from kinreach._checks import Floats
+from kinreach._rotations import turns, vectors_of
 from kinreach.envs._options import about
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
@@ -111,7 +111,7 @@ class TipControl:
         now, then = self._poses(np.array([q, target]))
         change = (then[:3, 3] - now[:3, 3]) / self._step
         if self._turns:
-            change = np.append(change, Rotation.from_matrix(then[:3, :3] @ now[:3, :3].T).as_rotvec() / self._turn)
+            change = np.append(change, vectors_of(then[:3, :3] @ now[:3, :3].T) / self._turn)
         return np.asarray(change / max(1.0, float(np.abs(change).max())))
 
     def _on_way(self, start: Floats, actions: Floats, held: Floats, rows: Any, part: Floats) -> Floats:
@@ -120,7 +120,7 @@ class TipControl:
         change = part[:, None] * actions[rows]
         T[:, :3, 3] += self._step * change[:, :3]
         if self._turns:
-            T[:, :3, :3] = Rotation.from_rotvec(self._turn * change[:, 3:]).as_matrix() @ T[:, :3, :3]
+            T[:, :3, :3] = turns(self._turn * change[:, 3:]) @ T[:, :3, :3]
         else:
             T[:, :3, :3] = held[rows]
         return T

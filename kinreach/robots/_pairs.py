@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kinreach._checks import Floats, check_path, listed, shown
 from kinreach._files import decoded, read_bytes
-from kinreach._rotations import pose
+from kinreach._rotations import pose, rotation
+from kinreach._rotations import turns as turns_of
 from kinreach._tables import Table, table_of
 from kinreach.errors import InputError
 from kinreach.robots._polyscope import is_program, read_export
@@ -130,6 +130,8 @@ class PosePairs:
             back = np.einsum("mji,mj->mi", flange[:, :3, :3], self.seen - flange[:, :3, 3])
             tool[:3, 3] = np.median(back, axis=0)
             return tool
+        from scipy.spatial.transform import Rotation  # takes as long to import as numpy
+
         X = np.linalg.inv(flange) @ self.seen
         turns = Rotation.from_matrix(X[:, :3, :3])
         middle = turns[int(np.argmin([np.median((turns * one.inv()).magnitude()) for one in turns[:CANDIDATES]]))]
@@ -340,9 +342,9 @@ def _from_table(table: Table, name: str, joints: Sequence[str]) -> PosePairs:
     if places.turn is not None:
         turns, r_note = _in_radians(columns, places.turn, name, "rotations", MAX_ROTATION)
         last_turn = _last_digit(columns.text(places.turn)) * (np.pi / 180 if r_note else 1.0)
-        rotation = Rotation.from_euler("xyz", turns) if places.rpy else Rotation.from_rotvec(turns)
+        rotations = np.array([rotation(each) for each in turns]) if places.rpy else turns_of(turns)
         seen, points = np.tile(np.eye(4), (len(q), 1, 1)), seen
-        seen[:, :3, :3], seen[:, :3, 3] = rotation.as_matrix(), points
+        seen[:, :3, :3], seen[:, :3, 3] = rotations, points
     tcp = None
     if places.offset is not None:
         numbers = columns.numbers(places.offset)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -32,13 +31,10 @@ _OTHER_FILES = {
     **dict.fromkeys((".urp", ".script", ".urscript"), "a program of a UR"),
     **dict.fromkeys((".json", ".csv", ".txt", ".md", ".png", ".pdf"), "no description of an arm that is read"),
 }
-#: Arms that are read from a file on first use.
-_FROM_FILES: dict[str, Callable[[], ArmDescription]] = {"panda": panda.describe}
-
-
-@cache
-def _arms() -> dict[str, ArmDescription]:
-    return {arm.name: arm for arm in (*ur_arms.ARMS, arm3.ARM, so101.ARM)}
+#: Arms of kinreach, which are described on first use.
+_DESCRIBED: Mapping[str, Callable[[], ArmDescription]] = {**ur_arms.DESCRIBED, "panda": panda.describe}
+#: Arms that are described already.
+_ARMS = {arm.name: arm for arm in (arm3.ARM, so101.ARM)}
 
 
 def register_arm(arm: ArmDescription) -> ArmDescription:
@@ -50,9 +46,9 @@ def register_arm(arm: ArmDescription) -> ArmDescription:
     given: Any = arm
     if not isinstance(given, ArmDescription):
         raise InputError(f"an arm must be an ArmDescription, got {shown(given)}")
-    if arm.name in _FROM_FILES or _arms().get(arm.name, arm) is not arm:
+    if _ARMS.get(arm.name) is not arm and arm.name in arm_names():
         raise InputError(f"an arm named {arm.name!r} is registered already")
-    _arms()[arm.name] = arm
+    _ARMS[arm.name] = arm
     return arm
 
 
@@ -73,9 +69,7 @@ def get_arm(name: str | ArmDescription) -> ArmDescription:
         return name
     name = next((known for known in arm_names() if known.lower() == str(name).lower()), name)
     check_known("arm", name, arm_names())
-    if name not in _arms():
-        _arms()[name] = _FROM_FILES[name]()
-    return _arms()[name]
+    return _ARMS[name] if name in _ARMS else _ARMS.setdefault(name, _DESCRIBED[name]())
 
 
 def arm_named(
@@ -118,4 +112,4 @@ def _refuse_other_files(text: str) -> None:
 
 def arm_names() -> tuple[str, ...]:
     """Return the names of all registered arms, sorted."""
-    return tuple(sorted({*_arms(), *_FROM_FILES}))
+    return tuple(sorted({*_ARMS, *_DESCRIBED}))

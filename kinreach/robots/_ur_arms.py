@@ -15,6 +15,7 @@ from __future__ import annotations
 import importlib.util
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -244,4 +245,8 @@ def _describe(name: str) -> ArmDescription:
 
 #: Models whose meshes example-robot-data has.
 DRAWN = tuple(cell.model for cell in _CELLS)
-ARMS = (*map(_describe, UR_LENGTHS), *map(_describe_thesis, _CELLS))
+#: What describes each arm, by its name.
+DESCRIBED: dict[str, Callable[[], ArmDescription]] = {
+    **{name: partial(_describe, name) for name in UR_LENGTHS},
+    **{f"{cell.model}{THESIS}": partial(_describe_thesis, cell) for cell in _CELLS},
+}

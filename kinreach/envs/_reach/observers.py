@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from kinreach._checks import Floats
 from kinreach.envs._reach.reach_task import (
@@ -130,6 +129,8 @@ class RememberedObserver:
         goals = task.arm.workcell.draw_goals(rng, task.options.looks)
         with closing(CameraObserver(task.arm, task.options)) as observer:
             taken = observer.measure(goals, np.zeros(len(goals), dtype=np.intp), [rng])
+        from scipy.spatial import cKDTree  # takes as long to import as numpy
+
         self._nearest = cKDTree(goals)
         self._errors, self._found = taken.views - goal_block(task.arm, goals), taken.found
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from kinreach._checks import Floats
 from kinreach.kinematics._goals import Goal
@@ -40,6 +39,8 @@ class LevenbergMarquardtSolver(IterativeSolver):
     name: ClassVar[str] = "lm"
 
     def _descender(self, goal: Goal) -> Descend:
+        from scipy.linalg.lapack import dposv  # takes as long to import as Pinocchio
+
         task = GoalTask(self.kin, goal, self.tolerance)
         lower, upper = self.joint_space.search_lower, self.joint_space.search_upper
         damping = np.diag(self.joint_space.damping)

@@ -26,7 +26,7 @@ BLIND = replace(get_arm("arm3"), name="blind", cameras=())
 @pytest.mark.parametrize("name", [SINGLE, MULTI])
 @pytest.mark.parametrize("arm", ["blind", BLIND])
 def test_an_arm_without_cameras_observes_the_goal_in_the_world(name, backend, arm, monkeypatch):
-    monkeypatch.setitem(_registry._arms(), "blind", BLIND)
+    monkeypatch.setitem(_registry._ARMS, "blind", BLIND)
     env = gym.make(name, backend=backend, arm=arm, dtype="float64")
     check_env(env.unwrapped, skip_render_check=True)
     observation, info = env.reset(seed=3)
