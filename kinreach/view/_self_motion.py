@@ -36,7 +36,7 @@ class SelfMotionFolder(Branch):
         self._ways: list[Floats] = []
         self._thick = -1  # index of the curve that is drawn thick
         self._q = np.array(kinematics.arm.home)
-        self._unit = np.where(kinematics.slides, kinematics.length, 1.0)  # what counts as 1 rad
+        self._unit = kinematics.unit
         gui = client.gui
         with gui.add_folder("Self-motion"):
             self._text = gui.add_html("")
@@ -79,7 +79,7 @@ class SelfMotionFolder(Branch):
         if not self._curves:
             return
         index, curve = self._chosen()
-        if np.abs(curve.at(min(self._place.value, curve.total)) - q).max() < NEAR:
+        if np.abs((curve.at(min(self._place.value, curve.total)) - q) / self._unit).max() < NEAR:
             self._show(index, self._place.value)
             return
         _, index, place = min(self._nearest(index) for index in range(len(self._curves)))

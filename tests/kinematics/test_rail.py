@@ -122,6 +122,7 @@ def test_curves_are_continuous_and_reach_the_pose_by_pinocchio(tmp_path):
         model = pin.buildModelFromXML((tmp_path / "slide.urdf").read_text())
         data, tip = model.createData(), model.getFrameId(kin.arm.tips[kin.tip])
         unit = np.where(kin.slides, kin.length, 1.0)
+        np.testing.assert_array_equal(kin.unit, unit)
         q = rng.uniform(-2.0, 2.0, 7)
         T = kin.fk(q)
         for curve in kin.self_motions(T, limits=False):

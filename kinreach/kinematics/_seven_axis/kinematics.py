@@ -40,6 +40,7 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
 
     Attributes:
         length: Sum of the distances from each joint to the next, and to the tip, without the slide's own way [m].
+        unit: What counts as 1 rad of each joint [rad, m], shape (7,): of the slide `length`.
 
     Raises:
         UnknownNameError: The arm, the tip or the base does not exist.
@@ -67,6 +68,7 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
             held = self.arm.joints[sliding[0]] if sliding else "its first or last joint"
             raise InputError(f"arm {self.arm.name!r}: with {held} held, the other six cannot be solved")
         self.length = self._tracer.reach
+        self.unit: Floats = self._tracer.unit
 
     @property
     def solved(self) -> str:
@@ -172,8 +174,7 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
     def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         check_accept(accept)
         start = self.as_posture("seed", seed)
-        unit = self._tracer.unit
-        q = self._tracer.with_held(poses_about(goal.position, goal.axis, TURNS), start / unit) * unit
+        q = self._tracer.with_held(poses_about(goal.position, goal.axis, TURNS), start / self.unit) * self.unit
         wound, within = nearest_windings(q.T, start[:, None], self.lower, self.upper, turns=~self.slides)
         found = wound.T[within]
         for posture in found[np.argsort(np.linalg.norm(found - start, axis=1))]:
