@@ -14,7 +14,7 @@ from kinreach._rotations import pose_error
 from kinreach.deploy._controller import FINISHED, Controller, Recording
 from kinreach.deploy._planning import SPEED, Leg, planned_program
 from kinreach.deploy._program import Program
-from kinreach.deploy._remarks import arm_and_tip, tool_note, why_none
+from kinreach.deploy._remarks import arm_and_tip, fastest, tool_note, untouched, why_none
 from kinreach.deploy._surroundings import add_meshes, add_surroundings, meshes_of, surrounded
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, CollisionChecker, joint_line, pose
@@ -255,17 +255,9 @@ class TriedMotion:
     def dry_run(self) -> Iterator[str]:
         """Lines on the dry run."""
         kin, done = self.kinematics, self.done
-        shares = self.shares
-        joint = int(shares.argmax())
-        tips = kin.positions(done.commanded.q)
-        tool = np.linalg.norm(np.diff(tips, axis=0), axis=1).max(initial=0.0) / done.commanded.t[1]
-        name = kin.arm.joints[joint].removesuffix("_joint")
-        yield (
-            f"dry run  {done.commanded.duration:.2f} s; {name} at most {np.abs(done.commanded.qd[:, joint]).max():.2f} "
-            f"rad/s, {100 * shares[joint]:.0f} % of its limit; tool at most {tool:.2f} m/s"
-        )
-        around = ", ".join([*(box.name for box in kin.arm.workcell.obstacles), *(mesh.name for mesh in self.meshes)])
-        yield f"         no collision with itself{f', {around}' if around else '; nothing around it is known'}"
+        yield f"dry run  {fastest(kin, done.commanded)}"
+        boxes, meshes = kin.arm.workcell.obstacles, self.meshes
+        yield f"         {untouched([*(box.name for box in boxes), *(mesh.name for mesh in meshes)])}"
         yield f"         every way keeps {1e3 * KEEPS:g} mm from everything"
         if note := tool_note(self.checker):
             yield f"         {note}"

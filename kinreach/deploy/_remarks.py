@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.kinematics import ArmKinematics, CalibratedURKinematics, CollisionChecker, URKinematics
+from kinreach.kinematics import ArmKinematics, CalibratedURKinematics, CollisionChecker, Trajectory, URKinematics
 from kinreach.robots.inside import TOOL, TOOL_BODY, ur_model
 
 #: A position farther away than this many lengths of the arm is not in metres.
@@ -26,6 +28,25 @@ def arm_and_tip(kinematics: ArmKinematics) -> str:
     arm = kinematics.arm
     real = isinstance(kinematics, CalibratedURKinematics) or ur_model(arm.name) is None
     return f"{arm.title}{'' if real else ', by its data sheet'}: tip {kinematics.tip} in {kinematics.base}"
+
+
+def fastest(kinematics: ArmKinematics, motion: Trajectory) -> str:
+    """Return how long a motion takes, and the largest speeds of a joint, by its limit, and of the tool."""
+    speeds = np.abs(motion.qd).max(axis=0)
+    shares = speeds / kinematics.velocity_limit
+    joint = int(shares.argmax())
+    ways = np.linalg.norm(np.diff(kinematics.positions(motion.q), axis=0), axis=1)
+    tool = float(np.max(ways / np.diff(motion.t), initial=0.0))
+    return (
+        f"{motion.duration:.2f} s; {kinematics.arm.joints[joint].removesuffix('_joint')} at most {speeds[joint]:.2f} "
+        f"rad/s, {100 * shares[joint]:.0f} % of its limit; tool at most {tool:.2f} m/s"
+    )
+
+
+def untouched(names: Iterable[str]) -> str:
+    """Return that a motion touched nothing, of what is around by these names."""
+    around = ", ".join(names)
+    return f"no collision with itself{f', {around}' if around else '; nothing around it is known'}"
 
 
 def why_none(kinematics: ArmKinematics, T: Floats, reason: str) -> str:

@@ -9,15 +9,21 @@ import sys
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 
 from kinreach._checks import check_number, printable
+from kinreach._files import read_text
 from kinreach._flags import posture_of
 from kinreach.cli import Parser, print_notes, say
-from kinreach.deploy._controller import check_is_ur, rate_of
+from kinreach.deploy._controller import Controller, check_is_ur, rate_of
+from kinreach.deploy._remarks import fastest, tool_note, untouched
 from kinreach.deploy._rtde import RTDE_PORT, SCRIPT_PORT
 from kinreach.deploy._server import SimulatedUR
 from kinreach.deploy._surroundings import add_surroundings, surrounded
-from kinreach.kinematics import ArmKinematics
+from kinreach.deploy._urscript import MAX_CHARACTERS
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, CollisionChecker
+from kinreach.robots import ArmDescription
 from kinreach.robots.inside import ArmFlags
 
 _ABOUT = (
@@ -26,6 +32,8 @@ _ABOUT = (
 )
 #: Lines of the log that may wait to be printed, and how long they are waited for at the end [s].
 MAX_LINES, PATIENCE = 1000, 1.0
+#: How long a program runs unless told otherwise, and at most [s].
+LONGEST, MOST = 60.0, 600.0
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -42,6 +50,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         start = posture_of("--from", arguments.start, 6, degrees=arguments.degrees, limits=limits).tolist()
     speed = check_number("--speed", arguments.speed, above=0.0, most=1e6)
     log = _Log()
+    if arguments.program is not None:
+        return _try_program(arm, start, Path(arguments.program), arguments.longest)
     robot = SimulatedUR(
         arm, q=start, address=arguments.address, rtde_port=arguments.rtde_port, script_port=arguments.script_port,
         speed=speed, log=log.add,
@@ -58,6 +68,36 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     finally:
         robot.close()
         log.close()
+    return 0
+
+
+def _try_program(arm: ArmDescription, start: Sequence[float] | None, file: Path, longest: float) -> int:
+    """Run a program to its end, as fast as it goes, and print what it did.
+
+    Raises:
+        InputError: It cannot be read, is refused, or is stopped.
+    """
+    check_number("--longest", longest, above=0.0, most=MOST)
+    if file.suffix.lower() in (".urp", ".urpx"):
+        raise InputError(
+            f"{file} is PolyScope's own file; its URScript stands beside it: {file.with_suffix('.script')}"
+        )
+    text = read_text(file, "the program", most=MAX_CHARACTERS)
+    robot = Controller(arm, q=start, log=say)
+    done = robot.run(text, longest=longest)
+    kin = ArmKinematics(arm, base="base")
+    say(f"dry run  {fastest(kin, done.measured)}")
+    if not done.reason or done.commanded.duration >= longest:
+        say(f"         {untouched(box.name for box in arm.workcell.obstacles)}")
+    if note := tool_note(CollisionChecker(kin)):
+        say(f"         {note}")
+    q, tool = done.measured.q[-1], robot.tcp_pose(done.measured.q[-1])
+    say(f"ends     {', '.join(f'{angle:.4f}' for angle in q)} rad")
+    say(f"         tool {', '.join(f'{number:.4f}' for number in tool)}")
+    if done.commanded.duration >= longest:
+        say(f"         it goes on after these {longest:g} s; --longest lets it run longer")
+    elif done.reason:
+        raise InputError(f"{file} does not come to its end: {done.reason}")
     return 0
 
 
@@ -127,6 +167,14 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument(
         "--speed", type=float, default=1.0, metavar="X", help="times faster than real time (%(default)s)"
+    )
+    parser.add_argument(
+        "--program",
+        metavar="FILE",
+        help="run this URScript once, as fast as it goes, say what it does, and end; no port is opened",
+    )
+    parser.add_argument(
+        "--longest", type=float, default=LONGEST, metavar="S", help="end a --program after this time (%(default)s s)"
     )
     parser.add_argument("--no-cell", action="store_true", help="no table and no floor around the arm")
     add_surroundings(parser, "the frame base, as on the pendant")
