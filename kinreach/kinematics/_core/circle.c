@@ -11,7 +11,7 @@ enum { POLISH = 4, ORIGINS = 8 };
 /* Zeros are apart by more than this [rad]; how far a complex zero may be off the unit circle to count. */
 static const double APART = 1e-6, OFF_CIRCLE = 1e-3;
 
-static double value(const double k[6], double x, double y) {
+double kr_circle_value(const double k[6], double x, double y) {
     return k[0] + k[1] * x + k[2] * y + k[3] * x * x + k[4] * x * y + k[5] * y * y;
 }
 
@@ -39,7 +39,7 @@ static int on_a_line(const double k[6], double middle, double size, double large
 static int zeros(const double k[6], double angles[4], double off[4]) {
     double phase = 0.0, most = -1.0, a[16] = {0.0}, real[4], imaginary[4];
     for (int i = 0; i < ORIGINS; i++) {
-        const double origin = KR_TURN * i / ORIGINS, size = fabs(value(k, -cos(origin), -sin(origin)));
+        const double origin = KR_TURN * i / ORIGINS, size = fabs(kr_circle_value(k, -cos(origin), -sin(origin)));
         if (size > most) most = size, phase = origin;
     }
     const double x = cos(phase), y = sin(phase), mean = 0.5 * (k[3] + k[5]), half = 0.5 * (k[3] - k[5]);
@@ -104,7 +104,7 @@ int kr_circle_roots(const double k[6], double start, double tol, double gain, kr
             const double x = cos(q), y = sin(q);
             gradient = slope(k, x, y);
             if (fabs(gradient) <= KR_ZERO * largest) break;
-            q -= value(k, x, y) / gradient;
+            q -= kr_circle_value(k, x, y) / gradient;
         }
         int merged = fabs(gradient) < KR_MERGED * largest;
         if (!(fabs(q - angles[i]) <= APART + 10.0 * off[i])) q = angles[i], merged = 1;  /* only a complex one is nearby */
@@ -117,7 +117,8 @@ int kr_circle_roots(const double k[6], double start, double tol, double gain, kr
                 q -= gradient_there / curvature;
             }
             if (step == POLISH) {
-                const double x = cos(q), y = sin(q), apart = sqrt(fmax(0.0, -2.0 * value(k, x, y) / bend(k, x, y)));
+                const double x = cos(q), y = sin(q), off_zero = kr_circle_value(k, x, y);
+                const double apart = sqrt(fmax(0.0, -2.0 * off_zero / bend(k, x, y)));
                 if (apart > KR_MERGED) {
                     const int known = among(steady, middles, q, APART) >= 0;
                     steady[middles++].angle = q;

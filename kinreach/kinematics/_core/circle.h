@@ -24,6 +24,9 @@ typedef struct {
     int free;    /* bits of the joints that took the seed's value */
 } kr_doubt;
 
+/* The function below at an angle with this cosine and sine. */
+double kr_circle_value(const double k[6], double c, double s);
+
 /* Angles at which k0 + k1 c + k2 s + k3 c c + k4 c s + k5 s s is 0, or almost. Four zeros are in the order of
  * their size, two have the same order all along.
  *

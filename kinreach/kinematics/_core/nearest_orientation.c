@@ -1,19 +1,22 @@
 /* Postures with the tip at a point are a surface for five joints and a curve for four. Where the orientation error is
  * stationary on it, or least on the part that limits leave, Newton's method (`stationary.c`) goes to from starting points.
  * These are found by holding joints: with all but three held, the others follow from the point (`three_joints.c`). Values of
- * the held ones are taken on a grid, and each posture from which one step of Newton's method is short is a start. Joints at
- * a limit are held there. Arms with three parallel axes have starts of their own (`pitched.c`). */
+ * the held ones are taken on a grid, and each posture from which one step of Newton's method is short is a start, as are some
+ * of each surface between points of the grid. Joints at a limit are held there. Arms with three parallel axes have starts of
+ * their own (`pitched.c`). */
 #include "core.h"
 
 #include "chain.h"
+#include "circle.h"
 #include "pitched.h"
 #include "stationary.h"
 #include "three_joints.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
-enum { N = KR_FIVE_JOINTS, CURVE = 72, SURFACE = 24, STARTS = 1024 };
+enum { N = KR_FIVE_JOINTS, CURVE = 72, SURFACE = 24, AROUND = 24, STARTS = 1024, CENTRES = 64 };
 /* A step of Newton's method is short [rad]. Starts closer than this, as a share of the step that leads to them, are one; so
  * are postures [rad]. */
 static const double SHORT = 3.0, SAME_START = 0.15, SAME = 1e-5;
@@ -30,6 +33,10 @@ typedef struct {
     int fixed;                                  /* a joint that does not matter, as a bit */
     int started;
     double starts[STARTS][N];
+    double function[6];                         /* of the last of three joints, 0 where they reach the point */
+    float grid[SURFACE * SURFACE][AROUND];      /* its values */
+    int centres;
+    double centre[CENTRES][N];                  /* of surfaces between points of the grid */
     int count;
     kr_stationary_posture found[KR_MAX_STATIONARY];
 } search;
@@ -103,7 +110,7 @@ static void reach(search *s, int held, int triple, double q[N]) {
     double B[48], angles[3 * KR_MAX_TRIPLES], step[N];
     const int n = s->goal.arm->n;
     chain_of(s->goal.arm, triple, q, B);
-    const int count = kr_three_joints(B, s->goal.p, angles);
+    const int count = kr_three_joints(B, s->goal.p, s->function, angles);
     for (int k = 0; k < count; k++) {
         for (int i = 0, part = 0; i < n; i++)
             if (triple >> i & 1) q[i] = angles[3 * k + part++];
@@ -121,23 +128,138 @@ static void reach(search *s, int held, int triple, double q[N]) {
     }
 }
 
+/* The joints but three and those held, then the last of the three. Returns how many. */
+static int variables(int n, int held, int triple, int joints[3]) {
+    int count = 0, last = 0;
+    for (int i = 0; i < n; i++) {
+        if (triple >> i & 1) last = i;
+        else if (!(held >> i & 1)) joints[count++] = i;
+    }
+    joints[count++] = last;
+    return count;
+}
+
+/* The function of the last of three joints that is 0 where they reach the point. */
+static double function_at(const search *s, int triple, int last, const double *q) {
+    double B[48], k[6];
+    chain_of(s->goal.arm, triple, q, B);
+    kr_three_joints(B, s->goal.p, k, NULL);
+    return kr_circle_value(k, cos(q[last]), sin(q[last]));
+}
+
+/* Go by Newton's method from a point of the grid to an extremum next to it. If the function has the other sign there, start
+ * from postures on all sides of it, unless that was done from another point. */
+static void enclosed(search *s, int held, int triple, const int *joints, int count, double q[N]) {
+    enum { STEPS = 5 };
+    static const double H = 1e-3, LONGEST = 0.3, MARGIN = 3.0, INSIDE = 0.7, SAME_CENTRE = 0.05;
+    const int last = joints[count - 1];
+    double bend[3], middle = function_at(s, triple, last, q), centre[N];
+    const double sign = middle < 0.0 ? 1.0 : -1.0;
+    for (int step = 0; step < STEPS; step++) {
+        double high[3], slope[3], x[3], M[9], at[N], longest = 0.0, gain = 0.0;
+        memcpy(at, q, sizeof at);
+        for (int i = 0; i < count; i++) {
+            at[joints[i]] = q[joints[i]] + H, high[i] = function_at(s, triple, last, at);
+            at[joints[i]] = q[joints[i]] - H;
+            const double low = function_at(s, triple, last, at);
+            at[joints[i]] = q[joints[i]];
+            slope[i] = x[i] = (low - high[i]) / (2.0 * H);
+            M[count * i + i] = bend[i] = (high[i] - 2.0 * middle + low) / (H * H);
+        }
+        for (int i = 0; i < count; i++)
+            for (int j = 0; j < i; j++) {
+                at[joints[i]] = q[joints[i]] + H, at[joints[j]] = q[joints[j]] + H;
+                const double both = function_at(s, triple, last, at);
+                M[count * i + j] = M[count * j + i] = (both - high[i] - high[j] + middle) / (H * H);
+                at[joints[i]] = q[joints[i]], at[joints[j]] = q[joints[j]];
+            }
+        if (!(kr_solve(count, 1, M, x) > 0.0)) return;
+        for (int i = 0; i < count; i++) longest = fmax(longest, fabs(x[i])), gain -= 0.5 * sign * slope[i] * x[i];
+        if (!(longest < INFINITY) || (step == 0 && sign * middle + MARGIN * gain <= 0.0)) return;
+        for (int i = 0; i < count; i++) q[joints[i]] += x[i] * fmin(1.0, LONGEST / longest);
+        middle = function_at(s, triple, last, q);
+        if (longest < H) break;
+    }
+    if (!(sign * middle > 0.0)) return;
+    memcpy(centre, q, sizeof centre);
+    for (int i = 0; i < s->goal.arm->n; i++)
+        if ((triple & ~(1 << last)) >> i & 1) centre[i] = 0.0;
+    for (int k = 0; k < s->centres; k++)
+        if (apart(s->goal.arm->n, s->centre[k], centre) < SAME_CENTRE) return;
+    if (s->centres < CENTRES) memcpy(s->centre[s->centres++], centre, sizeof centre);
+    reach(s, held, triple, q);
+    for (int i = 0; i + 1 < count; i++) {
+        const double radius = sqrt(fabs(2.0 * middle / bend[i]));
+        for (int side = -1; side <= 1 && radius < INFINITY; side += 2) {
+            memcpy(q, centre, sizeof centre);
+            q[joints[i]] += side * INSIDE * radius;
+            reach(s, held, triple, q);
+        }
+    }
+}
+
+/* The postures at the point are the zeros of one function of the joints. A surface, or a curve, so small that no point of the
+ * grid is inside encloses an extremum whose sign is not that of the points around: there a paraboloid through them comes
+ * to 0, or almost. */
+static void scan_between(search *s, int held, int triple, double q[N]) {
+    /* by how much the paraboloid may be too low; how far away it holds, in steps of the grid */
+    static const double MARGIN = 3.0, NEXT = 1.0;
+    int joints[3];
+    const int count = variables(s->goal.arm->n, held, triple, joints);
+    const int rows = count == 3 ? SURFACE : 1, columns = count == 3 ? SURFACE : CURVE;
+    s->centres = 0;
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < columns; j++) {
+            const float *at[3][3];
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++)
+                    at[a][b] = s->grid[columns * ((i + a + rows - 1) % rows) + (j + b + columns - 1) % columns];
+            for (int k = 0; k < AROUND; k++) {
+                const int less = k ? k - 1 : AROUND - 1, more = k + 1 < AROUND ? k + 1 : 0;
+                const float value = at[1][1][k], sign = value < 0.0f ? 1.0f : -1.0f;
+                const float near[3][2] = {
+                    {at[1][1][less], at[1][1][more]}, {at[1][0][k], at[1][2][k]}, {at[0][1][k], at[2][1][k]}};
+                double M[9], slope[3], x[3], gain = 0.0, longest = 0.0, bends = 0.0;
+                int d = 0;
+                for (; d < count && sign * near[d][0] < 0.0f && sign * near[d][1] < 0.0f; d++) {
+                    slope[d] = x[d] = 0.5 * (near[d][0] - near[d][1]);
+                    M[count * d + d] = near[d][0] + near[d][1] - 2.0 * value;
+                    bends -= sign * M[count * d + d];
+                }
+                if (d < count || -sign * value > 0.5 * MARGIN * bends) continue;
+                M[1] = M[count] = 0.25 * (at[1][2][more] - at[1][2][less] - at[1][0][more] + at[1][0][less]);
+                if (count == 3) {
+                    M[2] = M[6] = 0.25 * (at[2][1][more] - at[2][1][less] - at[0][1][more] + at[0][1][less]);
+                    M[5] = M[7] = 0.25 * (at[2][2][k] - at[2][0][k] - at[0][2][k] + at[0][0][k]);
+                }
+                if (!(kr_solve(count, 1, M, x) > 0.0)) continue;
+                for (d = 0; d < count; d++) longest = fmax(longest, fabs(x[d])), gain -= 0.5 * sign * slope[d] * x[d];
+                if (!(longest < NEXT) || !(MARGIN * gain > -sign * value)) continue;
+                q[joints[count - 1]] = KR_TURN * (k + 0.5) / AROUND - KR_PI;
+                q[joints[count - 2]] = KR_TURN * (j + 0.5) / columns - KR_PI;
+                if (count == 3) q[joints[0]] = KR_TURN * (i + 0.5) / rows - KR_PI;
+                enclosed(s, held, triple, joints, count, q);
+            }
+        }
+}
+
 /* Hold some joints, take values of all others but three on a grid. */
 static void scan_by(search *s, int held, int triple, int finer, double q[N]) {
-    const int n = s->goal.arm->n;
-    int others[2] = {0, 0}, count = 0;
-    for (int i = 0; i < n; i++)
-        if (!((held | triple) >> i & 1)) others[count++] = i;
-    if (count == 0) reach(s, held, triple, q);
-    const int curve = finer * CURVE, surface = finer * SURFACE;
-    for (int i = 0; count == 1 && i < curve; i++) {
-        q[others[0]] = KR_TURN * (i + 0.5) / curve - KR_PI;
-        reach(s, held, triple, q);
-    }
-    for (int i = 0; count == 2 && i < surface * surface; i++) {
-        q[others[0]] = KR_TURN * (i / surface + 0.5) / surface - KR_PI;
-        q[others[1]] = KR_TURN * (i % surface + 0.5) / surface - KR_PI;
-        reach(s, held, triple, q);
-    }
+    int joints[3];
+    const int count = variables(s->goal.arm->n, held, triple, joints);
+    const int columns = count == 3 ? finer * SURFACE : count == 2 ? finer * CURVE : 1, rows = count == 3 ? columns : 1;
+    double c[AROUND], sine[AROUND];
+    for (int k = 0; k < AROUND; k++)
+        c[k] = cos(KR_TURN * (k + 0.5) / AROUND - KR_PI), sine[k] = sin(KR_TURN * (k + 0.5) / AROUND - KR_PI);
+    for (int i = 0; i < rows; i++)
+        for (int j = 0; j < columns; j++) {
+            if (count == 3) q[joints[0]] = KR_TURN * (i + 0.5) / rows - KR_PI;
+            if (count > 1) q[joints[count - 2]] = KR_TURN * (j + 0.5) / columns - KR_PI;
+            reach(s, held, triple, q);
+            for (int k = 0; finer == 1 && count > 1 && k < AROUND; k++)
+                s->grid[columns * i + j][k] = (float)kr_circle_value(s->function, c[k], sine[k]);
+        }
+    if (finer == 1 && count > 1) scan_between(s, held, triple, q);
 }
 
 /* By the two best ways. Without limits the stationary postures on a closed curve or surface are even in number, because

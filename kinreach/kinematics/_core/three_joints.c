@@ -11,6 +11,7 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 /* Directions are dependent if their product is less, as a share of both; shares of squares below this are rounding. */
 static const double DEPENDENT = 1e-9, MERGE = 1e-9;
@@ -27,7 +28,7 @@ static void add_product(const double a[3], const double b[3], double factor, dou
 
 static double at(const double k[3], double c, double s) { return k[0] + k[1] * c + k[2] * s; }
 
-int kr_three_joints(const double B[48], const double p[3], double q[3 * KR_MAX_TRIPLES]) {
+int kr_three_joints(const double B[48], const double p[3], double function[6], double q[3 * KR_MAX_TRIPLES]) {
     const double *A = B + 12, *C = B + 24, *tip = B + 36;
     const double w[3] = {tip[3], tip[7], tip[11]};
     double away[3], f[3][3], height[3], square[3] = {0.0}, o[3], E[3], H[3];
@@ -58,17 +59,20 @@ int kr_three_joints(const double B[48], const double p[3], double q[3 * KR_MAX_T
     const double det = o[0] * n[1] - o[1] * n[0];
     const int independent = fabs(det) > DEPENDENT * fmax(1.0, sqrt(oo)) && oo > 0.0;
     double k[6] = {0.0};
+    memset(function, 0, 6 * sizeof *function);
     const double *m = oo > nn ? o : n, mm = oo > nn ? oo : nn;
     if (independent) {
         const double one[3] = {1.0, 0.0, 0.0};
         add_product(E, E, nn, k), add_product(H, H, oo, k), add_product(E, H, -2.0 * on, k);
         add_product(square, one, -det * det, k), add_product(height, height, det * det, k);
+        memcpy(function, k, sizeof k);
     } else {
         const double share = mm > 0.0 ? on / mm : 0.0;
         if (!(mm > MERGE)) return 0;
         for (int j = 0; j < 3; j++) k[j] = oo > nn ? H[j] - share * E[j] : E[j] - share * H[j];
     }
     double largest = 0.0;
+    if (!q) return 0;
     for (int j = 0; j < 6; j++) largest = fmax(largest, fabs(k[j]));
     if (!(largest > 0.0)) return 0;
     for (int j = 0; j < 6; j++) k[j] /= largest;
