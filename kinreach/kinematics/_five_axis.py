@@ -110,7 +110,7 @@ class FiveAxisKinematics(ClosedFormKinematics):
     the result has the posture that leaves least, and its reason says how much.
 
     Arms whose axes 2, 3 and 4 are parallel (SO-101, Koch, WidowX, ViperX, xArm5) are solved in closed form but for one
-    angle, which is searched; others by a search over two angles, a thousand times slower.
+    angle, which is searched; others by a search over two angles, 100 to 400 times slower.
 
     Args:
         arm: Name of a registered arm, or a description.
