@@ -10,13 +10,14 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.vec_env import VecNormalize
 
@@ -47,7 +48,7 @@ def export_policy(
     *,
     environment: str,
     options: Mapping[str, Any] | None = None,
-    normalize: VecNormalize | None = None,
+    normalize: VecNormalize | Literal[False] | None = None,
 ) -> LearnedPolicy:
     """Write the actor of a stable-baselines3 model as a policy file, which carries no code.
 
@@ -60,8 +61,8 @@ def export_policy(
         environment: Id of the environment that it acts in, such as `kinreach/Reach-v0`.
         options: Of that environment, as JSON values, as it was trained with them.
         normalize: The `VecNormalize` that it was trained with, such as `VecNormalize.load("vecnormalize.pkl", venv)`;
-            that of the model's environment if None. Its mean and variance become part of the network; what it would
-            clip, 10 standard deviations away, is not clipped.
+            that of the model's environment if None; False: it was trained without. Its mean and variance become part
+            of the network; what it would clip, 10 standard deviations away, is not clipped.
 
     Returns:
         The policy that was written.
@@ -78,16 +79,20 @@ def export_policy(
     if not isinstance(named, str) or not named:
         raise InputError(f"environment must be the id of one, such as kinreach/Reach-v0, got {shown(environment)}")
     path = check_path("path", path)
-    normalize = normalize or model.get_vec_normalize_env()
-    if normalize is None and getattr(model, "_last_original_obs", None) is not None:
+    if normalize is None:
+        normalize = model.get_vec_normalize_env()
+    off_policy = isinstance(model, OffPolicyAlgorithm)  # these note original observations in either case
+    told = off_policy and model.get_env() is not None
+    if normalize is None and not told and getattr(model, "_last_original_obs", None) is not None:
         raise InputError(
-            "it was trained with VecNormalize, whose statistics are in a file of their own: "
-            "export_policy(..., normalize=VecNormalize.load('vecnormalize.pkl', venv))"
+            f"it {'may have been' if off_policy else 'was'} trained with VecNormalize, whose statistics are in a file "
+            "of their own: export_policy(..., normalize=VecNormalize.load('vecnormalize.pkl', venv))"
+            + ("; normalize=False says that it was not" if off_policy else "")
         )
     check_trainable(model.observation_space, model.action_space)
     network = actor_network(model)
     check_export(model, network, type(model).__name__)
-    network = network if normalize is None else _normalised(network, normalize)
+    network = network if normalize is None or normalize is False else _normalised(network, normalize)
     card = PolicyCard(
         environment=environment,
         meaning="preferences" if isinstance(model.action_space, spaces.Discrete) else "action",

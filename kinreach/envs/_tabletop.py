@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
@@ -21,7 +22,7 @@ from kinreach.envs._options import EnvOptions, check_box_actions, in_dtype, opti
 from kinreach.envs._randomise import Randomisation, Ranges, about_randomise, check_randomise, drawn_of
 from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, held_in_limits, joint_limits, seen_joints
 from kinreach.envs._single import ArmEnv
-from kinreach.errors import InputError
+from kinreach.errors import InputError, UnknownOptionError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, Gripper
 from kinreach.sim import ArmSimulation, BatchSimulation
@@ -190,12 +191,23 @@ class TabletopOptions(EnvOptions):
         return cls(arguments=arguments, **{name: value for name, value in options.items() if name in own})
 
 
+def _check_arguments(kind: type[TabletopTask], given: Mapping[str, Any]) -> None:
+    """Refuse what is neither an option of the environments nor an argument of the task."""
+    takes = inspect.signature(kind).parameters
+    unknown = [name for name in given if name not in takes]
+    if unknown and all(one.kind is not inspect.Parameter.VAR_KEYWORD for one in takes.values()):
+        own = [entry.name for entry in fields(TabletopOptions) if entry.name not in ("arguments", "limit", "task")]
+        names = ", ".join(map(repr, unknown))
+        raise UnknownOptionError(f"got an unexpected keyword argument {names}; available: {', '.join([*takes, *own])}")
+
+
 class _Setup:
     """A task on its arm: what one environment and a batch of it have in common."""
 
     def __init__(self, options: TabletopOptions) -> None:
         task, given = options.task, options.arguments
         kind = _checked_class(load_object("task", task) if isinstance(task, str) else task)
+        _check_arguments(kind, given)
         try:
             self.task = made = kind(**given)
         except TypeError as error:

@@ -72,6 +72,24 @@ def test_what_cannot_be_exported_is_said(name, environment, settings, message, t
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(("name", "environment"), [("SAC", PENDULUM), ("TD3", PENDULUM), ("DQN", CARTPOLE)])
+def test_a_trained_off_policy_model_is_exported(name, environment, tmp_path):
+    """It keeps observations as one of VecNormalize does; once it is saved, nothing tells them apart."""
+    made = model(name, environment, learning_starts=8)
+    made.learn(20)
+    path = tmp_path / "p.safetensors"
+    export_policy(made, path, environment=environment)
+    made.save(tmp_path / "model.zip")
+    kind = getattr(stable_baselines3, name)
+    loaded = kind.load(tmp_path / "model.zip")
+    with pytest.raises(InputError, match="normalize=False says that it was not"):
+        export_policy(loaded, path, environment=environment)
+    for each, said in ((loaded, False), (kind.load(tmp_path / "model.zip", env=made.get_env()), None)):
+        policy = export_policy(each, path, environment=environment, normalize=said)
+        seen = np.zeros((1, *made.observation_space.shape))
+        np.testing.assert_allclose(policy.act(seen), made.predict(seen, deterministic=True)[0], atol=1e-5)
+
+
 @pytest.mark.parametrize("name", ["PPO", "SAC"])
 def test_normalised_observations_are_those_of_the_environment_in_the_policy(name, tmp_path, capsys):
     from stable_baselines3.common.env_util import make_vec_env

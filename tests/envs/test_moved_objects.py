@@ -115,6 +115,8 @@ def test_object_and_arm_are_a_choice():
     _, info = env.reset(seed=0)
     assert env.arm.name == "ur5e"
     assert info["position"][2] == pytest.approx(env.region.z[0] + 0.03, abs=1e-3)
+    with pytest.raises(TypeError, match=r"unexpected keyword argument 'control'; available: arm, shape, .*, reward"):
+        gym.make(PUSH, control="position")
     for wrong in ({"within": 0.0}, {"shape": "cone"}, {"size": 1.0}, {"reward": "mine"}, {"goal_env": 1}):
         with pytest.raises(InputError):
             gym.make(PUSH, **wrong)
