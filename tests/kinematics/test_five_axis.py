@@ -219,6 +219,22 @@ def test_surfaces_between_points_of_the_grid_are_found(tmp_path):
     assert tried == len(SMALL)
 
 
+def test_next_to_where_joint_1_turns_back_rounding_loses_none(tmp_path):
+    """There the multipliers are large, and the last steps of Newton's method are rounding."""
+    rng = np.random.default_rng([4067, 17])  # a pose of `tools.endurance.five_axes`
+    kin = kinematics_of(tmp_path, *random_pitched_joints(4, np.random.default_rng([16, 18])))
+    T = kin.fk(rng.uniform(-np.pi, np.pi, kin.n))
+    T[:3, :3] = orientations(rng)
+    found = kin.all_solutions(T, limits=False)
+    first = np.unique(found.q[:, 0].round(6))
+    assert len(found) == 8
+    assert len(first) == 2
+    assert np.ptp(first) < 2e-4
+    assert all(np.isclose(found.q[:, 0], each, atol=1e-6).sum() == 4 for each in first)
+    assert found.residual[:, 0].max() < 1e-9
+    assert apart(np.array((1.912953, 2.410629, -0.253409, -0.664491)), found.q).min() < 1e-4
+
+
 def test_minima_at_limits_are_those_of_what_the_limits_allow(kin):
     """Small motions within the limits, after which the tip is at its point again, never leave less."""
     rng, tried, at_limits = np.random.default_rng(3), 0, 0

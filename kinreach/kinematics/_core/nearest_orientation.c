@@ -203,7 +203,7 @@ static void enclosed(search *s, int held, int triple, const int *joints, int cou
  * to 0, or almost. */
 static void scan_between(search *s, int held, int triple, double q[N]) {
     /* by how much the paraboloid may be too low; how far away it holds, in steps of the grid */
-    static const double MARGIN = 3.0, NEXT = 1.0;
+    static const double MARGIN = 3.0, NEXT = 1.2;
     int joints[3];
     const int count = variables(s->goal.arm->n, held, triple, joints);
     const int rows = count == 3 ? SURFACE : 1, columns = count == 3 ? SURFACE : CURVE;

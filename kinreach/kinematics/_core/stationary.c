@@ -14,8 +14,9 @@
 
 enum { N = KR_FIVE_JOINTS, MOST_STEPS = 30 };
 /* Longest step of a joint [rad]; what is left where Newton's method has arrived [m, rad], and where it counts as arrived
- * after all steps, because there two stationary postures merge. */
-static const double MAX_JOINT_STEP = 0.3, ARRIVED = 1e-13, NEARLY = 1e-9;
+ * after all steps, because there two stationary postures merge; or as a share of the multipliers, which are large next to where
+ * the arm is singular: there rounding throws it about. */
+static const double MAX_JOINT_STEP = 0.3, ARRIVED = 1e-13, NEARLY = 1e-9, ROUNDED = 1e-11;
 /* Curvatures below this are zero, as a share of the trace's largest; pivots of equations, likewise. */
 static const double FLAT = 1e-7;
 
@@ -172,17 +173,24 @@ static int kind_of(const derivatives *d, const double lambda[3]) {
 int kr_make_stationary(const kr_stationary_goal *goal, kr_stationary_posture *posture) {
     derivatives d;
     double lambda[3], step[N], *q = posture->q;
+    double best[N], share = INFINITY;
     derive(goal, posture->held, q, &d);
     if (d.count < 3 || !least_squares(&d, lambda)) return 0;
     for (int k = 0;; k++) {
         const double rest = left(&d, lambda);
-        if (!(rest < INFINITY)) return 0;
         if (rest < ARRIVED) break;
-        if (k == MOST_STEPS) {
-            if (rest < NEARLY) break;
-            return 0;
+        if (rest / (1.0 + sqrt(dot(lambda, lambda))) < share) {
+            share = rest / (1.0 + sqrt(dot(lambda, lambda)));
+            memcpy(best, q, sizeof best);
         }
-        if (!newton_step(&d, lambda, step)) return 0;
+        if (k == MOST_STEPS && rest < NEARLY) break;
+        if (k == MOST_STEPS || !(rest < INFINITY) || !newton_step(&d, lambda, step)) {
+            if (!(share < ROUNDED)) return 0;
+            memcpy(q, best, sizeof best);
+            derive(goal, posture->held, q, &d);
+            if (!least_squares(&d, lambda)) return 0;
+            break;
+        }
         double longest = 0.0;
         for (int i = 0; i < goal->arm->n; i++) longest = fmax(longest, fabs(step[i]));
         if (!(longest < INFINITY)) return 0;
