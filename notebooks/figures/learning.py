@@ -144,7 +144,8 @@ def draw_episode_rewards(
     every = 1 if at is None else round(float(np.diff(episodes).mean()))
     dots = "one episode" if every == 1 else f"one episode in {every}"
     key(near, f"dot: {dots} · line: mean of the last {every * window} that were possible")
-    key(whole, f"all of them: {100 * (1 - possible.mean()):.1f} % were impossible, which pays −{-impossible:g}")
+    share = f"{100 * (1 - possible.mean()):.1f} % were impossible, which pays −{-impossible:g}"
+    key(whole, f"dots: all of them, {share} · line: as above")
     return figure
 
 
