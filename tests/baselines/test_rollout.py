@@ -149,6 +149,7 @@ class Scene:
     def __init__(self):
         self.unwrapped, self.home, self.accept = self, np.zeros(6), "the test"
         self.kinematics = SimpleNamespace(fk=lambda q: np.diag([1.0, -1.0, -1.0, 1.0]))
+        self.arm = SimpleNamespace(gripper=SimpleNamespace(sides=(0.05, 0.05)))
 
     def grasp_action(self, q, opening):
         return q, opening
