@@ -28,8 +28,9 @@ _OTHER_FILES = {
     ".srdf": "an SRDF, which says what MoveIt plans with: take the URDF beside it, and give this with --srdf",
     ".py": "a program: name the object in it that describes the arm, as MODULE:ATTRIBUTE",
     **dict.fromkeys((".zip", ".gz", ".tar", ".tgz", ".7z"), "an archive: unpack it"),
+    ".urp": "a program of a UR: --calibration FILE takes the robot's calibration from it",
     **dict.fromkeys(
-        (".urp", ".script", ".urscript"), "a program of a UR: kinreach simulate-ur --arm NAME --program FILE runs it"
+        (".script", ".urscript"), "a program of a UR: kinreach simulate-ur --arm NAME --program FILE runs it"
     ),
     **dict.fromkeys((".json", ".csv", ".txt", ".md", ".png", ".pdf"), "no description of an arm that is read"),
 }

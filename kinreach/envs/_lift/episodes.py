@@ -11,7 +11,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats
-from kinreach._rotations import turn
+from kinreach._rotations import turns_about_z
 from kinreach.envs._batch import Episodes, Flags, Ids, Outcome, RowStreams, texts, told_terms
 from kinreach.envs._goals import SPARSE, Told
 from kinreach.envs._lift.lift_task import (
@@ -52,7 +52,6 @@ LIFTED_REWARD = 20.0
 LOOK = 0.1
 #: What is to be achieved: the object's height [m], and the time for which it is held up [s].
 DESIRED = np.array([HEIGHT, HOLD])
-UP = np.array([0.0, 0.0, 1.0])
 ALL_DRAWN = LiftStart()
 _SHAPES = np.array(SHAPES, dtype=object)
 
@@ -127,7 +126,7 @@ class LiftEpisodes(Episodes):
             self._others[ids] = others + [0.0, 0.0, 1.0] * kinds.size[:, None]
         self.goals[ids] = places + [0.0, 0.0, 1.0] * kinds.size[:, None]
         self.yaws[ids] = rows[:, 2]
-        self._place[ids], self._rotation[ids] = self.goals[ids], [turn(UP, yaw) for yaw in rows[:, 2].tolist()]
+        self._place[ids], self._rotation[ids] = self.goals[ids], turns_about_z(rows[:, 2])[:, :3, :3]
         self._stage[ids], self._steps[ids] = STARTED, 0
         self._lifted_for[ids] = self._time[ids] = self._clearance[ids] = 0.0
         self._gripped[ids], self._reasons[ids], self._status[ids] = False, "", ""
