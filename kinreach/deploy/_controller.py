@@ -50,6 +50,11 @@ def rate_of(arm: ArmDescription) -> int:
     return 125 if ur_model(arm.name) in CB3 else 500
 
 
+def outlasting(longest: float) -> str:
+    """Return the reason of a run that ends after its time [s], while the program goes on."""
+    return f"the program takes longer than {longest:g} s"
+
+
 def check_is_ur(arm: ArmDescription) -> None:
     """Refuse an arm that has no UR controller."""
     if arm.joints != JOINTS or FLANGE not in arm.tips:
@@ -364,7 +369,7 @@ class Controller:
             rows.append(self._row())
         if self.runtime_state is RuntimeState.PLAYING:
             self._end_program()
-            self.reason = f"the program takes longer than {longest:g} s"
+            self.reason = outlasting(longest)
         t = self.cycle * np.arange(len(rows), dtype=np.float64)
         commanded, speeds, measured, measured_speeds = (np.array(column) for column in zip(*rows, strict=True))
         return Recording(

@@ -15,7 +15,7 @@ from kinreach._checks import check_number, printable
 from kinreach._files import read_text
 from kinreach._flags import posture_of
 from kinreach.cli import Parser, print_notes, say
-from kinreach.deploy._controller import Controller, check_is_ur, rate_of
+from kinreach.deploy._controller import Controller, check_is_ur, outlasting, rate_of
 from kinreach.deploy._remarks import fastest, tool_note, untouched
 from kinreach.deploy._rtde import RTDE_PORT, SCRIPT_PORT
 from kinreach.deploy._server import SimulatedUR
@@ -87,14 +87,15 @@ def _try_program(arm: ArmDescription, start: Sequence[float] | None, file: Path,
     done = robot.run(text, longest=longest)
     kin = ArmKinematics(arm, base="base")
     say(f"dry run  {fastest(kin, done.measured)}")
-    if not done.reason or done.commanded.duration >= longest:
+    goes_on = done.reason == outlasting(longest)
+    if goes_on or not done.reason:
         say(f"         {untouched(box.name for box in arm.workcell.obstacles)}")
     if note := tool_note(CollisionChecker(kin)):
         say(f"         {note}")
     q, tool = done.measured.q[-1], robot.tcp_pose(done.measured.q[-1])
     say(f"ends     {', '.join(f'{angle:.4f}' for angle in q)} rad")
     say(f"         tool {', '.join(f'{number:.4f}' for number in tool)}")
-    if done.commanded.duration >= longest:
+    if goes_on:
         say(f"         it goes on after these {longest:g} s; --longest lets it run longer")
     elif done.reason:
         raise InputError(f"{file} does not come to its end: {done.reason}")
