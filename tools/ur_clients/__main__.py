@@ -70,12 +70,18 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     rows = list[dict[str, object]]()
     for client in arguments.client or CLIENTS:
-        robot = simulated(arguments.address)
-        try:
-            rows += tried(client, arguments.address, arguments.python)
-        finally:
-            robot.terminate()
-            robot.communicate(timeout=60)
+        for last in (False, True):  # a client's own limits of 0.5 to 5 s run out on a machine that is busy
+            robot = simulated(arguments.address)
+            try:
+                these = tried(client, arguments.address, arguments.python)
+            finally:
+                robot.terminate()
+                robot.communicate(timeout=60)
+            failed = [row for row in these if not row["works"] and (client, row["call"]) not in REASONS]
+            if not failed or last:
+                break
+            print(f"{failed}: again", file=sys.stderr)
+        rows += these
     made = table(rows)
     print(made)
     head, _, kept = PAGE.read_text(encoding="utf-8").partition(MARK)

@@ -64,7 +64,17 @@ def main(address: str) -> None:
     })  # fmt: skip
     outputs.disconnect()
 
-    control = rtde_control.RTDEControlInterface(address)
+    control = None
+
+    def controls() -> bool:
+        nonlocal control
+        try:
+            control = rtde_control.RTDEControlInterface(address)
+        except RuntimeError:  # it waits for 5 s
+            return False
+        return True
+
+    assert eventually(controls)
     away = [home[0] + 0.2, *home[1:]]
     path = [[*away, 2.0, 4.0, 0.0], [home[0] + 0.3, home[1] + 0.1, *home[2:], 2.0, 4.0, 0.05], [*home, 2.0, 4.0, 0.0]]
     higher = [pose[0], pose[1], pose[2] + 0.05, *pose[3:]]
@@ -92,9 +102,10 @@ def main(address: str) -> None:
 
     def stopped_on_the_way() -> bool:
         control.moveJ([home[0] + 1.0, *home[1:]], 0.3, 1.0, True)
-        begun = moves() and control.getAsyncOperationProgressEx().isAsyncOperationRunning()
+        begun = eventually(lambda: robot.getActualQ()[0] - home[0] > 0.1)
+        begun = begun and eventually(lambda: control.getAsyncOperationProgressEx().isAsyncOperationRunning())
         control.stopJ(3.0)
-        return begun and stands() and 0.0 < robot.getActualQ()[0] - home[0] < 0.95
+        return begun and stands() and robot.getActualQ()[0] - home[0] < 0.95
 
     def uploaded_again() -> bool:
         control.stopScript()
