@@ -64,20 +64,13 @@ static void start_from(void *context, int held, const double *q) {
     kr_stationary_posture posture;
     if (s->count == KR_MAX_STATIONARY) return;
     memcpy(posture.q, q, arm->n * sizeof *q);
-    posture.held = held;
+    posture.held = held, posture.face = held & ~s->fixed;
     if (!kr_make_stationary(&s->goal, &posture)) return;
     if (posture.trace < OPPOSITE - 1.0) return;
-    const int face = held & ~s->fixed;
-    if (face && posture.kind != KR_MINIMUM) return;
-    for (int i = 0; i < arm->n; i++) {
-        if (!(face >> i & 1)) continue;
-        const int at_upper = fabs(posture.q[i] - arm->upper[i]) <= fabs(posture.q[i] - arm->lower[i]);
-        if (at_upper ? posture.slope[i] < -LEVEL : posture.slope[i] > LEVEL) return;
-    }
-    if (face && !within_limits(arm, posture.q)) return;
+    if (posture.face && !within_limits(arm, posture.q)) return;
     for (int k = 0; k < s->count; k++) {
         if (!(apart(arm->n, s->found[k].q, posture.q) < SAME)) continue;
-        if (face && !within_limits(arm, s->found[k].q)) s->found[k] = posture;  /* stationary a rounding past a limit, too */
+        if (posture.face && !within_limits(arm, s->found[k].q)) s->found[k] = posture;  /* stationary a rounding past a limit, too */
         return;
     }
     s->found[s->count++] = posture;
@@ -318,7 +311,7 @@ int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kin
     if (kind == 0 && !kr_is_rigid(T)) return -1;
     memset(s.goal.W, 0, sizeof s.goal.W);
     s.five = five, s.count = s.started = 0;
-    s.goal.arm = arm, s.goal.most = kind ? 1.0 : 3.0;
+    s.goal.arm = arm;
     for (int r = 0; r < 3; r++) {
         s.goal.p[r] = T[4 * r + 3];
         for (int c = kind ? 2 : 0; c < 3; c++) s.goal.W[3 * r + c] = T[4 * r + c];
@@ -335,7 +328,7 @@ int kr_nearest_orientations(const kr_five_axis *five, const kr_arm *arm, int kin
         const kr_stationary_posture *posture = s.found + k;
         row[1] = posture->kind;
         for (int i = 0; i < n; i++)
-            if ((posture->held & ~s.fixed) >> i & 1 && fabs(posture->slope[i]) > LEVEL) row[1] = 3.0;
+            if (posture->face >> i & 1 && fabs(posture->slope[i]) > LEVEL) row[1] = 3.0;
         if (limits ? !kr_wound(n, posture->q, wanted, arm->lower, arm->upper, SLACK, row + 2)
                    : !kr_allowed(arm, 2, T, posture->q, wanted, 0, MISSED, row + 2))
             continue;

@@ -118,7 +118,9 @@ typedef struct {
     double q5[GRID + 1];               /* in rising order, the first once more at the end */
     turning_point end[ENDS];
     sample grid[2][GRID];
-    int open[2][GRID + 1];             /* whether a posture between a sample and the next may be within the limits */
+    int open[2][GRID];                 /* whether a posture between a sample and the next may be within the limits */
+    int needed[2][GRID];               /* samples that exist, where it may be next to one or to the next */
+    double x[2][2][GRID], t[2][GRID];  /* x and t at the samples; x is NAN at those that are not needed */
     int covered[GRID];                 /* whether what is between them is next to an end */
 } search;
 
@@ -548,7 +550,14 @@ static void set_grid(search *s) {
         out[s->samples] = out[0], rolled[s->samples] = rolled[0];
         for (int i = 0; i < s->samples; i++)
             s->open[side][i] = !(out[i] && out[i] == out[i + 1]) && !(rolled[i] && rolled[i] == rolled[i + 1]);
-        s->open[side][s->samples] = s->open[side][0];
+        for (int i = 0; i < s->samples; i++) {
+            const int before = i > 0 ? i - 1 : s->samples - 1, earlier = before > 0 ? before - 1 : s->samples - 1;
+            const int *open = s->open[side], next = i + 1 < s->samples ? i + 1 : 0;
+            const sample *at = &s->grid[side][i];
+            s->needed[side][i] = at->exists && (open[i] || open[next] || open[before] || open[earlier]);
+            for (int k = 0; k < 2; k++) s->x[side][k][i] = s->needed[side][i] ? at->x[k] : NAN;
+            for (int k = 0; s->needed[side][i] && k < 2; k++) s->t[k][i] = at->t[k];
+        }
     }
 }
 
@@ -599,35 +608,53 @@ static void set_ends(search *s) {
     }
 }
 
-/* What a condition has at samples of rising u, around the circle or not. */
+/* What a condition has at samples of rising u: sample i is at FIRST + i, NAN is what there is not. Around the circle the last
+ * samples stand before the first, too, and the first after the last. Starts are sought between a sample and the next where
+ * `open` says so. */
+enum { FIRST = LEFT, PADDED = GRID + KNOWN - 1 };
 typedef struct {
-    int samples, around, flat[2], open[GRID], exists[GRID], sampled[GRID];
-    double u[GRID], square[GRID], value[2][GRID];
+    int intervals, flat[2], open[GRID];
+    double u[PADDED], square[PADDED], value[2][PADDED];
 } course;
 
-/* Its values at samples around one and the next, as far as they are known. */
-static values values_at(const course *of, const int *known, const double *value, int i) {
+/* Begin with samples of which nothing is known. */
+static void begin(course *of, int intervals) {
+    of->intervals = intervals, of->flat[0] = of->flat[1] = 0;
+    for (int i = 0; i < intervals + KNOWN - 1; i++) of->u[i] = of->square[i] = of->value[0][i] = of->value[1][i] = NAN;
+}
+
+static void close_circle(double *at, int samples, double turn) {
+    for (int i = 0; i < FIRST; i++) at[i] = at[samples + i] - turn;
+    for (int i = FIRST; i + 1 < KNOWN; i++) at[samples + i] = at[i] + turn;
+}
+
+/* The values around a sample and the next, as far as they are known. */
+static values values_at(const course *of, const double *value, int i) {
     values at = {.first = LEFT, .last = RIGHT};
-    const int samples = of->samples;
-    for (int k = 0; k < KNOWN; k++) {
-        const int index = i + k - LEFT, from = (index + samples) % samples;
-        at.u[k] = of->u[from] + (index < 0 ? -KR_TURN : index >= samples ? KR_TURN : 0.0), at.value[k] = value[from];
-    }
-    for (int k = LEFT; at.first == k && k > 0 && (of->around || i + k > LEFT); k--)
-        at.first -= known[(i + k - 1 - LEFT + samples) % samples];
-    for (int k = RIGHT; at.last == k && k + 1 < KNOWN && (of->around || i + k + 1 - LEFT < samples); k++)
-        at.last += known[(i + k + 1 - LEFT) % samples];
+    memcpy(at.u, of->u + i, sizeof at.u), memcpy(at.value, value + i, sizeof at.value);
+    while (at.first > 0 && !isnan(at.value[at.first - 1])) at.first--;
+    while (at.last + 1 < KNOWN && !isnan(at.value[at.last + 1])) at.last++;
     return at;
 }
 
-/* Whether values of one sign are farther from 0 than they change around them. */
-static int far(const course *of, const int *known, const double *value, int i) {
-    const int samples = of->samples, before = (i + samples - 1) % samples, next = (i + 1) % samples;
-    const int after = (i + 2) % samples;
-    const double v0 = fabs(value[i]), v1 = fabs(value[next]), change = fabs(value[next] - value[i]);
-    if ((value[i] > 0.0) != (value[next] > 0.0) || !known[before] || !known[after]) return 0;
-    if (!of->around && (i == 0 || i + 2 == samples)) return 0;
-    return fmin(v0, v1) > FAR * (change + fabs(value[i] - value[before]) + fabs(value[after] - value[next]));
+/* How much farther from 0 two values are than they change around. */
+static inline double excess(const double *v) {
+    const double here = fabs(v[0]), there = fabs(v[1]);
+    return (here < there ? here : there) - FAR * (fabs(v[0] - v[-1]) + fabs(v[1] - v[0]) + fabs(v[2] - v[1]));
+}
+
+/* Whether a value may be 0 between a sample and the next. */
+static int near(const double *value, int i) {
+    const double *v = value + FIRST + i;
+    return !isnan(v[0]) && !isnan(v[1]) && !(excess(v) > 0.0);
+}
+
+/* Add what is not 0 where it may. */
+static void mark(const course *of, const double *value, double marks[GRID]) {
+    for (int i = 0; i < of->intervals; i++) {
+        const double more = excess(value + FIRST + i);
+        marks[i] += more > 0.0 ? 0.0 : more - 1.0;
+    }
 }
 
 /* Where the root in phi is there at two samples, or at neither, it may be another way between them, and where it is at one,
@@ -662,21 +689,35 @@ static int ends_inside(const function *on, const values *at, int inner, int *bud
 
 /* Start from all zeros between samples. */
 static void start_along(const course *of, const function *on, int *budget) {
-    for (int i = 0; i < of->samples - !of->around; i++) {
-        const int next = (i + 1) % of->samples;
-        function f = *on;
-        f.which = END;
-        if (!of->open[i]) continue;
-        if (f.on->way == LENGTH && of->sampled[i] && of->sampled[next] && !far(of, of->sampled, of->square, i)) {
-            const values at = values_at(of, of->sampled, of->square, i);
+    const int rooted = on->on->way == LENGTH, ways = on->on->way == ALONG ? 1 : 2;
+    double marks[GRID] = {0.0};
+    function f = *on;
+    for (int which = 0; which < ways; which++)
+        if (!of->flat[which]) mark(of, of->value[which], marks);
+    if (rooted) mark(of, of->square, marks);
+    for (int i = 0; i < of->intervals; i++) {
+        if (marks[i] == 0.0 || !of->open[i]) continue;
+        if (rooted && near(of->square, i)) {
+            const values at = values_at(of, of->square, i);
+            f.which = END;
             if (ends_inside(&f, &at, 0, budget)) continue;
         }
-        for (f.which = 0; of->exists[i] && of->exists[next] && f.which < (f.on->way == ALONG ? 1 : 2); f.which++) {
-            if (of->flat[f.which] || far(of, of->exists, of->value[f.which], i)) continue;
-            const values at = values_at(of, of->exists, of->value[f.which], i);
+        for (f.which = 0; f.which < ways; f.which++) {
+            if (of->flat[f.which] || !near(of->value[f.which], i)) continue;
+            const values at = values_at(of, of->value[f.which], i);
             start_inside(&f, &at, budget);
         }
     }
+}
+
+/* What `evaluate` has of a direction, at all samples at once; and how often it is none. */
+static void differences(const search *s, const condition *on, int side, double *value, int *flat) {
+    for (int i = 0; i < s->samples; i++) {
+        const double x = s->x[side][0][i] - on->c[0], y = s->x[side][1][i] - on->c[1];
+        const double u = s->t[0][i] + on->e[0], v = s->t[1][i] + on->e[1];
+        value[i] = x * x + y * y - (u * u + v * v);
+    }
+    for (int i = 0; i < s->samples; i++) *flat += fabs(value[i]) < FLAT;
 }
 
 /* Zeros over q5 with q1 on one side. */
@@ -686,23 +727,22 @@ static void along(const search *s, const condition *on, int side, int *budget) {
     double both[2];
     int tried = 0;
     course of;
-    of.samples = samples, of.around = 1, of.flat[0] = of.flat[1] = 0;
-    for (int i = 0; i < samples; i++) {
-        const int before = (i + samples - 1) % samples, earlier = (i + samples - 2) % samples;
-        of.u[i] = s->q5[i], of.open[i] = open[i] && !s->covered[i];
-        of.exists[i] = 0, of.square[i] = of.value[0][i] = of.value[1][i] = 0.0;
-        of.sampled[i] = s->grid[side][i].exists && (open[i] || open[i + 1] || open[before] || open[earlier]);
-        if (!of.sampled[i]) continue;
-        tried++;
-        const double scale = evaluate(on, &s->grid[side][i], both, of.square + i);
+    begin(&of, samples);
+    memcpy(of.u + FIRST, s->q5, samples * sizeof *s->q5);
+    for (int i = 0; i < samples; i++) of.open[i] = open[i] && !s->covered[i], tried += s->needed[side][i];
+    if (on->way == ALONG) differences(s, on, side, of.value[0] + FIRST, of.flat);
+    for (int i = 0; on->way != ALONG && i < samples; i++) {
+        if (!s->needed[side][i]) continue;
+        const double scale = evaluate(on, &s->grid[side][i], both, of.square + FIRST + i);
         if (!(scale > 0.0)) continue;
-        of.exists[i] = 1;
         for (int which = 0; which < ways; which++) {
-            of.value[which][i] = both[which];
+            of.value[which][FIRST + i] = both[which];
             of.flat[which] += fabs(both[which]) < FLAT * scale;
         }
     }
+    close_circle(of.u, samples, KR_TURN), close_circle(of.square, samples, 0.0);
     for (int which = 0; which < ways; which++) {
+        close_circle(of.value[which], samples, 0.0);
         of.flat[which] = of.flat[which] > 2 && 4 * of.flat[which] > tried;
         if (!of.flat[which]) continue;
         /* joint 5 is free, as where the tip points along axis 1: it stays as near to where it is as it can */
@@ -712,7 +752,7 @@ static void along(const search *s, const condition *on, int side, int *budget) {
         const int stays = evaluate(on, &at, both, &there) > 0.0;
         for (int i = 0; i < samples && !stays; i++) {
             const double away = fabs(kr_wrapped(s->q5[i] - s->given[4]));
-            if (of.exists[i] && away < nearest) nearest = away, at = s->grid[side][i];
+            if (!isnan(of.value[which][FIRST + i]) && away < nearest) nearest = away, at = s->grid[side][i];
         }
         found(s, on, on->held, &at, which);
     }
@@ -725,14 +765,15 @@ static void around_end(const search *s, const condition *on, const turning_point
     const int ways = on->way == ALONG ? 1 : 2;
     double both[2];
     course of;
-    of.samples = ALONG_END, of.around = 0, of.flat[0] = of.flat[1] = 0;
+    begin(&of, ALONG_END - 1);
     for (int i = 0; i < ALONG_END; i++) {
-        of.u[i] = u_of(i), of.open[i] = 1, of.square[i] = 0.0, of.sampled[i] = end->at[i].exists;
-        const double scale = evaluate(on, end->at + i, both, of.square + i);
-        of.exists[i] = scale > 0.0;
+        of.u[FIRST + i] = u_of(i), of.open[i] = 1;
+        if (!end->at[i].exists) continue;
+        const double scale = evaluate(on, end->at + i, both, of.square + FIRST + i);
+        if (!(scale > 0.0)) continue;
         for (int which = 0; which < ways; which++) {
-            of.value[which][i] = of.exists[i] ? i < QUARTERS ? -both[which] : both[which] : 0.0;
-            of.flat[which] += of.exists[i] && fabs(both[which]) < FLAT * scale;
+            of.value[which][FIRST + i] = i < QUARTERS ? -both[which] : both[which];
+            of.flat[which] += fabs(both[which]) < FLAT * scale;
         }
     }
     for (int which = 0; which < ways; which++) of.flat[which] = of.flat[which] > 2;
@@ -800,6 +841,7 @@ void kr_pitched_starts(const kr_five_axis *five, const kr_stationary_goal *goal,
     s.upper = hypot(five->upper[0], five->upper[1]), s.fore = hypot(five->fore[0], five->fore[1]);
     s.upper_angle = atan2(five->upper[1], five->upper[0]), s.fore_angle = atan2(five->fore[1], five->fore[0]);
     s.given = q;
+    memset(s.t, 0, sizeof s.t);
     set_sums(&s);
     int count = free_pitches(&s, on);
     for (int k = 0; k < count; k++) memcpy(given[k], q, arm->n * sizeof *q);

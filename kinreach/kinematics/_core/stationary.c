@@ -19,6 +19,8 @@ enum { N = KR_FIVE_JOINTS, MOST_STEPS = 30 };
 static const double MAX_JOINT_STEP = 0.3, ARRIVED = 1e-13, NEARLY = 1e-9, ROUNDED = 1e-11;
 /* Curvatures below this are zero, as a share of the trace's largest; pivots of equations, likewise. */
 static const double FLAT = 1e-7;
+/* A slope that is none; and one that is clearly there, where so little is left. */
+static const double LEVEL = 1e-9, CLEARLY = 1e-3, NEXT_TO = 1e-7;
 
 typedef struct {
     int count, joints[N];           /* free joints */
@@ -108,22 +110,35 @@ int kr_stationary_step(const kr_stationary_goal *goal, int held, const double *q
     return least_squares(&d, lambda) && newton_step(&d, lambda, step);
 }
 
-/* How much is left of the gradient and of the way to the point. */
-static double left(const derivatives *d, const double lambda[3]) {
-    double most = sqrt(dot(d->away, d->away));
-    for (int k = 0; k < d->count; k++) {
-        const int i = d->joints[k];
-        double rest = d->first[i];
-        for (int r = 0; r < 3; r++) rest -= lambda[r] * d->J[r][i];
-        most = fmax(most, fabs(rest));
+/* By how much the trace grows with each joint while the tip stays. */
+static void slopes_of(int n, const derivatives *d, const double lambda[3], double slope[N]) {
+    for (int i = 0; i < n; i++) {
+        slope[i] = d->first[i];
+        for (int r = 0; r < 3; r++) slope[i] -= lambda[r] * d->J[r][i];
     }
+}
+
+/* How much is left of the gradient and of the way to the point. */
+static double left(const derivatives *d, const double slope[N]) {
+    double most = sqrt(dot(d->away, d->away));
+    for (int k = 0; k < d->count; k++) most = fmax(most, fabs(slope[d->joints[k]]));
     return most;
+}
+
+/* Whether the trace grows only beyond the limits at which joints are, or by no more than a slope that is none. */
+static int is_kept(const kr_arm *arm, const kr_stationary_posture *posture, double level) {
+    for (int i = 0; i < arm->n; i++) {
+        if (!(posture->face >> i & 1)) continue;
+        const int at_upper = fabs(posture->q[i] - arm->upper[i]) <= fabs(posture->q[i] - arm->lower[i]);
+        if (at_upper ? posture->slope[i] < -level : posture->slope[i] > level) return 0;
+    }
+    return 1;
 }
 
 /* The kind of stationary posture from the second derivative on the null space of J. */
 static int kind_of(const derivatives *d, const double lambda[3]) {
     const int m = d->count;
-    double basis[3][N], H[2][2], null[2][N];
+    double basis[3][N], L[N][N], H[2][2], null[2][N];
     if (m == 3) return KR_MINIMUM;
     for (int r = 0; r < 3; r++) {
         double square = 0.0;
@@ -155,12 +170,13 @@ static int kind_of(const derivatives *d, const double lambda[3]) {
             for (int k = 0; k < m; k++) null[v][k] = x[k] / sqrt(square);
         }
     }
+    for (int k = 0; k < m; k++)
+        for (int l = k; l < m; l++) L[k][l] = L[l][k] = second(d, lambda, d->joints[k], d->joints[l]);
     for (int v = 0; v < m - 3; v++)
         for (int u = 0; u <= v; u++) {
             H[u][v] = 0.0;
             for (int k = 0; k < m; k++)
-                for (int l = 0; l < m; l++)
-                    H[u][v] += null[u][k] * null[v][l] * second(d, lambda, d->joints[k], d->joints[l]);
+                for (int l = 0; l < m; l++) H[u][v] += null[u][k] * null[v][l] * L[k][l];
         }
     double low = H[0][0], high = H[0][0];
     if (m == 5) {
@@ -171,41 +187,43 @@ static int kind_of(const derivatives *d, const double lambda[3]) {
 }
 
 int kr_make_stationary(const kr_stationary_goal *goal, kr_stationary_posture *posture) {
+    const int n = goal->arm->n;
     derivatives d;
-    double lambda[3], step[N], *q = posture->q;
-    double best[N], share = INFINITY;
+    double lambda[3], step[N], best[N], share = INFINITY, *q = posture->q, *slope = posture->slope;
     derive(goal, posture->held, q, &d);
     if (d.count < 3 || !least_squares(&d, lambda)) return 0;
     for (int k = 0;; k++) {
-        const double rest = left(&d, lambda);
+        slopes_of(n, &d, lambda, slope);
+        const double rest = left(&d, slope), of_all = rest / (1.0 + sqrt(dot(lambda, lambda)));
+        if (rest < NEXT_TO && !is_kept(goal->arm, posture, CLEARLY)) return 0;
         if (rest < ARRIVED) break;
-        if (rest / (1.0 + sqrt(dot(lambda, lambda))) < share) {
-            share = rest / (1.0 + sqrt(dot(lambda, lambda)));
-            memcpy(best, q, sizeof best);
-        }
+        if (of_all < share) share = of_all, memcpy(best, q, sizeof best);
         if (k == MOST_STEPS && rest < NEARLY) break;
         if (k == MOST_STEPS || !(rest < INFINITY) || !newton_step(&d, lambda, step)) {
             if (!(share < ROUNDED)) return 0;
             memcpy(q, best, sizeof best);
             derive(goal, posture->held, q, &d);
             if (!least_squares(&d, lambda)) return 0;
+            slopes_of(n, &d, lambda, slope);
             break;
         }
         double longest = 0.0;
-        for (int i = 0; i < goal->arm->n; i++) longest = fmax(longest, fabs(step[i]));
+        for (int i = 0; i < n; i++) longest = fmax(longest, fabs(step[i]));
         if (!(longest < INFINITY)) return 0;
         const double scale = longest > MAX_JOINT_STEP ? MAX_JOINT_STEP / longest : 1.0;
-        for (int i = 0; i < goal->arm->n; i++) q[i] += scale * step[i];
+        for (int i = 0; i < n; i++) q[i] += scale * step[i];
         derive(goal, posture->held, q, &d);
         if (scale < 1.0 && !least_squares(&d, lambda)) return 0;
-        if (longest < 1e-9 && left(&d, lambda) < 1e-11) break;  /* rounding is left */
+        if (longest < 1e-9) {  /* rounding is left */
+            slopes_of(n, &d, lambda, slope);
+            if (left(&d, slope) < 1e-11) break;
+        }
     }
-    for (int i = 0; i < goal->arm->n; i++) {
-        posture->slope[i] = d.first[i];
-        for (int r = 0; r < 3; r++) posture->slope[i] -= lambda[r] * d.J[r][i];
-        if (!(posture->held >> i & 1)) q[i] = kr_wrapped(q[i]);
-    }
+    if (!is_kept(goal->arm, posture, LEVEL)) return 0;
     posture->trace = d.f;
     posture->kind = kind_of(&d, lambda);
+    if (posture->face && posture->kind != KR_MINIMUM) return 0;
+    for (int i = 0; i < n; i++)
+        if (!(posture->held >> i & 1)) q[i] = kr_wrapped(q[i]);
     return 1;
 }
