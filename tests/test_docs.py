@@ -409,11 +409,13 @@ def test_the_code_of_a_page_runs(page, capsys):
 
 
 @pytest.mark.usefixtures("needs_gl")
+@pytest.mark.slow
 def test_the_code_of_the_page_on_seeing_runs(capsys):
     exec(compile(blocks(DOCS / "guides/seeing.md"), "seeing", "exec"), {"__name__": "seeing"})
     assert "[ True  True]" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_code_of_the_page_on_training_runs(capsys, tmp_path, monkeypatch):
     pytest.importorskip("onnx"), pytest.importorskip("onnxruntime")
     monkeypatch.chdir(tmp_path)

@@ -95,6 +95,7 @@ def numbers(pattern: str, text: str) -> list[float]:
     return [float(found) for found in re.findall(pattern, text)]
 
 
+@pytest.mark.slow
 def test_my_ur(run):
     text = run("01_my_ur")
     assert len(re.findall(r"^\d [\[ -].* free$", text, re.MULTILINE)) >= 2
@@ -213,6 +214,7 @@ def test_behaviour_cloning(run):
     assert numbers(r"distance: ([\d.]+) mm", text)[0] < 10
 
 
+@pytest.mark.slow
 def test_so101(run):
     pytest.importorskip("placo")
     text = run("19_so101")
@@ -258,6 +260,7 @@ def test_calibrated_ur(run):
     assert real < 0.1 < 1.0 < nominal
 
 
+@pytest.mark.slow
 def test_calibrate(run, tmp_path):
     text = run("16_calibrate")
     assert "rows         20 used, 0 dropped" in text

@@ -91,6 +91,7 @@ def imports_in(part: ast.AST, path: Path) -> Iterator[str]:
             yield from (f"{source}.{alias.name}" for alias in node.names)
 
 
+@pytest.mark.slow
 def test_imports_point_downwards_only():
     wrong, edges, seen = [], 0, set()
     for path in MODULES:
@@ -136,6 +137,7 @@ def test_rooms_use_each_other_through_their_doors():
 INSIDE = re.compile(rf"\bkinreach\.({'|'.join(ROOMS)})(\.\w+)*?(\.| import )_(?!_)\w")
 
 
+@pytest.mark.slow
 def test_tests_of_rooms_go_through_their_doors():
     """At least half of the lines of the tests are in files that name nothing private of a room."""
     lines = {True: 0, False: 0}
@@ -195,6 +197,7 @@ def test_import_loads_no_engine(run_python):
     assert done.stdout.strip() == "[] True"
 
 
+@pytest.mark.slow
 def test_an_episode_loads_few_modules(run_python):
     """What a reader has to open to follow one goal from `gym.make` to its reward."""
     code = (
@@ -209,6 +212,7 @@ def test_an_episode_loads_few_modules(run_python):
     assert 40 <= int(done.stdout) <= 72
 
 
+@pytest.mark.slow
 def test_kinematics_loads_no_simulator_and_no_learner(run_python):
     heavy = {"gymnasium", "mujoco", "torch", "stable_baselines3", "cv2", "matplotlib", "placo", "trimesh"}
     heavy |= {"scipy"}
@@ -273,6 +277,7 @@ class TestIncompatibleInstallation:
         assert len(done.stdout.splitlines()) == 1
         self.check(done.stdout)
 
+    @pytest.mark.slow
     def test_command_ends_in_one_line(self, run_python, broken):
         done = run_python("-m", "kinreach", "compare", "--goals", "1", before=broken)
         assert done.returncode == 2

@@ -98,6 +98,7 @@ def test_the_python_code_prints_what_is_shown(capsys):
     assert len(shown) == text.count("```python") == 1
 
 
+@pytest.mark.slow
 def test_the_film_is_of_the_command_that_is_shown(tmp_path, capsys, monkeypatch):
     """It runs as it stands there, and says what the film says."""
     commands = README.read_text().replace("\\\n    ", "").splitlines()

@@ -118,6 +118,7 @@ def test_the_curve_tells_rewards_how_far_the_training_is():
 
 
 @pytest.mark.parametrize("name", ["button", "button-dqn"])
+@pytest.mark.slow
 def test_recipes_train_go_on_and_export_what_they_trained(name, tmp_path):
     recipe = small(name)
     run = train(recipe, tmp_path / "a", seed=1)
@@ -147,6 +148,7 @@ def test_an_evaluation_observes_what_the_training_did(name, size, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["button", "button-dqn-report-actuation"])
+@pytest.mark.slow
 def test_evaluation_knows_nothing_of_the_training_reward(name, tmp_path):
     """Two policies of equal numbers, one said to be trained with another reward: every figure is the same."""
     run = train(small(name), tmp_path, seed=0)
@@ -164,6 +166,7 @@ def test_evaluation_knows_nothing_of_the_training_reward(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["button", *slow("button-report")])
+@pytest.mark.slow
 def test_the_policies_of_the_package_press(name):
     policy = load_policy(name, environment=BUTTON)
     found = evaluate(policy, goals=200, options=policy.card.recipe["options"])
@@ -172,6 +175,7 @@ def test_the_policies_of_the_package_press(name):
     assert np.median(found.measures["steps"]) < 40
 
 
+@pytest.mark.slow
 def test_n_step_returns_end_where_a_segment_ends(tmp_path, monkeypatch):
     """The next segment begins with other episodes: nothing of them may follow a row of the last."""
     trainees = []
@@ -197,6 +201,7 @@ def test_n_step_returns_end_where_a_segment_ends(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("exploration", [*slow(0.1), 0.9])
+@pytest.mark.slow
 def test_a_dqn_that_was_interrupted_gives_what_no_interruption_gives(exploration, tmp_path):
     """Also where the first action after an interruption is most likely one of chance."""
     recipe = small("button-dqn")

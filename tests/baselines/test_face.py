@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 from kinreach import baselines
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,6 +35,7 @@ def test_pages_and_examples_import_from_here_alone():
     assert imports > 10
 
 
+@pytest.mark.slow
 def test_a_policy_acts_without_torch(run_python):
     code = (
         "import sys, kinreach.baselines as b\n"

@@ -31,6 +31,7 @@ def trained(tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, tmp_path):
     policies = [str(trained / f"ranked-single/seed-{seed}/policy.safetensors") for seed in (0, 1)]
     written = tmp_path / "new" / "evaluation.json"
@@ -131,6 +132,7 @@ def test_bad_input_is_one_line_before_any_episode(arguments, message, capsys, mo
         ),
     ],
 )
+@pytest.mark.slow
 def test_an_interruption_says_how_to_go_on(more, said, tmp_path, monkeypatch, capsys):
     def stop(row):
         raise KeyboardInterrupt
@@ -223,6 +225,7 @@ def test_a_card_with_options_that_nothing_takes_is_one_line(options, tmp_path, c
     assert next(iter(options)).replace("_", " ").split()[-1] in errors
 
 
+@pytest.mark.slow
 def test_going_on_with_other_code_is_one_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(provenance, "source_digest", lambda: "0123456789ab")
     recipe = small("ranked-single")
@@ -264,6 +267,7 @@ def test_help_lists_the_recipes(capsys):
     assert "thesis-ppo-single" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_bar_shows_each_seed_and_how_far_it_is(tmp_path, monkeypatch, capsys):
     calls = []
 

@@ -25,6 +25,7 @@ def test_an_episode_begins_with_what_stays_the_same(name, numbers):
 
 
 @pytest.mark.parametrize("name", ["ranked-lift", "ranked-lift-range"])
+@pytest.mark.slow
 def test_a_policy_begins_at_the_start_pose_with_fingers_nearly_closed(name):
     recipe = replace(get_recipe(name), num_envs=64, steps=64, window=64)
     trainee = build(recipe, 0, steps=64)

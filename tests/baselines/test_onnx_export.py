@@ -58,6 +58,7 @@ def test_a_model_of_single_precision(tmp_path):
 
 
 @pytest.mark.parametrize("walks", [False, True])
+@pytest.mark.slow
 def test_a_policy_that_sees_pictures(walks, tmp_path):
     policy = load_policy("pixels-single")
     if walks:

@@ -74,6 +74,7 @@ def test_eyes_find_where_something_is():
         assert down == pytest.approx(2 * (row / 4) / 7 - 1)
 
 
+@pytest.mark.slow
 def test_looks_are_what_the_environment_shows(needs_gl):
     task = ReachTask(ReachOptions(backend="kinematic", **SIZE), SINGLE_STEP)
     goals = task.training_starts(np.random.default_rng(0), 5, beyond=0.0)["goal"]
@@ -88,6 +89,7 @@ def test_looks_are_what_the_environment_shows(needs_gl):
     assert len(np.unique(looks.pictures.reshape(5, -1), axis=0)) == 5
 
 
+@pytest.mark.slow
 def test_the_file_acts_as_the_model_that_was_trained(run, tmp_path):
     """In the environment itself, alone and in a batch; with a torch forward of the file's own tensors beside it."""
     batch = make_batch(SINGLE, 6, PIXELS)
@@ -119,6 +121,7 @@ def test_the_file_acts_as_the_model_that_was_trained(run, tmp_path):
     np.testing.assert_array_equal(load_policy(tmp_path / "again.safetensors").act(seen), actions)
 
 
+@pytest.mark.slow
 def test_evaluation_shows_it_pictures_of_its_size(run):
     found = evaluate(run.policy, goals=5, seed=VALIDATION, options={"backend": "kinematic"})
     assert len(found.trials) == 5

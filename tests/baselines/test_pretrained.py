@@ -67,6 +67,7 @@ def flat(value, path=()):
 
 
 @pytest.mark.parametrize(("name", "command"), list(measured(seen=False)))
+@pytest.mark.slow
 def test_what_a_card_says_was_measured_is_measured_again(name, command, tmp_path):
     measure_again(name, command, tmp_path)
 
@@ -116,6 +117,7 @@ def test_every_policy_says_what_it_does():
         assert sorted(commands) == sorted(wanted + cameras)
 
 
+@pytest.mark.slow
 def test_the_ranked_policies_reach_in_dynamics_too():
     """A sample: the whole is measured again in the slow tests."""
     for name in ("ranked-single", "ranked-multi"):
@@ -147,6 +149,7 @@ def test_cards_are_those_of_the_recipes_as_they_are():
         assert max(card.goal_seeds["training"]) < 2**31 < card.goal_seeds["held_out"] == HELD_OUT
 
 
+@pytest.mark.slow
 def test_policies_run_without_the_libraries_that_trained_them():
     code = (
         "import sys; from kinreach.cli import main; "

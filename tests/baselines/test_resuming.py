@@ -46,6 +46,7 @@ def test_the_same_seed_gives_the_same_policy(name, uninterrupted, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "kept"), [*((name, 1) for name in SMALL), ("ranked-single", 2)])
+@pytest.mark.slow
 def test_going_on_gives_what_no_interruption_gives(name, kept, uninterrupted, tmp_path):
     whole = uninterrupted[name].folder
     interrupted(small(name), tmp_path, kept)
@@ -162,6 +163,7 @@ def test_without_resume_a_finished_run_is_replaced_by_one_with_more(uninterrupte
 
 
 @pytest.mark.parametrize("name", ["ranked-single", *slow(*(name for name in SMALL if name != "ranked-single"))])
+@pytest.mark.slow
 def test_a_finished_run_goes_on_with_more_steps(name, uninterrupted, tmp_path):
     """The same bits, interrupted or not; until it is longer the finished run stays; and it goes on again."""
     finished, recipe = uninterrupted[name].folder, small(name)
@@ -213,6 +215,7 @@ def test_a_second_training_in_a_folder_is_refused_and_the_first_is_safe(uninterr
     train(recipe, tmp_path, seed=4, resume=True)  # the folder is free again
 
 
+@pytest.mark.slow
 def test_a_refused_training_leaves_no_folder(tmp_path):
     """Nor the folders around it that it made; what was there stays."""
     refused = replace(get_recipe("ppo-single"), settings={**get_recipe("ppo-single").settings, "no_such": 1})
@@ -248,6 +251,7 @@ def test_a_new_run_in_an_old_folder_begins_without_the_old_results(tmp_path):
         train(small("ranked-single"), tmp_path, seed=5)
 
 
+@pytest.mark.slow
 def test_going_on_with_other_code_is_said_and_written_down(tmp_path, monkeypatch):
     recipe, said = small("ranked-single"), []
     now = source_digest()
@@ -319,6 +323,7 @@ def damaged(path):
         yield content.getvalue()
 
 
+@pytest.mark.slow
 def test_with_a_checkpoint_that_cannot_be_read_the_training_starts_over(uninterrupted, tmp_path):
     def stop(done, planned, row):
         raise KeyboardInterrupt

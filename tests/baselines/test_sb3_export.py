@@ -91,6 +91,7 @@ def test_a_trained_off_policy_model_is_exported(name, environment, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["PPO", "SAC"])
+@pytest.mark.slow
 def test_normalised_observations_are_those_of_the_environment_in_the_policy(name, tmp_path, capsys):
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import VecNormalize

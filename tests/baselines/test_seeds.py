@@ -34,6 +34,7 @@ def run(recipe, folders, **options):
     return runs, shown, notices
 
 
+@pytest.mark.slow
 def test_each_seed_is_what_train_makes_of_it(recipe, tmp_path):
     folders = {seed: tmp_path / f"seed-{seed}" for seed in (3, 4)}
     runs, shown, notices = run(recipe, folders)
@@ -48,6 +49,7 @@ def test_each_seed_is_what_train_makes_of_it(recipe, tmp_path):
         assert (folder / "curve.csv").read_text() == (alone / "curve.csv").read_text()
 
 
+@pytest.mark.slow
 def test_what_is_finished_stays_and_what_was_interrupted_goes_on(recipe, tmp_path):
     folders = {seed: tmp_path / f"seed-{seed}" for seed in (4, 5)}
     interrupted(recipe, folders[4], 1)
@@ -68,6 +70,7 @@ def test_what_is_finished_stays_and_what_was_interrupted_goes_on(recipe, tmp_pat
     assert shown[-1] == (64, 64)
 
 
+@pytest.mark.slow
 def test_finished_seeds_go_on_with_more_steps(recipe, tmp_path):
     folders = {seed: tmp_path / f"seed-{seed}" for seed in (4, 5)}
     run(recipe, folders, start="ranked-single")

@@ -39,6 +39,7 @@ def test_every_policy_that_ships_begins_a_training_of_its_recipe(name):
         assert model.rate <= 1e-5  # else the first update undoes what the policy knows
 
 
+@pytest.mark.slow
 def test_a_training_that_begins_with_a_policy_keeps_what_it_knows(tmp_path):
     recipe = small("ranked-single")
     run = train(recipe, tmp_path / "run", seed=4, start="ranked-single")

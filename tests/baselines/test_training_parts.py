@@ -172,6 +172,7 @@ def test_walking_ends_where_one_step_ends(arm):
     np.testing.assert_allclose(outcomes[0][possible], outcomes[1][possible], atol=1e-5)
 
 
+@pytest.mark.slow
 def test_blur_is_shared_within_a_group_and_has_its_size():
     env = TriesVecEnv(
         batch(SINGLE, 4096), tries=8, draw=lambda rng, n: {"goal": np.tile([0.4, 0.0, -0.175], (n, 1))}, steps=1,
@@ -286,6 +287,7 @@ def test_episodes_that_a_segment_cuts_off_are_cut_off_in_the_replay_buffer():
     assert cuts == [1]
 
 
+@pytest.mark.slow
 def test_environments_of_the_first_observations_are_closed(closings):
     closed = closings(_batch, "_make")
     observations = _batch.first_observations("kinreach/Reach-v0", {"backend": "kinematic"}, seed=0)

@@ -55,6 +55,7 @@ def test_one_training_leaves_the_doubt_of_the_goals(statistic):
     assert trainings_interval(values, statistic, seed=8) == pytest.approx(goals)
 
 
+@pytest.mark.slow
 def test_it_is_never_narrower_than_either_part():
     rng = np.random.default_rng(11)
     cases = 0
@@ -75,6 +76,7 @@ def test_it_is_never_narrower_than_either_part():
     assert cases == 400
 
 
+@pytest.mark.slow
 def test_shares_are_covered_where_trainings_differ():
     """Trainings draw their own probability to succeed; taking their episodes for independent trials covers little."""
     rng = np.random.default_rng(0)
@@ -92,6 +94,7 @@ def test_shares_are_covered_where_trainings_differ():
 
 
 @pytest.mark.parametrize(("statistic", "spread"), [(mean, 0.2), (median, 0.2), *slow((mean, 0.0), (mean, 1.0))])
+@pytest.mark.slow
 def test_distances_are_covered_where_trainings_and_goals_differ(statistic, spread):
     """Goals are harder or easier for all trainings alike; trainings are worse or better on all goals alike."""
     rng = np.random.default_rng(1)

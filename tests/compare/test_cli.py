@@ -162,6 +162,7 @@ def test_help_lists_the_options_of_a_task_with_units(task, flags, capsys):
         assert word not in said
 
 
+@pytest.mark.slow
 def test_ctrl_c_is_one_line_and_keeps_what_is_finished(tmp_path, root):
     command = [sys.executable, "-m", "kinreach.compare", "--goals", "5000", "--methods", "closed-form"]
     running = subprocess.Popen(

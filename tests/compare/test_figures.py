@@ -51,6 +51,7 @@ def test_a_method_that_looks_do_not_change_is_a_sentence(texts):
     assert "open: 0 looks before · filled: 5" in second.get_title(loc="left")
 
 
+@pytest.mark.slow
 def test_a_map_has_a_panel_a_method_and_crosses_where_it_failed(texts):
     rng = np.random.default_rng(0)
     goals = rng.uniform((0.3, -0.3, 0), (0.65, 0.3, 0), (40, 3))

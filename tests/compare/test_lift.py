@@ -30,6 +30,7 @@ class Aside:
 
 
 @pytest.mark.usefixtures("needs_placo")
+@pytest.mark.slow
 def test_failures_add_up():
     own = get_task("lift").methods
     methods = {"closed-form": own["closed-form"], "placo": own["placo"], "aside": Aside}
@@ -46,6 +47,7 @@ def test_failures_add_up():
 
 
 @pytest.mark.usefixtures("needs_placo")
+@pytest.mark.slow
 def test_another_arm_and_another_object():
     found = compare("lift", goals=3, arm="ur5e", options={"shapes": ("cube",), "sizes": (0.03,)})
     assert [entry["reached"] for entry in found["methods"]] == [1.0, 1.0]
@@ -53,6 +55,7 @@ def test_another_arm_and_another_object():
     assert "lifts" in found["settings"]["title"]
 
 
+@pytest.mark.slow
 def test_a_policy_of_small_steps_acts_in_small_steps():
     """In the same table as grasps in one decision, under its name and as a file, for the same objects."""
     file = str(resources.files("kinreach.baselines") / "pretrained" / "ppo-lift-multi.safetensors")

@@ -65,6 +65,7 @@ def test_it_checks_no_collisions_where_they_do_not_count(monkeypatch):
     assert info["is_success"]
 
 
+@pytest.mark.slow
 def test_it_keeps_a_way_out_if_sights_are_noisy():
     """Of 60 such balls it collided with 21 before, and touched 37."""
     options, ends = {"noise": 0.01, "speeds": (0.4,)}, Counter()
@@ -77,6 +78,7 @@ def test_it_keeps_a_way_out_if_sights_are_noisy():
     assert ends[True, False] >= 3
 
 
+@pytest.mark.slow
 def test_travel_times_are_those_of_the_arm():
     """As the environment moves joints, at a thousandth of a second: no earlier, and hardly later."""
     rng, checked = np.random.default_rng(1), 0
@@ -93,6 +95,7 @@ def test_travel_times_are_those_of_the_arm():
     assert checked == 180
 
 
+@pytest.mark.slow
 def test_on_disk(tmp_path, capsys):
     arguments = ["--task", "moving", "--goals", "3", "--speeds", "0.1,0.3", "--methods", "first-sight,last-sight"]
     assert main(["compare", *arguments, "--out", str(tmp_path)]) == 0

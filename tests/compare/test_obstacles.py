@@ -14,6 +14,7 @@ def results():
     return {entry["name"]: entry for entry in found["methods"]}
 
 
+@pytest.mark.slow
 def test_without_obstacles_all_arrive(results):
     for name in METHODS:
         assert results[name]["reached_among"]["0"] == 1.0, name
@@ -55,6 +56,7 @@ def test_a_task_without_postures_has_no_motion(tmp_path, capsys):
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_on_disk(tmp_path, capsys):
     arguments = ["--task", "obstacles", "--goals", "2", "--clutter", "4", "--methods", "closed-form", "--motion"]
     assert main(["compare", *arguments, "--out", str(tmp_path)]) == 0

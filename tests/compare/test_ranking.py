@@ -49,6 +49,7 @@ def test_p_values_are_those_of_scipy():
     assert paired_p(8, 1) == pytest.approx(20 / 512)  # p 0.04, where Wilson's intervals of 15 and 8 of 30 overlap
 
 
+@pytest.mark.slow
 def test_goals_reached_are_told_apart_by_what_only_one_reached():
     apart = 0
     for seed in range(20):
@@ -82,6 +83,7 @@ def test_eight_goals_to_one_separate_two_methods_whose_intervals_overlap():
     assert found.reached["b"].words(reached=True) == "reached only here: 1, only by a: 8; McNemar's exact p = 0.039"
 
 
+@pytest.mark.slow
 def test_distances_are_told_apart_by_the_sign_test_and_by_what_is_resolved():
     """Among methods that reach as many goals as any; as scipy's binomial test of signs, ties left out."""
     apart = close = 0

@@ -53,6 +53,7 @@ def test_the_parts_of_a_distance_sum_to_it():
     assert budget(goal, goal, goal, tip) == pytest.approx((0.0, 0.0, np.linalg.norm(tip - goal)))
 
 
+@pytest.mark.slow
 def test_who_reaches(results):
     shares = {found["name"]: found["reached"] for found in results["methods"]}
     assert shares.pop("thesis-ppo-single") == 0.0
@@ -86,6 +87,7 @@ def test_kinds_and_what_they_are_given(results):
     assert {f"given to a {kind}" for kind in kinds.values()} <= set(results["settings"]["terms"])
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_numbers(results):
     again = compare("ur5", ["ranked-multi", "closed-form"], goals=12)
     for name in ("closed-form", "ranked-multi"):
@@ -93,6 +95,7 @@ def test_the_same_seed_gives_the_same_numbers(results):
             assert entry(again, name)[key] == entry(results, name)[key]
 
 
+@pytest.mark.slow
 def test_cameras_tell_all_methods_the_same(needs_gl, monkeypatch):
     looks, measure = [], CameraGoalView.measure
     monkeypatch.setattr(CameraGoalView, "measure", lambda *arguments: looks.append(1) or measure(*arguments))
@@ -106,6 +109,7 @@ def test_cameras_tell_all_methods_the_same(needs_gl, monkeypatch):
     assert closed["reached"] == 1.0
 
 
+@pytest.mark.slow
 def test_noise_is_that_of_seed_and_goal_whoever_is_compared(needs_gl):
     noisy = {"observation": "camera", "options": {"rgb_noise": 6.0, "depth_noise": 0.002}}
     alone = compare("ur5", ["closed-form"], goals=2, seed=3, **noisy)
@@ -229,6 +233,7 @@ def test_an_arm_from_its_urdf_file_on_the_command_line(tmp_path, capsys, without
 
 
 @pytest.mark.usefixtures("needs_placo")
+@pytest.mark.slow
 def test_the_panda_has_solvers_and_a_policy_of_its_own():
     found = compare("ur5", arm="panda", goals=10)
     assert [entry["name"] for entry in found["methods"]] == ["closed-form", "placo", "lm", "qp", "panda-single"]
@@ -239,6 +244,7 @@ def test_the_panda_has_solvers_and_a_policy_of_its_own():
 
 @pytest.mark.usefixtures("needs_placo")
 @pytest.mark.parametrize("task", ["ur5", "space"])
+@pytest.mark.slow
 def test_five_joints_have_solvers_and_placo_with_weights(task):
     found = compare(task, arm="so101", goals=6)
     assert [entry["name"] for entry in found["methods"]] == ["closed-form", "placo", "lm", "qp", "placo-weights"]

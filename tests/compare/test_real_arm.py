@@ -77,6 +77,7 @@ def test_trainings_of_the_corrections_differ_little(tmp_path, capsys, monkeypatc
     assert capsys.readouterr().out == printed
 
 
+@pytest.mark.slow
 def test_the_same_again_and_all_methods_alike():
     one, two = (
         compare("real-arm", ["look-again", "identified"], goals=2, seed=7)["methods"],

@@ -151,6 +151,7 @@ def reported(task):
 
 
 @pytest.mark.parametrize("name", [*(name for name in _OWN if name != "real-arm"), *slow("real-arm")])
+@pytest.mark.slow
 def test_reports_are_as_they_were(name, monkeypatch):
     monkeypatch.setattr(_runner, "summarise", partial(summarise, resamples=20))
     task = get_task(name)

@@ -34,6 +34,7 @@ def seen(kind, seed, frames, speed=0.5):
 
 
 @pytest.mark.parametrize("kind", moving.PATHS)
+@pytest.mark.slow
 def test_the_true_future_is_among_the_draws(kind):
     """Half of the draws are as near as the kind allows; a random walk's next acceleration is not known."""
     near = {"straight": 0.01, "circle": 0.02, "random": 0.06}[kind]

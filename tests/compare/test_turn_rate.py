@@ -14,6 +14,7 @@ from kinreach.envs.real_arm import MEDIAN_LENGTH
 
 
 @pytest.mark.parametrize("believed", [None, 9e-5])
+@pytest.mark.slow
 def test_the_noise_is_found_unless_one_is_believed(believed):
     task, found = get_task("moving"), []
     with closing(gym.make(task.environment, **{**task.options, "noise": 0.01, "collisions": False})) as env:

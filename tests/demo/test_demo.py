@@ -99,6 +99,7 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
 
 
 @pytest.mark.parametrize(("observation", "least"), [("camera", 100), ("geometric", 0)])
+@pytest.mark.slow
 def test_a_film_shows_where_the_cameras_found_the_ball(observation, least, tmp_path, needs_gl):
     path = tmp_path / "film.gif"
     command = ["demo", "--steps", "1", "--backend", "kinematic", "--observation", observation, "--video", str(path)]
@@ -196,6 +197,7 @@ def test_films_name_the_method_that_acts(monkeypatch):
             main(["demo", "--env", env, *given])
 
 
+@pytest.mark.slow
 def test_methods_of_a_comparison_act(capsys):
     assert main(["demo", "--env", "moving", "--policy", "interception", "--steps", "60", "--print", "nothing"]) == 0
     assert "60 steps" in capsys.readouterr().out

@@ -24,6 +24,7 @@ def test_all_that_is_registered_can_be_played():
     assert len(registered) >= 8
 
 
+@pytest.mark.slow
 def test_all_methods_of_comparisons_are_offered():
     """By their own names, or by those of the policies that they are."""
     offered, ur5 = 0, get_arm("ur5-thesis")
@@ -59,6 +60,7 @@ def test_everybody_who_is_offered_plays(name):
 
 
 @pytest.mark.parametrize("arm", ["panda", "arm3"])
+@pytest.mark.slow
 def test_everybody_who_is_offered_for_another_arm_plays(arm):
     players = playable(SINGLE).players(get_arm(arm))
     assert ("closed-form" in players, "hybrid" in players) == (True, False)

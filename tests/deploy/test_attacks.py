@@ -187,6 +187,7 @@ class TestSlowClients:
             robot._clients.remove(client)
         robot.close()
 
+    @pytest.mark.slow
     def test_who_does_not_read_is_dropped_with_one_line(self, robot):
         with Client(robot) as deaf:
             deaf.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -275,6 +276,7 @@ class TestManyClients:
 
 
 class TestLongPrograms:
+    @pytest.mark.slow
     def test_a_long_program_is_read_while_time_passes(self, robot):
         """And one that comes meanwhile takes its place: the long one never moves."""
         long = b"def long():\n" + b"  x = -1\n" * 20_000 + b"  " + MOVE + b"end\n"
@@ -292,6 +294,7 @@ class TestLongPrograms:
                 bystander.next(Kind.DATA)
         assert robot.log.count("program long is running") == 1
 
+    @pytest.mark.slow
     def test_unfinished_programs_are_bounded_together(self, robot, monkeypatch):
         monkeypatch.setattr(_server, "MAX_UNFINISHED", 400_000)
         parts = b"  sleep(1)\n" * 20_000  # 220 kB
@@ -318,6 +321,7 @@ class TestLongPrograms:
             parse("def f():\n" + "x=1\n" * 1001 + "end\n")
 
 
+@pytest.mark.slow
 def test_seeded_noise_harms_nobody(robot):
     """Random bytes, and packages, programs and commands with some bytes changed, cut or repeated, at their ports."""
     rng = np.random.default_rng(12)
@@ -363,6 +367,7 @@ def test_seeded_noise_harms_nobody(robot):
 
 
 @pytest.mark.parametrize("reader", ["waits", "is gone"])
+@pytest.mark.slow
 def test_a_log_that_nobody_reads_stops_nobody(simulated, reader):
     """Not the robot, and not its end by Ctrl-C."""
     address, process = simulated("--arm", "ur5e", "--no-cell")

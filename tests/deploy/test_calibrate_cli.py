@@ -43,6 +43,7 @@ def off(file):
 
 
 @pytest.mark.parametrize("ending", ["yaml", "conf", "urdf"])
+@pytest.mark.slow
 def test_from_a_recording_to_a_file_that_every_command_takes(tmp_path, recording, capsys, ending):
     out, picture = tmp_path / f"my_robot.{ending}", tmp_path / "errors.png"
     assert calibrate(recording, "--out", out, "--picture", picture) == 0
@@ -62,6 +63,7 @@ def test_from_a_recording_to_a_file_that_every_command_takes(tmp_path, recording
     assert float(own.split()[1]) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_robot_is_read_while_its_owner_moves_it(tmp_path, capsys):
     arm = get_arm("ur5e").calibrated(CALIBRATION).with_tool(TCP)
     home = np.array(arm.home)
@@ -123,6 +125,7 @@ def test_bad_input_is_one_line(capsys, arguments, said):
     assert error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_recording_is_a_calibration_everywhere(recording):
     arm = get_arm("ur5e").calibrated(recording)
     assert "fitted to 20 rows of robot_data.csv" in arm.notes[0]
@@ -135,6 +138,7 @@ def test_a_recording_is_a_calibration_everywhere(recording):
         get_arm("ur5e").calibrated(recording)
 
 
+@pytest.mark.slow
 def test_a_calibration_is_converted(tmp_path, capsys):
     assert calibrate(CALIBRATION, "--out", tmp_path / "my.conf") == 0
     assert "read, nothing is fitted" in capsys.readouterr().out

@@ -58,6 +58,7 @@ def wait_for_clock(robot, seconds):
 
 
 @pytest.mark.parametrize("seconds", [10.0, *slow(60.0)])
+@pytest.mark.slow
 def test_the_state_is_the_newest_however_long_nobody_reads(robot, client, seconds):
     """None is from before it was asked for, and the connection is kept."""
     for each in robot._clients:  # what is not read waits at the robot, which disconnects the client at a megabyte
@@ -154,6 +155,7 @@ def test_an_old_controller_knows_fewer_variables(robot, monkeypatch):
     np.testing.assert_allclose(state.actual_q, HOME, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_program_runs_and_is_recorded(client):
     goal, seen = np.add(HOME, [0.3, -0.1, 0.1, 0.0, 0.2, 0.0]), []
     for target in (goal, HOME):
@@ -169,6 +171,7 @@ def test_a_program_runs_and_is_recorded(client):
     assert len(seen) > 300
 
 
+@pytest.mark.slow
 def test_why_a_robot_does_not_run_a_program_is_said(robot, client):
     with pytest.raises(RobotError, match=r"does not stand where the program begins: elbow_joint is 0.100"):
         client.run(Program.of(KIN, np.add(HOME, [0, 0, 0.1, 0, 0, 0]), [Move("movej", HOME, 1.0, 2.0)]))

@@ -41,6 +41,7 @@ def some_moves(rng, kin, count, *, start=HOME, blend=0.0):
     return moves
 
 
+@pytest.mark.slow
 def test_it_is_what_the_controller_commands(monkeypatch):
     monkeypatch.setattr("kinreach.deploy._commanded.SAMPLES", 10**6)
     ur, rng, tried = Controller(ARM), np.random.default_rng(1), {0.0: 0, 0.05: 0}
@@ -70,6 +71,7 @@ def test_it_is_what_the_controller_commands(monkeypatch):
         tried[blend] += 1
 
 
+@pytest.mark.slow
 def test_a_slow_move_has_no_more_samples_than_it_needs():
     lower = pose_vector(KIN.fk(HOME)) - [0, 0, 0.1, 0, 0, 0]
     quick, creeping = (
@@ -81,6 +83,7 @@ def test_a_slow_move_has_no_more_samples_than_it_needs():
 
 
 @pytest.mark.parametrize("model", ["ur10e", *slow("ur5e", "ur20")])
+@pytest.mark.slow
 def test_a_straight_move_is_refused_just_where_a_joint_is_too_fast(model):
     """By differences of the angles; alone, and while the next move begins."""
     arm = get_arm(model)
@@ -135,6 +138,7 @@ def test_two_joint_moves_may_be_too_fast_together():
 
 
 @pytest.mark.parametrize("swung", [True, False])
+@pytest.mark.slow
 def test_the_simulated_robot_agrees(swung):
     """A straight line past the axis of the first joint, too fast and slow enough."""
     start = np.array([0.0, -2.4, 2.2, -1.4, -1.6, 0.0])
@@ -179,6 +183,7 @@ def test_moves_and_trajectories_beyond_a_limit_are_refused(joint):
 
 
 @pytest.mark.parametrize("model", ["ur5e", *slow("ur10e", "ur3e", "ur20")])
+@pytest.mark.slow
 def test_a_straight_move_through_an_exact_singularity_keeps_its_branch_or_is_refused(model):
     arm = get_arm(model)
     kin = ArmKinematics.of(arm, tip="tool0", base="base")

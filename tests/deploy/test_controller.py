@@ -57,6 +57,7 @@ def test_poses_are_those_of_the_calibration(name):
     np.testing.assert_allclose(T, pose(ur.tcp_pose(ur.actual_q)), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_movej_keeps_speed_acceleration_and_arrives(ur):
     rng = np.random.default_rng(1)
     for _ in range(5):
@@ -103,6 +104,7 @@ def test_movej_is_the_trapezoid_that_recordings_of_a_real_arm_are(ur, offset):
     assert np.sqrt((error**2).mean(axis=0)).max() < 3e-4
 
 
+@pytest.mark.slow
 def test_movel_is_straight_and_turns_evenly(ur):
     ur.tcp = pose([0.05, -0.1, 0.2, 0.2, 0, 0])
     goal = pose_vector(pose(shifted(ur, 0.15, -0.1, 0.05)) @ pose([0, 0, 0, 0.2, -0.1, 0.3]))
@@ -127,6 +129,7 @@ def test_movel_is_straight_and_turns_evenly(ur):
 
 
 @pytest.mark.parametrize("kind", ["movej", *slow("movel")])
+@pytest.mark.slow
 def test_a_blend_leaves_and_joins_the_lines_at_its_radius_and_saves_time(ur, kind):
     corner, end, radius = shifted(ur, 0.0, 0.0, 0.2), shifted(ur, 0.2, 0.0, 0.2), 0.05
     kin = ArmKinematics.of(REAL, tip="tool0", base="base")
@@ -173,6 +176,7 @@ def test_servoj_follows_late_by_the_lookahead_time(ur):
         np.testing.assert_allclose(late, lookahead - ur.cycle, atol=2 * ur.cycle)
 
 
+@pytest.mark.slow
 def test_the_servo_filter_is_stable_wherever_a_controller_takes_it():
     rng, tried = np.random.default_rng(2), 0
     for _ in range(100):
@@ -188,6 +192,7 @@ def test_the_servo_filter_is_stable_wherever_a_controller_takes_it():
     assert tried == 100
 
 
+@pytest.mark.slow
 def test_the_speed_slider_stretches_time_and_nothing_else(ur):
     goal = np.add(HOME, [0.3, 0, 0, 0, 0, 0.2])
     steps = [f"servoj({listed(HOME + s * (goal - HOME))}, t=0.002, lookahead_time=0.03, gain=2000)"
@@ -351,6 +356,7 @@ def test_an_emergency_stop_brakes_and_takes_the_power(ur, lines):
 
 
 @pytest.mark.parametrize("lines", [[MOVE], SERVO], ids=["movej", "servoj"])
+@pytest.mark.slow
 def test_a_pause_stretches_time_and_nothing_else(ur, lines):
     way = ur.run(program(*lines)).commanded.q[:, 0]
     ur.place(HOME)

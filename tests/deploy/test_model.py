@@ -83,6 +83,7 @@ def test_an_arm_without_such_figures_has_none():
     assert DhFigures.of(kin) is None
 
 
+@pytest.mark.slow
 def test_no_model_passes_for_another_by_any_posture_and_every_one_for_itself():
     """By one posture some do: how many is counted, so that the five are what makes the difference."""
     rng = np.random.default_rng(2)
@@ -122,6 +123,7 @@ def test_real_arms_pass_for_their_model_and_no_other():
     assert others > 200
 
 
+@pytest.mark.slow
 def test_an_arm_with_its_calibration_is_told_from_another_of_its_model():
     """Where the five postures agree within half a millimetre, the whole workspace does within two."""
     arm = bare("ur5e").calibrated(PUBLISHED_CALIBRATIONS["ur5e_a"])
@@ -148,6 +150,7 @@ def test_an_arm_with_its_calibration_is_told_from_another_of_its_model():
 
 
 @pytest.mark.parametrize("pairs", [6, *slow(178)])
+@pytest.mark.slow
 def test_a_program_moves_its_own_model_only(pairs):
     """It asks the robot's own kinematics before it moves; nothing but the controller takes part."""
     every = [pair for pair in permutations(UR_LENGTHS, 2) if set(pair) not in TWINS]

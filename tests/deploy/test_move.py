@@ -44,6 +44,7 @@ def goals(count, seed):
 
 
 @pytest.mark.parametrize("linear", [False, *slow(True)])
+@pytest.mark.slow
 def test_ways_are_free_by_dense_checks_and_runs_end_at_their_goals(linear):
     planned, refused = 0, []
     for T in goals(20, 6):
@@ -78,6 +79,7 @@ def with_wall():
     return replace(ARM, workcell=Workcell(obstacles=(*ARM.workcell.obstacles, wall), touching=ARM.workcell.touching))
 
 
+@pytest.mark.slow
 def test_it_goes_around_a_wall():
     """From one side of it to the other, where the straight way in joint space goes through."""
     arm = with_wall()
@@ -96,6 +98,7 @@ def test_it_goes_around_a_wall():
     assert around >= 2
 
 
+@pytest.mark.slow
 def test_turns_around_a_wall_are_rounded_where_they_stay_free():
     """What is sent keeps the margin, ends where it should, and is done sooner."""
     arm = with_wall()
@@ -121,6 +124,7 @@ def test_turns_around_a_wall_are_rounded_where_they_stay_free():
     assert rounded == 1
 
 
+@pytest.mark.slow
 def test_turns_that_would_touch_are_not_rounded(monkeypatch):
     """Where no blend of a way keeps the distance, the program stops at each waypoint, and says so."""
     arm = with_wall()
@@ -166,6 +170,7 @@ def with_pillar(gap):
 
 
 @pytest.mark.parametrize(("linear", "gap"), [(True, 0.0055), *slow((False, 0.008), (True, 0.012), (False, 0.0055))])
+@pytest.mark.slow
 def test_rounded_corners_keep_the_distance(linear, gap, capsys):
     """The radius is reduced until the corner, as it is commanded, keeps what every way keeps; and that is said."""
     arm = with_pillar(gap)
@@ -198,6 +203,7 @@ def test_rounded_corners_keep_the_distance(linear, gap, capsys):
     assert "every way keeps 5 mm from everything" in out
 
 
+@pytest.mark.slow
 def test_a_run_that_comes_too_near_is_refused(monkeypatch):
     """Though it touches nothing: as where a way is planned without what stands there."""
     arm = with_pillar(0.003)
@@ -210,6 +216,7 @@ def test_a_run_that_comes_too_near_is_refused(monkeypatch):
         job.tried(start)
 
 
+@pytest.mark.slow
 def test_whoever_the_start_check_lets_pass_keeps_the_distance():
     """A box under the tool at the start: the nearer it is, the nearer the arm has to be to where it was tried from."""
     arm = get_arm("ur5e").with_tool(Tool.tube([0, 0, 0.15, 0, 0, 0], 0.01))
@@ -256,6 +263,7 @@ def run(capsys):
     return command
 
 
+@pytest.mark.slow
 def test_without_a_robot_it_is_tried_and_written(run, tmp_path):
     path = tmp_path / "motion.script"
     picture = tmp_path / "motion.png"
@@ -285,6 +293,7 @@ def test_without_a_robot_it_is_tried_and_written(run, tmp_path):
                                pose([float(word) for word in GOAL.split(",")]), atol=1e-6)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_several_goals_are_blended(run, tmp_path):
     path = tmp_path / "motion.script"
     code, out, _ = run("--to", NEAR, "--to", "-0.3,0.5,0.2,3.14,0,0", "--linear", "--blend", "0.03", "--speed", "0.25",
@@ -299,6 +308,7 @@ def test_several_goals_are_blended(run, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_the_way_is_the_near_one_in_a_chosen_branch(run, capsys):
     """A long turn and another branch are said first; a row of `kinreach ik` is a start."""
     straight = run("--to", GOAL)[1]
@@ -381,6 +391,7 @@ def cube(tmp_path):
     return file
 
 
+@pytest.mark.slow
 def test_a_table_a_box_and_meshes_stand_around_it(run, cube):
     start = ["--from", "-90,-90,90,-90,-90,0", "--degrees"]
     meshes = ["--mesh", f"{cube}@0.5,-0.5,0.5,0,0,0.3", "--mesh", f"{cube}@0.5,0.2,0.5,0,0,0", "--mesh-scale", "0.001"]
@@ -403,6 +414,7 @@ def test_a_mesh_that_cannot_be_is_refused(flags, reason, run, cube):
     assert re.search(reason, err), err
 
 
+@pytest.mark.slow
 def test_a_run_that_touches_a_mesh_is_refused(cube):
     """MuJoCo does not have meshes: what it simulated is checked against them."""
     done = MotionPlanner(ARM, [pose([float(x) for x in GOAL.split(",")])], linear=False, speed=0.25, blend=0.0)
@@ -425,6 +437,7 @@ def robot():
         yield served
 
 
+@pytest.mark.slow
 def test_a_robot_is_asked_for_its_posture_and_moved(robot, run):
     code, out, err = run("--to", GOAL, "--robot", "127.0.0.1", "--ports", robot.ports, "--yes")
     assert (code, err) == (0, "")
@@ -442,6 +455,7 @@ def test_a_robot_is_asked_for_its_posture_and_moved(robot, run):
         assert pose_vector(pose(client.read().tcp_pose))[:3] == pytest.approx([-0.3, 0.4, 0.3], abs=5e-4)
 
 
+@pytest.mark.slow
 def test_nothing_is_sent_without_a_yes(robot, run, monkeypatch):
     for answer, code in (("n", 1), ("", 1), ("Y", 0)):
         monkeypatch.setattr("builtins.input", lambda _, answer=answer: answer)
@@ -457,6 +471,7 @@ def test_nothing_is_sent_without_a_yes(robot, run, monkeypatch):
     assert "give --yes" in err
 
 
+@pytest.mark.slow
 def test_what_fails_in_the_dry_run_is_not_sent(robot, run, monkeypatch):
     def through_everything(checker, start, goals, **_):
         return np.array([start, goals.q[0]])
@@ -541,6 +556,7 @@ MEANWHILE = {
 
 
 @pytest.mark.parametrize("what", MEANWHILE)
+@pytest.mark.slow
 def test_what_changes_while_the_question_is_read_is_judged_again(robot, run, monkeypatch, what):
     """In the cycle before sending, by a state that is newer than the answer."""
     happen, shows, reason = MEANWHILE[what]
@@ -562,6 +578,7 @@ def test_what_changes_while_the_question_is_read_is_judged_again(robot, run, mon
     assert robot.log == []
 
 
+@pytest.mark.slow
 def test_another_model_is_not_moved_even_where_its_tool_is_at_the_same_place(capsys):
     """By its own figures; where the robot does not say them, by the program, which asks the robot before it moves."""
     rng, (mine, theirs) = np.random.default_rng(8), (ArmKinematics(name, base="base") for name in ("ur16e", "ur18"))
@@ -583,6 +600,7 @@ def test_another_model_is_not_moved_even_where_its_tool_is_at_the_same_place(cap
             assert np.abs(robot.controller.target_q - q).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_recording_that_was_cut_says_so(robot, run):
     publish = robot._publish
 

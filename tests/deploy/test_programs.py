@@ -162,6 +162,7 @@ def test_spaces_empty_lines_and_a_byte_order_mark_change_no_table(tmp_path):
     assert read_trajectory(tmp_path / "a.csv").qd.tolist() == [[0.0]]
 
 
+@pytest.mark.slow
 def test_comments_and_empty_lines_change_no_program():
     program = Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)], payload=1.2)
     rng, others = np.random.default_rng(0), ["", "   ", "# a comment", "\t# def f():", "\r"]
@@ -208,6 +209,7 @@ def test_functions_of_a_program_are_those_that_the_parser_knows():
 
 
 @pytest.mark.parametrize("name", ["ur5e_a", "ur5_a"])
+@pytest.mark.slow
 def test_programs_move_a_calibrated_arm_as_they_say(name):
     model = name[:-2]
     arm = get_arm(model).calibrated(PUBLISHED_CALIBRATIONS[name]).with_tool([0, 0, 0.1, 0, 0, 0])
@@ -235,6 +237,7 @@ def test_programs_move_a_calibrated_arm_as_they_say(name):
 
 
 @pytest.mark.parametrize("motion", ["movej", "movel", "servoj"])
+@pytest.mark.slow
 def test_nothing_moves_where_the_arm_does_not_stand_at_the_start(motion):
     """Where it moves, it goes to the start posture first, and from there as from the start posture itself."""
     goal = HOME + 0.1

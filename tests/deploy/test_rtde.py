@@ -433,6 +433,7 @@ def test_truncated_packages_wait_and_harm_nobody(robot):
     assert alive(robot)
 
 
+@pytest.mark.slow
 def test_clients_that_vanish_or_do_not_read_are_dropped(robot):
     for number in range(20):
         client = Client(robot)

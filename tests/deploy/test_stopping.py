@@ -182,6 +182,7 @@ def sigterm_elsewhere():
     signal.signal(signal.SIGTERM, before)
 
 
+@pytest.mark.slow
 def test_a_signal_anywhere_stops_the_robot(robot, client, sigterm_elsewhere):
     """After any line of Python that a program's run executes, of this package and of its locks."""
     rng, cases, places = np.random.default_rng(2), 0, set()
@@ -276,6 +277,7 @@ def test_connections_that_break_in_mid_program_are_opened_again_to_stop(robot, c
 
 
 @pytest.mark.parametrize("deaf", [1, 4])
+@pytest.mark.slow
 def test_a_stop_that_is_not_taken_is_sent_again(robot, client, deaf):
     def interrupt(state):
         if fast(state):

@@ -62,6 +62,7 @@ def without(monkeypatch, *unknown):
 
 
 @pytest.mark.parametrize("old", [False, True])
+@pytest.mark.slow
 def test_of_two_programs_at_the_same_moment_one_runs_and_the_other_is_told(robot, monkeypatch, old):
     """By the number of the run; by an old controller, which shows none, by the program's name."""
     if old:
@@ -126,6 +127,7 @@ def test_a_program_that_comes_in_mid_program_ends_the_run(robot, script):
     assert not any("kinreach_stop" in line for line in robot.log)
 
 
+@pytest.mark.slow
 def test_a_program_that_ends_elsewhere_than_planned_is_no_success(robot, monkeypatch):
     """As if the robot had skipped the last move; a straight line is judged by the tool."""
     lower = pose_vector(KIN.fk(HOME)) - [0, 0, 0.05, 0, 0, 0]
@@ -163,6 +165,7 @@ def test_cycles_that_were_not_received_are_counted(robot):
     assert done.missing > 0.1 * len(t)
 
 
+@pytest.mark.slow
 def test_a_trajectory_for_another_controllers_cycle_is_not_sent():
     """A CB3 takes a posture every 8 ms; what is made for it is taken by later ones too."""
     kin = {name: ArmKinematics.of(name, base="base", tip="tool0") for name in ("ur3", "ur3e")}

@@ -116,6 +116,7 @@ def test_get_inverse_kin_is_nearest(ur):
     assert said(ur, "textmsg(get_inverse_kin_has_solution(p[3, 0, 0, 0, 0, 0]))") == ["False"]
 
 
+@pytest.mark.slow
 def test_moves_with_a_time_a_pose_and_joints(ur):
     goal = np.add(HOME, [0.3, 0.1, -0.1, 0, 0.1, 0])
     for t in (0.5, 1.0, 2.0):
@@ -132,6 +133,7 @@ def test_moves_with_a_time_a_pose_and_joints(ur):
 
 
 @pytest.mark.parametrize("mode", [0, 1])
+@pytest.mark.slow
 def test_movec_is_on_the_circle_through_three_points(ur, mode):
     start = ur.tcp_pose(HOME)
     via, end = (np.add(start, way) for way in ([0.06, 0, 0.06, 0, 0, 0], [0.12, 0, 0, 0, 0, 0]))
@@ -499,6 +501,7 @@ end
 """
 
 
+@pytest.mark.slow
 def test_a_waypoint_program_as_polyscope_exports_it(ur):
     tcp = pose([0, 0, 0.12, 0, 0, 0])
     above = np.add(HOME, [0.2, 0, 0, 0, 0.1, 0])

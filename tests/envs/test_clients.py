@@ -25,6 +25,7 @@ def test_ids_of_the_kinematic_backend(name, plain):
     assert gym.make(name).unwrapped.options.backend == "kinematic"
 
 
+@pytest.mark.slow
 def test_gymnasium_imports_kinreach_by_the_id(run_python):
     text = "import gymnasium as gym; print(gym.make('kinreach:kinreach/UR5SingleStep-v0').reset(seed=0)[0].shape)"
     done = run_python("-c", text)

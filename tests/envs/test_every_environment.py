@@ -84,6 +84,7 @@ def same(one, other, *, row=None, atol=0.0):
 
 
 @pytest.mark.parametrize("form", FORMS)
+@pytest.mark.slow
 def test_gymnasium_and_stable_baselines3_agree(form):
     name, options = FORMS[form]
     env = gym.make(name, disable_env_checker=True, **options).unwrapped
@@ -124,6 +125,7 @@ def test_a_copy_is_the_same_after_the_same_seed(task):
 
 
 @pytest.mark.parametrize("task", [*(task for task in TASKS if task not in COSTLY), *slow(*COSTLY)])
+@pytest.mark.slow
 def test_a_batch_says_all_that_single_environments_say(task):
     """Every entry of `info`, from reset to reset."""
     many, singles = batch(task, autoreset_mode="Disabled"), [limited(task) for _ in range(COUNT)]

@@ -108,6 +108,7 @@ def test_rewards_and_verdicts_of_a_reset_are_nothing(name):
 
 @pytest.mark.parametrize("mode", AutoresetMode)
 @pytest.mark.parametrize("name", NATIVE)
+@pytest.mark.slow
 def test_infos_of_native_batches_are_of_one_kind(name, mode):
     env = gym.make_vec(name, 3, "vector_entry_point", autoreset_mode=mode, max_episode_steps=3, **options(name))
     env.action_space.seed(0)
@@ -158,6 +159,7 @@ def test_infos_of_a_batch_that_restarted_are_of_the_new_episodes(name):
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("name", IDS)
+@pytest.mark.slow
 def test_vectors_of_gymnasium(name, mode):
     """Seeded and unseeded resets, and episodes that end on the way."""
     env = gym.make_vec(name, 2, mode, max_episode_steps=2, **options(name))
@@ -180,6 +182,7 @@ def test_vectors_of_gymnasium(name, mode):
 
 
 @pytest.mark.parametrize("name", IDS)
+@pytest.mark.slow
 def test_observations_are_of_single_precision_or_as_asked(name):
     """Rounded, and else the same: in single environments, sync and native batches, and as a learner keeps them."""
     torch, buffers = pytest.importorskip("torch"), pytest.importorskip("stable_baselines3.common.buffers")

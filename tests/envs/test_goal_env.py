@@ -105,6 +105,7 @@ def agreeing(form, reward, wanted, count=64):
 
 @pytest.mark.parametrize("reward", REWARDS)
 @pytest.mark.parametrize("form", [name for name in FORMS if name != "lift"] + slow("lift"))
+@pytest.mark.slow
 def test_rewards_of_goals_are_those_of_steps(form, reward):
     count = 16 if form in ("lift", "lift, small steps") or "dynamics" in form else 64
     found, reached, impossible = agreeing(form, reward, 10 * count, count)
@@ -124,6 +125,7 @@ def test_rewards_of_goals_are_those_of_many_steps(form, steps, reward):
 
 
 @pytest.mark.parametrize("form", ["reach", "plane, single step", "lift, by geometry"])
+@pytest.mark.slow
 def test_single_environments_and_batches_are_the_same(form):
     count, compared = 2, 0
     rows, scores = {}, {}

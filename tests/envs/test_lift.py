@@ -352,6 +352,7 @@ def test_a_collision_ends_an_episode_of_small_steps(kind):
     assert reward == sum(info["reward_terms"].values())
 
 
+@pytest.mark.slow
 def test_geometry_predicts_what_the_dynamics_do():
     """The kinematic backend's verdict on grasps that are a little off, beside that of MuJoCo."""
     options = {**RANGE, "backend": "mujoco"}
@@ -457,6 +458,7 @@ def test_cameras_find_the_ball(needs_gl):
     assert lifted == 3
 
 
+@pytest.mark.slow
 def test_pictures_show_the_ball(needs_gl):
     env = make(observation="pixels", width=128, height=72)
     batch = gym.make_vec(LIFT, 2, vectorization_mode="vector_entry_point", observation="pixels", width=128, height=72)
@@ -471,6 +473,7 @@ def test_pictures_show_the_ball(needs_gl):
         assert observation["gripper"] == pytest.approx([0.1])
 
 
+@pytest.mark.slow
 def test_in_small_steps_cameras_look_once_and_pictures_show_the_fingers(needs_gl):
     camera = make(observation="camera", steps="multi", dtype="float64")
     env = make(observation="pixels", steps="multi", width=128, height=72, dtype="float64")
@@ -489,6 +492,7 @@ def test_in_small_steps_cameras_look_once_and_pictures_show_the_fingers(needs_gl
     assert (shown["wrist_rgb"] != pictures["wrist_rgb"]).any()
 
 
+@pytest.mark.slow
 def test_the_object_is_drawn(needs_gl):
     env = make(render_mode="rgb_array", shapes=("cube",), sizes=(0.035,))
     env.reset(seed=0)

@@ -99,6 +99,7 @@ def test_a_weaker_arm_is_slower_than_its_limits_say():
     assert fastest == pytest.approx(0.7 * world.speed_limit)
 
 
+@pytest.mark.slow
 def test_touching_ends_it():
     env = make(noise=1e-12, dtype="float64")
     world, touched = env.unwrapped, 0
@@ -119,6 +120,7 @@ def test_touching_ends_it():
         env.step(q / np.pi)
 
 
+@pytest.mark.slow
 def test_a_touch_counts_only_without_a_collision_on_the_way():
     """The same moves with and without the rule: the same until the first collision, which ends the episode."""
     checker, kinematics = CollisionChecker("ur5-thesis"), URKinematics("ur5-thesis", tip="tcp", base="world")

@@ -66,6 +66,7 @@ def film(name, films, folder):
 
 
 @pytest.mark.parametrize("name", IDS)
+@pytest.mark.slow
 def test_every_id_is_filmed(name, films, tmp_path, monkeypatch):
     """A frame of every reset and step, of what the arm does."""
     stand_in(monkeypatch, FrameRenderer, Places)

@@ -61,6 +61,7 @@ def assert_same(one, other):
 
 
 @pytest.mark.parametrize(("name", "options"), VARIANTS)
+@pytest.mark.slow
 def test_it_goes_on_bit_for_bit(name, options):
     check(name, options)
 

@@ -204,6 +204,7 @@ def test_only_tasks_are_registered(task):
     assert "mine/None-v0" not in gym.registry
 
 
+@pytest.mark.slow
 def test_the_goal_is_drawn(needs_gl):
     env = gym.make(ID, render_mode="rgb_array")
     green = []

@@ -53,6 +53,7 @@ def same(given, wanted):
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
 @pytest.mark.parametrize("task", TASKS)
+@pytest.mark.slow
 def test_tensors_are_the_arrays(task, mode, device):
     ours, theirs = batch(task, autoreset_mode=mode, device=device), batch(task, autoreset_mode=mode)
     compared, ends = same(ours.reset(seed=4), theirs.reset(seed=4)), 0

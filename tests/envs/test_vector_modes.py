@@ -91,6 +91,7 @@ def test_who_did_not_act_earns_nothing_and_does_not_end():
 
 
 @pytest.mark.parametrize("task", ["single", "multi", "button", "space", "moving", "random arm", "lift"])
+@pytest.mark.slow
 def test_with_next_step_the_info_of_a_restart_is_that_of_a_reset(task):
     """As in Gymnasium's own batches."""
     native, sync = batch(task, autoreset_mode="NextStep"), singles(task, AutoresetMode.NEXT_STEP)
@@ -133,6 +134,7 @@ def masks_of(info):
         ),
     ],
 )
+@pytest.mark.slow
 def test_masks_say_which_environments_an_entry_is_of_as_gymnasiums_do(task, mode):
     native, sync = batch(task, autoreset_mode=mode), singles(task, mode)
     told = [native.reset(seed=3)[1], sync.reset(seed=3)[1]]
@@ -286,6 +288,7 @@ def test_gymnasiums_vector_wrappers(task):
         ("button", AutoresetMode.NEXT_STEP),
     ],
 )
+@pytest.mark.slow
 def test_batches_can_be_filmed(task, mode, tmp_path, films, needs_gl):
     native = wrappers.RecordVideo(
         batch(task, render_mode="rgb_array", autoreset_mode=mode), str(tmp_path / "films"), video_length=3
@@ -302,6 +305,7 @@ def test_batches_can_be_filmed(task, mode, tmp_path, films, needs_gl):
     assert all((a[0] != a[1]).any() for a in parts)  # each environment has its own ball
 
 
+@pytest.mark.slow
 def test_pictures_of_a_batch_are_those_of_single_environments(needs_gl):
     native = batch("single", render_mode="rgb_array")
     native.reset(seed=4)

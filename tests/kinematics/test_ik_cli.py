@@ -96,6 +96,7 @@ def test_a_tool_without_a_shape_is_named(tool, noted, tmp_path, capsys):
 
 @pytest.mark.parametrize("arm", ["ur3e", "ur5e", "panda"])
 @pytest.mark.parametrize("height", [0.0, -0.15])
+@pytest.mark.slow
 def test_a_table_around_the_arm(arm, height, tmp_path, capsys):
     """As coal finds for each link that moves and the half space below the table's top."""
     kin = ArmKinematics.of(arm)
@@ -226,6 +227,7 @@ def test_degrees_and_a_frame_of_ones_own(capsys):
 
 
 @pytest.mark.parametrize(("arm", "base"), [("ur5e", "base"), ("ur3", "world"), ("panda", "base_link")])
+@pytest.mark.slow
 def test_a_file_of_poses(arm, base, tmp_path, capsys):
     kin = ArmKinematics.of(arm, tip="tool0" if arm == "ur3" else None, base=base)
     numbers = np.vstack([reachable(kin, 20), [[9.0, 0, 0, 0, 0, 0]]])
@@ -272,6 +274,7 @@ def test_a_rotation_that_may_be_in_degrees_is_named_with_its_flag(flag, capsys):
     assert "error: --tool must be within 5 m, got 150" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_why_an_arm_has_no_closed_form_comes_with_no_posture(tmp_path, capsys):
     """Axes 1 and 2 of this arm are one line: six joints move it in five directions."""
     file = tmp_path / "a.urdf"

@@ -31,6 +31,7 @@ def arms(rng, folder):
         yield written(folder, text, joints=[f"q{i}" for i in range(joints)])
 
 
+@pytest.mark.slow
 def test_nearest_is_exact_and_no_posture_next_to_it_is_nearer(tmp_path):
     rng, nearer, count = np.random.default_rng(0), 0, 0
     for kin in arms(rng, tmp_path):
@@ -95,6 +96,7 @@ def test_a_pose_out_of_reach_and_what_accept_refuses(tmp_path):
         kin.all_solutions(T)
 
 
+@pytest.mark.slow
 def test_it_is_named_as_numeric(tmp_path, capsys):
     names = [f"q{i}" for i in range(8)]
     kin = written(tmp_path, random_arm(np.random.default_rng(4), 8, 2), joints=names)

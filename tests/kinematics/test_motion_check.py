@@ -32,6 +32,7 @@ def test_random_postures_are_within_one_turn_about_start_and_goals(arm):
     assert min(turns, apart) > 100 or arm == "panda"
 
 
+@pytest.mark.slow
 def test_a_distance_is_kept_between_samples_too():
     """A thin tool passes a small ball by 10.5 mm half way between two samples, which are 12 mm and more from it."""
     arm = get_arm("ur5e").with_tool(Tool.tube([0, 0, 0.4, 0, 0, 0], 0.002))

@@ -55,6 +55,7 @@ def alone(checker, start, goals):
 
 
 @pytest.mark.parametrize("count", [24, *slow(150)])
+@pytest.mark.slow
 def test_no_other_posture_has_a_much_shorter_way(kin, count):
     detours, passed_over = 0, 0
     for seed in range(count):
@@ -80,6 +81,7 @@ def _is_free(checker, start, goal):
     return True
 
 
+@pytest.mark.slow
 def test_a_branch_is_chosen_by_number_by_words_and_as_it_is(kin):
     chosen = 0
     for seed in range(12):

@@ -104,6 +104,7 @@ def test_no_posture_of_an_arm_near_a_class_is_lost_or_wrong(name):
 
 
 @pytest.mark.parametrize("name", [*FEW, *slow(*(name for name in CLASSES if name not in FEW))])
+@pytest.mark.slow
 def test_a_tip_beside_the_last_axis_meets_every_direction(name, tmp_path):
     """By up to 1e-5 m and rad, as a file with 1.5708 leaves it: the other joints make up for it, or other turns do."""
     rng, goals, few = np.random.default_rng(len(name)), 0, 0
@@ -173,6 +174,7 @@ def test_a_file_with_rounded_right_angles_is_solved_as_it_is(tmp_path, digits):
 
 @pytest.mark.parametrize("backwards", [False, True])
 @pytest.mark.parametrize("name", ["right angles", "three parallel axes"])
+@pytest.mark.slow
 def test_check_says_which_class_an_arm_is_nearly_in(name, backwards, tmp_path, capsys):
     """Exactly, nearly with how far poses differ, and with two axes on one line."""
     rng = np.random.default_rng(18)

@@ -25,6 +25,7 @@ def outside(point, size, T):
     return np.linalg.norm(deep.clip(0.0)) + min(deep.max(), 0.0)
 
 
+@pytest.mark.slow
 def test_solids_at_any_pose_touch_where_geometry_says():
     rng = np.random.default_rng(0)
     kin = ArmKinematics(ARM, base="world")

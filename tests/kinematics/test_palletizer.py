@@ -50,6 +50,7 @@ def palletizers(rng, folder, **options):
 
 
 @pytest.mark.parametrize("right", [RIGHT, "1.5708"])
+@pytest.mark.slow
 def test_every_posture(right, tmp_path):
     """Drawn postures are found again, and what a numeric solver finds from many starts is among those found."""
     rng, poses, postures, searched = np.random.default_rng(0), 0, 0, 0
@@ -73,6 +74,7 @@ def test_every_posture(right, tmp_path):
     assert searched > 40
 
 
+@pytest.mark.slow
 def test_points_and_directions(tmp_path):
     """The last joint keeps the seed's value, or what the direction leaves free does."""
     rng, solved = np.random.default_rng(1), 0

@@ -62,6 +62,7 @@ def arms(rng, folder):
         yield written(folder, random_gantry(rng, turning))
 
 
+@pytest.mark.slow
 def test_every_posture(tmp_path):
     """Exact, the one that made the pose among them, no two alike; a solver from many starts finds no other."""
     rng, count, found_by_solver = np.random.default_rng(0), 0, 0
@@ -109,6 +110,7 @@ def test_batches_are_as_each_alone(tmp_path):
     assert count > 90
 
 
+@pytest.mark.slow
 def test_a_scara_follows_a_closed_curve_in_its_turns(tmp_path):
     rng, count = np.random.default_rng(2), 0
     for _ in range(3):
@@ -176,6 +178,7 @@ def test_slides_are_not_wound(tmp_path):
     assert beyond.reason == "all 1 postures are outside the joint limits (s0)"
 
 
+@pytest.mark.slow
 def test_points_and_directions(tmp_path):
     """What the goal leaves free keeps the seed's value: of a SCARA the last joint that turns, of a gantry the wrist."""
     rng, solved, directed, refused = np.random.default_rng(8), 0, 0, 0

@@ -134,6 +134,7 @@ def test_a_grid_twice_as_fine_finds_no_further_curve(name, errors):
     assert errors or sum(row["samples"] for row in rows) >= 30
 
 
+@pytest.mark.slow
 def test_the_curves_of_a_folded_elbow_are_found(tmp_path):
     """The wrist is as near to the shoulder as it comes, 0.02 m, and moves away slowly: the curves are on a boundary."""
     lengths, tilts = (0.36, 0, 0.42, 0, 0.4, 0, 0.126), (-RIGHT, RIGHT, RIGHT, -RIGHT, -RIGHT, RIGHT, 0)
@@ -152,6 +153,7 @@ def test_the_curves_of_a_folded_elbow_are_found(tmp_path):
         assert np.abs(np.sin(kin.nearest(T, q).q - q)).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_the_curves_of_an_elbow_that_is_stretched_or_almost_so_are_found(tmp_path):
     """Only joints 3 and 5 move along them: they lie between two values of the first joint and of the last.
 

@@ -42,6 +42,7 @@ def exact(kin, T, motions):
 
 
 @pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.slow
 def test_a_surface_is_one_family_and_its_postures_are_all_over_it(kin, name):
     joints, *ways = SURFACES[name]
     rng, tried = np.random.default_rng(1), 0
@@ -62,6 +63,7 @@ def test_a_surface_is_one_family_and_its_postures_are_all_over_it(kin, name):
 
 
 @pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.slow
 def test_the_nearest_posture_of_a_surface_is_nearer_than_any_sample(kin, name):
     joints, *ways = SURFACES[name]
     rng = np.random.default_rng(2)
@@ -98,6 +100,7 @@ ALMOST = [(name, off) for name in SURFACES for off in (1e-9, 1e-8, 1e-7, 1e-6, 1
 
 
 @pytest.mark.parametrize(("name", "off"), [*FEW, *slow(*(case for case in ALMOST if case not in FEW))])
+@pytest.mark.slow
 def test_no_posture_is_lost_where_two_pairs_of_axes_almost_coincide(kin, name, off):
     rng, tried = np.random.default_rng(3), 0
     for _ in range(3):

@@ -14,6 +14,7 @@ def panda():
     return SevenAxisKinematics("panda")
 
 
+@pytest.mark.slow
 def test_joints_are_held_between_values_that_leave_a_doubt(panda):
     """With one value of each joint curves are lost, but not with others beside those whose starts lead nowhere."""
     lost, tried = np.zeros(2, dtype=int), 0

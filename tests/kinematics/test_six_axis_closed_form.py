@@ -71,6 +71,7 @@ def test_every_posture(name, backwards, tmp_path):
     assert compared > 20 or name in ("right angles", "spherical wrist, axes 1 and 2 parallel")
 
 
+@pytest.mark.slow
 def test_batches_have_the_bits_of_single_poses_on_any_number_of_threads(tmp_path):
     """All postures, and the nearest to a seed; singular poses among them."""
     rng, compared = np.random.default_rng(22), 0
@@ -91,6 +92,7 @@ def test_batches_have_the_bits_of_single_poses_on_any_number_of_threads(tmp_path
 
 @pytest.mark.parametrize("backwards", [False, True])
 @pytest.mark.parametrize("name", CLASSES)
+@pytest.mark.slow
 def test_singular_poses_are_solved(name, backwards, tmp_path):
     """Wrist, elbow, both, by rounding beside them, and all joints at right angles: never empty, never wrong."""
     rng, solved = np.random.default_rng(3), 0
@@ -165,6 +167,7 @@ def test_a_free_joint_keeps_the_seeds_value_and_the_limits(tmp_path):
 
 
 @pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.slow
 def test_a_batch_keeps_a_free_joint_within_the_limits(backwards, tmp_path):
     """As single poses do, with limits that the seed's value of the free joint does not fit."""
     rng, kept = np.random.default_rng(15), 0
@@ -216,6 +219,7 @@ def test_a_wrist_centre_beside_the_first_axis(off, tmp_path):
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-8])
+@pytest.mark.slow
 def test_a_wrist_centre_on_the_first_axis_with_a_hand_that_turns_fast(off, tmp_path):
     """Axis 6 is nearly parallel to axis 2: a long hand comes into the elbow's reach at few angles of joint 1."""
     rng, solved, lengths = np.random.default_rng(18), 0, (0.0, 0.106, 0.155, -0.427, 0.0)
@@ -234,6 +238,7 @@ def test_a_wrist_centre_on_the_first_axis_with_a_hand_that_turns_fast(off, tmp_p
 
 
 @pytest.mark.parametrize(("backwards", "off"), [(False, 1e-6), (True, 1e-4)])
+@pytest.mark.slow
 def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off, tmp_path):
     """As many as by elimination, near singular poses too, where some appear and others vanish."""
     rng, compared = np.random.default_rng(7), 0
@@ -261,6 +266,7 @@ def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off,
     assert compared > 100
 
 
+@pytest.mark.slow
 def test_a_wrist_centre_on_the_first_axis(tmp_path):
     """Joint 1 is free there, but the elbow reaches at few of its angles; an arm a little off has a posture at two."""
     kin = of_ssik(tmp_path, "yam_ik")[1]
@@ -313,6 +319,7 @@ def test_two_joints_about_one_axis_are_refused(joint, off, tmp_path):
 
 
 @pytest.mark.parametrize("off", [0.0, *slow(1e-6, 1e-4)])
+@pytest.mark.slow
 def test_joint_1_and_the_pitch_of_the_hand_are_free(off, tmp_path):
     """A wrist centre on axis 1, and axes 4 and 6 parallel: the elbow reaches at two angles of joint 1 only."""
     rng, solved = np.random.default_rng(13), 0
@@ -347,6 +354,7 @@ def test_an_arm_of_no_class_is_solved_by_elimination(tmp_path):
         assert not found.singularity.any()
 
 
+@pytest.mark.slow
 def test_arms_whose_elimination_is_singular_are_solved(tmp_path):
     """Right angles and zeros that make no closed form: eigenvalues of one joint find a part of the postures."""
     rng, solved = np.random.default_rng(0), 0

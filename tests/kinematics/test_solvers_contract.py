@@ -146,6 +146,7 @@ def test_rejected_when_every_posture_is_refused(solver_class, kin):
 
 
 @solvers
+@pytest.mark.slow
 def test_collision_free_postures_on_request(solver_class, kin, poses):
     checker = CollisionChecker(kin)
     solver = solver_class(kin)

@@ -80,6 +80,7 @@ def test_from_rest_to_rest_it_takes_as_long_as_ruckig_needs(limits):
     assert max(longer) <= 1.1
 
 
+@pytest.mark.slow
 def test_rounded_paths_keep_speed_acceleration_and_tolerance(limits):
     for path in random_paths(2, 20):
         for tolerance in (0.003, 0.05):

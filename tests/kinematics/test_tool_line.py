@@ -57,6 +57,7 @@ def test_the_tip_is_on_the_lines(kin):
     assert done > 12
 
 
+@pytest.mark.slow
 def test_what_stops_a_line_is_said_with_its_place(kin):
     reasons = {"reach": 0, "singularity": 0, "limits": 0}
     through = 0
@@ -108,6 +109,7 @@ WRIST_2, ELBOW = 4, 2
 
 
 @pytest.mark.parametrize("model", ["ur3e", "ur5e", "ur10e", "ur20", "calibrated"])
+@pytest.mark.slow
 def test_lines_through_exact_singularities_keep_their_branch_or_stop(model):
     arm = get_arm("ur5e").calibrated(PUBLISHED_CALIBRATIONS["ur5e_a"]) if model == "calibrated" else get_arm(model)
     kin = ArmKinematics.of(arm, tip="tool0")

@@ -84,6 +84,7 @@ def test_every_posture_with_any_tool(model, tool):
     assert found >= 40
 
 
+@pytest.mark.slow
 def test_a_calibrated_arm_with_a_tool_in_a_frame_of_ones_own():
     mount = [0.4, -0.2, 0.1, 0.0, 0.0, 0.7]
     checked = 0
@@ -130,6 +131,7 @@ def test_a_calibrated_urdf_with_a_turned_tip(name, tmp_path):
         assert np.abs(kin.all_solutions(kin.fk(q), seed=q).q - q).max(axis=1).min() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_tool_of_any_arm_collides_and_has_a_mass():
     for name in arm_names():
         arm = get_arm(name).with_tool(Tool.tube([0.02, 0, 0.25, 0, 0.3, 0], 0.04, mass=1.5))

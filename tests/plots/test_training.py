@@ -42,6 +42,7 @@ def bars(axes):
     return [(bar.get_x(), bar.get_width(), bar.get_height()) for bar in axes.patches if bar.get_height() > 0]
 
 
+@pytest.mark.slow
 def test_one_goal_is_one_however_wide_a_row_is(rng):
     """Not 3.9 per 1000, as one in a window of 256 was once drawn; no goal is lost or counted twice."""
     cases = 0
@@ -61,6 +62,7 @@ def test_one_goal_is_one_however_wide_a_row_is(rng):
     assert cases > CASES / 2
 
 
+@pytest.mark.slow
 def test_the_seed_with_the_median_of_all_goals_is_drawn(rng, texts):
     cases = 0
     for _ in range(3):
@@ -92,6 +94,7 @@ def test_rewards_leave_out_what_is_impossible(rng, texts):
     assert "thin: each of 3 seeds · thick: their median" in " ".join(texts(figure))
 
 
+@pytest.mark.slow
 def test_the_thesis_numbers_can_be_read(rng, texts):
     single = draw_training({"a": curve(rng, rows=600, possible=1.4)}, environment=SINGLE)
     assert {"thesis: above 0", "thesis: about 2"} <= set(texts(single))

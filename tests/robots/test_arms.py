@@ -229,6 +229,7 @@ TOOL, FILE = Tool.tube([0, 0, 0.1, 0, 0, 0], 0.03, mass=1.0), PUBLISHED_CALIBRAT
         }),
     ],
 )  # fmt: skip
+@pytest.mark.slow
 def test_a_changed_arm_keeps_everything_else(arm, change, new):
     changed = change(arm)
     for field in fields(arm):

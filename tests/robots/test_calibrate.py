@@ -82,6 +82,7 @@ def test_a_few_waypoints_are_enough_where_they_have_all_digits(model):
         assert left(result, true).max() < 3e-6
 
 
+@pytest.mark.slow
 def test_an_unknown_tool_is_found_with_the_arm():
     for seed in range(4):
         true = made_up("ur5e", seed)
@@ -92,6 +93,7 @@ def test_an_unknown_tool_is_found_with_the_arm():
         assert np.linalg.norm((tip - frames_of(true, WORKSPACE)[-1] @ TCP)[:, :3, 3], axis=1).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_the_expected_error_is_the_error():
     """As typed from a pendant: to 0.01 mm and 0.001 rad; over many robots the covariance tells the truth."""
     ratios, better = [], 0
@@ -107,6 +109,7 @@ def test_the_expected_error_is_the_error():
     assert 0.5 < np.median(ratios) < 1.6
 
 
+@pytest.mark.slow
 def test_torn_rows_are_dropped_and_named():
     for seed in range(2):
         true, q = made_up("ur10e", seed), postures(155, seed)
@@ -132,6 +135,7 @@ def test_what_the_rows_do_not_determine_is_said_and_not_written(tmp_path):
     assert "six or more" in result.missing
 
 
+@pytest.mark.slow
 def test_a_fit_is_never_much_worse_than_the_data_sheet():
     """Narrow recordings, few rows, rough numbers: what is written is better over the workspace."""
     written = 0
@@ -286,6 +290,7 @@ def test_figures_of_the_data_sheet_are_said_to_be_no_calibration(tmp_path):
         assert not calibrate(saved(tmp_path, urp(figures_of(model, 1), ["A"]))).notes
 
 
+@pytest.mark.slow
 def test_differences_from_a_data_sheet_are_not_taken_for_those_of_another(tmp_path):
     """A .conf does not name its model, and a wrong data sheet below it makes an arm that is centimetres off."""
     messages = []
@@ -328,6 +333,7 @@ def test_a_given_tool_is_that_of_every_file(tmp_path):
         calibrate([typed, program])
 
 
+@pytest.mark.slow
 def test_a_program_that_changes_its_tool_is_followed(tmp_path):
     other = pose([0.0, 0.03, 0.25, 0.0, 0.4, 0.0])
     file = tmp_path / "two_tools.script"
@@ -473,6 +479,7 @@ def test_the_tool_of_a_recording_is_found_beside_torn_rows():
         assert np.abs(PosePairs("", q, pose(numbers)).tool_on(F) - TCP).max() < 6e-4
 
 
+@pytest.mark.slow
 def test_poses_in_base_link_and_joints_in_another_order_are_put_right():
     true, q = made_up("ur5e", 5), postures(20, 5)
     pairs = pairs_of(true, q)
@@ -493,6 +500,7 @@ def refused(pairs, **options):
     return str(error.value)
 
 
+@pytest.mark.slow
 def test_rows_that_cannot_be_right_are_refused_with_the_remedy(tmp_path):
     true, q = made_up("ur5e", 6), postures(40, 6)
     pairs = pairs_of(true, q)

@@ -55,6 +55,7 @@ def test_a_joint_whose_axis_is_not_written_turns_about_x():
     np.testing.assert_allclose(frames_of(chain.placements, q)[-1], about_x, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_calibration_is_read_once(tmp_path, monkeypatch):
     """However many models it is held against: the file, and what is written in it."""
     arm = get_arm("ur5e").calibrated("ur5e_a")

@@ -30,6 +30,7 @@ FACTS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_every_attribute_can_be_given():
     assert set(FACTS) == {each.name for each in fields(ArmDescription)} - set(FROM_FILE)
     plain = ArmDescription.from_urdf(PANDA)

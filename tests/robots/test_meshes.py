@@ -302,6 +302,7 @@ def test_what_is_no_mesh_is_one_sentence_in_every_engine(tmp_path, root):
     assert len(answers) == len(HOSTILE) + 5
 
 
+@pytest.mark.slow
 def test_a_mesh_opens_no_other_file(tmp_path, root):
     """`mtllib` of a pipe that nobody writes into would hang; one outside of the package would be read."""
     package = tmp_path / "robot/package"

@@ -390,6 +390,7 @@ def test_a_missing_mesh_costs_the_collisions(file, tmp_path):
     np.testing.assert_allclose(ArmKinematics(arm).fk(q), ArmKinematics.from_file(file).fk(q), atol=1e-15)
 
 
+@pytest.mark.slow
 def test_from_a_shell(file, arm, capsys):
     numbers = pose_vector(ArmKinematics(arm, base="world").fk(arm.home))
     pose = ",".join(map(str, [*numbers[:3], *np.rad2deg(numbers[3:])]))

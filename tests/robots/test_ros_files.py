@@ -75,6 +75,7 @@ PACKAGES = ["ur_description", "franka_description", *slow("z1_gripper_descriptio
         *slow(("nowhere", "ur_description"), ("flag", "z1_gripper_description"), ("nowhere", "z1_gripper_description")),
     ],
 )
+@pytest.mark.slow
 def test_files_of_ros_from_a_shell(workspace, capsys, monkeypatch, package, how):
     file, pose = workspace / "mine" / f"{package}.urdf", ARMS[package][-1]
     share = workspace / "install/share"
@@ -101,6 +102,7 @@ def test_files_of_ros_from_a_shell(workspace, capsys, monkeypatch, package, how)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
+@pytest.mark.slow
 def test_meshes_of_a_package_reach_every_engine(workspace, package):
     _, _, count, tip, _ = ARMS[package]
     file = workspace / "mine" / f"{package}.urdf"

@@ -51,6 +51,7 @@ def test_pairs_of_an_srdf_are_not_checked(file):
     assert tried > 100
 
 
+@pytest.mark.slow
 def test_an_arm_whose_links_overlap_is_free_with_it(file, capsys):
     plain = ArmDescription.from_urdf(file)
     pairs = [pair for pair in combinations(LINKS, 2) if int(pair[1][1]) - int(pair[0][1]) <= 3]

@@ -378,6 +378,7 @@ def test_of_equal_branches_the_user_chooses(file, branches, tip, joints):
         np.testing.assert_allclose(kin.fk(q), (base.inverse() * data.oMf[model.getFrameId(tip)]).homogeneous, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_arms_of_other_makers():
     """Serial arms of example-robot-data by their files alone: what is found, and FK of a stack against Pinocchio's."""
     tips = {

@@ -15,6 +15,7 @@ def test_digests_repeat(name):
 
 
 @pytest.mark.parametrize("name", digest.RESULTS)
+@pytest.mark.slow
 def test_results_are_those_that_are_kept(name):
     """Rounded: the last bits depend on the processor. docs/reference/promises.md says how to keep them anew."""
     assert digest.compare(name, digest.digests(digest.RESULTS[name]), digest.read(digest.REFERENCE)) in (

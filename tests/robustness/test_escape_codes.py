@@ -56,6 +56,7 @@ def test_no_command_hands_escape_codes_on(here, capfd):
         assert clean(path.read_text(encoding="utf-8")), path.suffix
 
 
+@pytest.mark.slow
 def test_training_into_a_folder_with_escape_codes(here, capfd):
     pytest.importorskip("stable_baselines3")
     assert main(["train", "ranked-single", "--steps", "1", "--out", NAME]) == 0

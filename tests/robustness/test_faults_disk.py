@@ -159,6 +159,7 @@ class TestOutputThatCannotBeWritten:
         assert process.returncode == cli.EXIT_UNREAD
 
 
+@pytest.mark.slow
 def test_complaint_that_cannot_be_written(root, tmp_path):
     with open("/dev/full", "w") as full:
         command = [sys.executable, "-m", "kinreach.evaluate", "--nonsense"]

@@ -36,6 +36,7 @@ def failing_frame(monkeypatch):
 
 
 @pytest.mark.parametrize("number", [1, 5])
+@pytest.mark.slow
 def test_an_environment_says_which_frame_failed_and_goes_on(number, failing_frame):
     env = gym.make("kinreach/UR5SingleStep-v0", backend="kinematic", observation="camera").unwrapped
     failing_frame(number)
@@ -82,6 +83,7 @@ def test_a_context_that_cannot_be_made(monkeypatch):
 
 
 @pytest.mark.parametrize("camera", ["front", *slow("wrist", "overview")])
+@pytest.mark.slow
 def test_a_frame_does_not_depend_on_the_ones_before_it(camera):
     simulation = ArmSimulation("ur5-thesis", visual=True)
     with FrameRenderer(simulation.model, width=160, height=90, shadows=False) as renderer:

@@ -38,6 +38,7 @@ def whole(tmp_path_factory):
     return train(RECIPE, tmp_path_factory.mktemp("whole"), seed=1).folder
 
 
+@pytest.mark.slow
 def test_what_is_not_whole_is_found(whole):
     """The check can fail: half of each file is refused."""
     assert kills.whole_files(whole) == 4
@@ -50,6 +51,7 @@ def test_what_is_not_whole_is_found(whole):
 
 
 @pytest.mark.parametrize("segment", [*slow(0), 2])
+@pytest.mark.slow
 def test_a_run_that_dies_between_its_checkpoint_and_its_curve_has_a_whole_curve_in_the_end(
     segment, whole, tmp_path, monkeypatch
 ):

@@ -215,6 +215,7 @@ CALIBRATION_BOMB = "\n".join(
         "!!bool foo", "!!int ''", "!!timestamp foo", "!!python/object/apply:os.system ['touch ran']", "&a [*a]",
         "[" * 5000, "{? [a] : b}", "1" * 5000)), "<" * 5000, "delta_theta = [" + "1," * 5000, "\0", None],
 )  # fmt: skip
+@pytest.mark.slow
 def test_calibrations(content, tmp_path, monkeypatch):
     """Refused at once, whatever is in them."""
     monkeypatch.chdir(tmp_path)
@@ -230,6 +231,7 @@ def test_calibrations(content, tmp_path, monkeypatch):
     assert [entry.name for entry in tmp_path.iterdir()] == ["c.yaml"]
 
 
+@pytest.mark.slow
 def test_files_that_promise_too_much_take_neither_memory_nor_time(tmp_path, whole, root):
     """With 1.5 GB for the whole process and half a minute, each ends in the error."""
     header, body = whole

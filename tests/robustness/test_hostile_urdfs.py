@@ -103,6 +103,7 @@ def test_damaged_descriptions(fuzzed):
     fuzzed(damaged(), run, share=0.8)
 
 
+@pytest.mark.slow
 def test_damaged_meshes_do_not_end_the_process(tmp_path, root):
     """Truncated and random mesh files, read by the collision checker in a process of its own."""
     code = (

@@ -23,6 +23,7 @@ def test_cameras_give_everything_back(check, rounds):
     assert check(rounds).count == 2 * rounds
 
 
+@pytest.mark.slow
 def test_a_leak_is_found():
     kept = []
 

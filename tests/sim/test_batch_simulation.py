@@ -88,6 +88,7 @@ def test_those_that_are_not_moved_stand_still(targets, alone):
     np.testing.assert_array_equal(batch.batch.state, before)
 
 
+@pytest.mark.slow
 def test_moves_from_wherever_the_last_one_ended(targets):
     chosen = np.array([0, 24, 30, 36, 41, 50])
     batch, serial = BatchSimulation("ur5-thesis", len(chosen), threads=2), ArmSimulation("ur5-thesis")

@@ -120,6 +120,7 @@ def test_verdicts_are_those_of_the_collision_checker_near_the_table(tool_down, g
     np.testing.assert_array_equal([not result.reached for result in results], colliding)
 
 
+@pytest.mark.slow
 def test_verdicts_do_not_hang_on_the_timestep():
     targets = np.random.default_rng(5).uniform(-np.pi, np.pi, (40, 6))
     verdicts = []

@@ -29,6 +29,7 @@ def among(boxes):
     return ArmSimulation(replace(ARM, workcell=replace(cell, obstacles=(*cell.obstacles, *boxes))))
 
 
+@pytest.mark.slow
 def test_moves_among_them_are_those_among_obstacles():
     rng, movable = np.random.default_rng(3), ArmSimulation(ARM, boxes=COUNT)
     touched = reached = blocked = 0

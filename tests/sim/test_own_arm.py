@@ -116,6 +116,7 @@ def test_the_panda_reaches_in_an_environment(panda, postures, backend):
     assert reached == 6
 
 
+@pytest.mark.slow
 def test_the_panda_can_be_looked_at(panda, needs_gl):
     env = gym.make("kinreach/UR5SingleStep-v0", arm=panda, render_mode="rgb_array")
     env.reset(seed=0)

@@ -36,6 +36,7 @@ def test_cameras_look_at_their_targets_with_up_upwards():
 
 
 @pytest.mark.parametrize("camera", ["front", "wrist", *slow("overview")])
+@pytest.mark.slow
 def test_pictures_show_the_red_ball(scene, camera):
     scene.reset()
     scene.place_ball((0.45, 0.05, -0.175))
@@ -85,6 +86,7 @@ print("moved")
 
 
 @pytest.mark.parametrize("library", [None, *slow("disable")])
+@pytest.mark.slow
 def test_physics_loads_no_graphics(library):
     assert run(PHYSICS_ONLY, library) == "moved"
 
@@ -105,6 +107,7 @@ except InstallationError as error:
     ("library", "packages"),
     [(None, ("libegl1 libgl1", "libosmesa6")), *slow(("egl", ("libegl1 libgl1",)), ("osmesa", ("libosmesa6",)))],
 )
+@pytest.mark.slow
 def test_a_missing_library_stops_pictures_and_not_physics(library, packages):
     message = run(MISSING, library)
     assert message.startswith("cannot draw")
@@ -143,6 +146,7 @@ def run(program, library):
 
 
 @pytest.mark.parametrize("camera", ["front", "wrist"])
+@pytest.mark.slow
 def test_every_goal_is_seen_whole_from_home(scene, camera):
     scene = ArmSimulation(scene.arm)  # drawn by its collision shapes, which hide more than the visual meshes do
     region = scene.arm.workcell.goals
@@ -175,6 +179,7 @@ def test_every_goal_is_seen_whole_from_home(scene, camera):
     ("library", "remedy"),
     [("nonsense", "unset it, set it to egl or osmesa"), ("off", "unset it"), ("glfw", "set it to egl or osmesa")],
 )
+@pytest.mark.slow
 def test_a_setting_with_which_nothing_is_drawn_is_named_with_its_remedy(library, remedy):
     """By a process without a screen, as the one that is asked to draw on a server."""
     code = "import kinreach.sim as s; s.render(s.ArmSimulation(), width=32, height=18)"

@@ -107,6 +107,7 @@ def test_gripper_stays_open_as_described_while_the_arm_moves(ur5):
 
 
 @pytest.mark.parametrize("name", ARMS)
+@pytest.mark.slow
 def test_ball_has_no_contact_and_obstacles_are_named(name):
     arm, model = get_arm(name), build_scene(get_arm(name)).compile()
     ball = model.geom("ball")
@@ -117,6 +118,7 @@ def test_ball_has_no_contact_and_obstacles_are_named(name):
 
 
 @pytest.mark.parametrize("name", ARMS)
+@pytest.mark.slow
 def test_nothing_is_excluded_that_can_touch(name):
     arm, model = get_arm(name), build_scene(get_arm(name)).compile()
     known = {frozenset(pair) for pair in (*arm.disabled_collisions, *arm.workcell.touching)}
@@ -147,6 +149,7 @@ def test_an_arm_that_touches_nothing_has_no_constraint_to_solve(name):
 
 
 @pytest.mark.parametrize("name", ARMS)
+@pytest.mark.slow
 def test_drawing_does_not_change_the_physics(name):
     plain, drawn = ArmSimulation(name, visual=False), ArmSimulation(name, visual=True)
     rng = np.random.default_rng(3)

@@ -98,6 +98,7 @@ def test_the_viewer_shows_the_ball_and_closes(screen, run_python, backend):
 
 
 @pytest.mark.parametrize("hook", [*slow("none"), "own"])
+@pytest.mark.slow
 def test_to_ask_for_a_screen_changes_nothing_of_the_process(run_python, hook):
     done = run_python("-c", ASKED, hook)
     assert done.returncode == 0, done.stderr
@@ -106,11 +107,13 @@ def test_to_ask_for_a_screen_changes_nothing_of_the_process(run_python, hook):
     assert re.match(r"cannot open a window: \(\d+\) X11: Failed to load Xlib\. Without a screen use", first)
 
 
+@pytest.mark.slow
 def test_with_a_screen_nothing_is_said(screen, run_python):
     done = run_python("-c", ASKED, "own")
     assert (done.returncode, done.stdout) == (0, 2 * "a screen\n"), done.stderr
 
 
+@pytest.mark.slow
 def test_without_a_screen_the_error_says_what_to_do(run_python, needs_gl):
     done = run_python("-c", NO_SCREEN)
     assert done.returncode == 0, done.stderr

@@ -48,6 +48,7 @@ def toy(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_mutant_is_killed_by_the_first_test_that_fails_and_leaves_no_trace(toy):
     before = (toy / "square.py").read_text(), (toy / "square.py").stat().st_mtime_ns
     found = verdict(toy, SQUARE, full=False)

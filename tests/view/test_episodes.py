@@ -35,6 +35,7 @@ EPISODES = ("single", "multi", "space", "button", "moving", "real arm")
 
 
 @pytest.mark.parametrize("name", EPISODES)
+@pytest.mark.slow
 def test_an_episode_is_what_the_loop_says(episodes, name):
     _, episode = episodes[name]
     assert len(episode.steps) == episode.trial["steps"] >= 1
@@ -181,6 +182,7 @@ class Blind(Pointing):
         return np.zeros(1, np.float32), {}
 
 
+@pytest.mark.slow
 def test_an_environment_from_outside_is_played(monkeypatch):
     gym.register("outside/Pointing-v0", entry_point=Pointing)
     gym.register("outside/Blind-v0", entry_point=Blind)
@@ -234,6 +236,7 @@ def test_nobody_waits_for_an_episode_any_more():
         EpisodeRequest(SINGLE, "closed-form", get_arm("ur5-thesis")).play(simple=True, stop=stop)
 
 
+@pytest.mark.slow
 def test_a_copied_program_plays_the_same(episodes, capsys):
     for name, (recording, episode) in episodes.items():
         arm = repr(recording.arm.name)

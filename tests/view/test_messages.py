@@ -135,6 +135,7 @@ def test_what_an_input_takes_is_answered(tab, capfd, monkeypatch):
 @pytest.mark.parametrize(
     "updates", [None, {}, [], "value", {"removed": True}, {"value": 1.0, "gui_api": None}, {"nothing": 1}]
 )
+@pytest.mark.slow
 def test_a_tab_changes_values_and_nothing_else(tab, capfd, updates):
     tab.page.show("Target")
     element = tab.element("x y z [m]")

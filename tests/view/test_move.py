@@ -89,6 +89,7 @@ def pillar(tmp_path_factory):
 
 
 @pytest.mark.parametrize("inputs", [*slow(INPUTS[0]), *INPUTS[1:]])  # the others have a goal, too
+@pytest.mark.slow
 def test_what_is_copied_gives_the_motion_that_is_shown(tab, inputs, pillar, tmp_path, capsys):
     """The command writes the same program by `--script`, and so does the Python code."""
     inputs = {name: value.replace("PILLAR", pillar) if name == "meshes" else value for name, value in inputs.items()}
@@ -109,6 +110,7 @@ def test_what_is_copied_gives_the_motion_that_is_shown(tab, inputs, pillar, tmp_
     assert capsys.readouterr().out == script
 
 
+@pytest.mark.slow
 def test_a_motion_is_played_and_scrubbed_along_its_time(tab):
     tab.set("goal", GOAL)
     shown = planned(tab, still=False)
@@ -132,6 +134,7 @@ def test_a_motion_is_played_and_scrubbed_along_its_time(tab):
     np.testing.assert_allclose(panel.q, get_arm("ur5e").home, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_mesh_is_drawn_and_avoided(tab, pillar):
     """A pillar as a mesh in millimetres is where the same pillar as a box is, and has the same caution."""
     tab.set("mesh scale", 0.001)
@@ -151,6 +154,7 @@ def test_a_mesh_is_drawn_and_avoided(tab, pillar):
     wait_for(lambda: "/move/world/pillar.stl" not in tab.nodes and "plan again" in tab.text)
 
 
+@pytest.mark.slow
 def test_the_chart_has_the_speeds_over_the_time_and_a_press_on_it_goes_there(tab):
     tab.set("goal", f"{GOAL}; {NEAR}")
     shown, panel = planned(tab), tab.page.shown
@@ -173,6 +177,7 @@ def test_the_chart_has_the_speeds_over_the_time_and_a_press_on_it_goes_there(tab
         wait_for(lambda: f"--kr-moment: {shown.times[panel.at] / shown.times[-1]:.4f}" in tab.text)
 
 
+@pytest.mark.slow
 def test_what_is_typed_around_the_arm_is_drawn_and_asks_for_a_new_plan(tab):
     tab.set("goal", NEAR)
     shown, panel = planned(tab), tab.page.shown
@@ -209,6 +214,7 @@ def test_the_shade_is_the_arm_along_its_way(tab):
     wait_for(lambda: tab.nodes["/move/shades"]["visible"] is False)
 
 
+@pytest.mark.slow
 def test_a_caution_is_in_the_first_line(tab):
     tab.set("goal", GOAL)
     planned(tab)
@@ -240,6 +246,7 @@ def test_a_caution_is_in_the_first_line(tab):
         ),
     ],
 )
+@pytest.mark.slow
 def test_what_cannot_be_planned_is_said_and_the_last_motion_stays(tab, label, value, said):
     tab.set("goal", GOAL)
     shown, panel = planned(tab), tab.page.shown
@@ -250,6 +257,7 @@ def test_what_cannot_be_planned_is_said_and_the_last_motion_stays(tab, label, va
     wait_for(lambda: not tab.element("Plan")["disabled"])
 
 
+@pytest.mark.slow
 def test_goal_and_start_are_taken_from_what_is_shown(tab):
     """The arrows, the target of the part "Target", and the posture on the screen."""
     panel = tab.page.shown
@@ -343,6 +351,7 @@ def test_a_robot_is_asked_about_after_its_motion_is_shown(answer, no_browser, mo
     assert bool(log) == (answer == "y")
 
 
+@pytest.mark.slow
 def test_a_page_that_is_opened_with_a_motion_shows_it(capsys):
     from dataclasses import replace
 

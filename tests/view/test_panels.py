@@ -65,6 +65,7 @@ def test_two_tabs_have_targets_of_their_own(serve):
     wait_for(lambda: not server.pages)
 
 
+@pytest.mark.slow
 def test_another_arm_is_chosen_in_the_page(serve):
     """It begins anew, with what the arm has; the first arm comes back as it was given, and a name only is taken."""
     with Tab(serve("ur5", CALIBRATION)) as tab:
@@ -167,6 +168,7 @@ def test_what_is_typed_while_an_answer_is_drawn_is_kept(serve, what):
             assert reached == pytest.approx(0.35 if what == "position" else -70.0)
 
 
+@pytest.mark.slow
 def test_solvers_start_where_they_are_told_to(serve):
     """From the start posture they need steps to get to where the arm stands already; the closed form never does."""
     with Tab(serve("ur5-thesis")) as tab:
@@ -258,6 +260,7 @@ def test_the_self_motion_of_a_seven_axis_arm(serve, monkeypatch):
         assert not tab.nodes["/target/self_motion"]["visible"]
 
 
+@pytest.mark.slow
 def test_the_real_arm_beside_its_data_sheet(serve, root):
     with Tab(serve("ur5-thesis", CALIBRATION)) as tab:
         panel = tab.page.show("Real arm")
@@ -285,6 +288,7 @@ def test_the_real_arm_beside_its_data_sheet(serve, root):
         assert not tab.nodes["/real_arm"]["visible"]
 
 
+@pytest.mark.slow
 def test_a_calibration_says_at_the_target_what_it_changes(serve):
     """The tip's error in the data sheet's posture, at each target; of an arm without a file nothing is said."""
     with Tab(serve("ur5-thesis", CALIBRATION)) as tab:
@@ -435,6 +439,7 @@ def test_parts_of_other_arms(serve, tmp_path):
     assert set(setup_of(str(tmp_path / "bare.urdf")).environments) == own  # it has no goals, these have another arm
 
 
+@pytest.mark.slow
 def test_an_episode_is_played_stepped_and_scrubbed(serve):
     with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.show("Episodes")
@@ -514,6 +519,7 @@ def test_an_episode_that_is_recorded_while_hidden_stands_still(serve, monkeypatc
         wait_for(lambda: panel.at > 0)
 
 
+@pytest.mark.slow
 def test_a_real_arm_beside_the_one_that_is_believed_in(serve):
     with Tab(serve("ur5-thesis")) as tab:
         panel = tab.page.show("Episodes")
@@ -568,6 +574,7 @@ def used(page):
     return [weakref.ref(thing) for thing in (page, *panels, episodes.episode, page.target.model)]
 
 
+@pytest.mark.slow
 def test_a_closed_tab_leaves_nothing(serve):
     """No threads of ours, and nothing of the page in memory."""
     server = serve("ur5-thesis")

@@ -112,6 +112,7 @@ class Session(contextlib.AbstractContextManager["Session"]):
             kept.keep(self._name, self._states)
 
 
+@pytest.mark.slow
 def test_targets_of_a_calibrated_arm():
     setup = setup_of("ur5-thesis", calibration=CALIBRATION, simple=True)
     with Session("target", setup) as session:
@@ -241,6 +242,7 @@ def test_a_real_arm_without_a_calibration():
         session.step("no calibration")
 
 
+@pytest.mark.slow
 def test_the_self_motion_of_an_arm():
     with Session("panda", setup_of("panda", simple=True)) as session:
         tab = session.tab

@@ -146,6 +146,7 @@ def test_what_is_missing_is_in_the_verdict(ur5):
     assert "finger left touches table" in ur5.answer(ur5.goal(POSE, T), ur5.home).verdict
 
 
+@pytest.mark.slow
 def test_the_verdict_is_of_the_branch_that_lacks_the_least(ur5):
     compared = 0
     for T in poses(ur5, 600, seed=5, stretch=3.0):
@@ -210,6 +211,7 @@ def test_the_table_of_solvers_is_in_the_words_of_the_page(ur5):
         assert said in html.solvers([replace(finish, result=result)])
 
 
+@pytest.mark.slow
 def test_policies_are_solvers_too():
     """Where they end is what their episodes say; what they are not for, they are not offered for."""
     setup = setup_of("ur5-thesis", calibration=str(CALIBRATION))
@@ -335,6 +337,7 @@ def copied(code, capsys):
 
 
 @pytest.mark.parametrize("calibration", [None, str(CALIBRATION)])
+@pytest.mark.slow
 def test_a_copied_program_has_the_limits_of_the_page(calibration, capsys):
     setup = setup_of("ur5-thesis", calibration=calibration)
     model, counted = setup.model(), 0
@@ -386,6 +389,7 @@ def test_an_arm_with_any_six_joints_has_all_its_postures(tmp_path):
         )
 
 
+@pytest.mark.slow
 def test_copied_programs_of_an_arm_from_a_file(capsys):
     file = "ur_description/urdf/ur5_robot.urdf"
     setup = setup_of(arm=f"{getModelPath(file)}/{file}", calibration=str(CALIBRATION))

@@ -163,6 +163,7 @@ def test_a_ball_of_another_size_is_not_taken_for_the_goal(pipeline):
 
 
 @both
+@pytest.mark.slow
 def test_without_a_ball_nothing_is_found(pipeline):
     rng = np.random.default_rng(5)
     empty, wall = picture()

@@ -111,6 +111,7 @@ def test_unusable_requests_are_refused(ur5):
         CameraGoalView("ur5-thesis").measure(ArmSimulation("arm3"))
 
 
+@pytest.mark.slow
 def test_every_goal_is_found_within_a_millimetre_and_a_half(looks, goals):
     assert all(look.found.all() for look in looks)
     assert errors_mm(np.array([look.values for look in looks]), goals).max() < 1.5
@@ -119,6 +120,7 @@ def test_every_goal_is_found_within_a_millimetre_and_a_half(looks, goals):
     assert len(looks) == len(goals) >= 60
 
 
+@pytest.mark.slow
 def test_every_goal_is_found_within_three_millimetres_under_noise(looks, goals):
     radius, rng, found = get_arm("ur5-thesis").workcell.ball_radius, np.random.default_rng(0), []
     cameras = get_arm("ur5-thesis").goal_cameras
@@ -167,6 +169,7 @@ def test_what_is_not_found_is_zero(ur5, view):
     np.testing.assert_allclose(goal_in_world("ur5-thesis", look.values, look.found), only_front, atol=0.002)
 
 
+@pytest.mark.slow
 def test_one_view_serves_many_scenes_and_closes_twice(goals, needs_gl):
     view = CameraGoalView("ur5-thesis", width=640, height=360)
     plain, drawn = ArmSimulation("ur5-thesis"), ArmSimulation("ur5-thesis", visual=True)

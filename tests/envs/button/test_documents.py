@@ -10,6 +10,7 @@ SAME_EVERYWHERE = ("gears [N m]", "time of a step", "joint 1 after one action fr
 
 
 @pytest.mark.parametrize("name", list(ACTUATIONS))
+@pytest.mark.slow
 def test_the_table_is_that_of_the_benchmark(name, root):
     page = (root / "docs/studies/appendix/button.md").read_text(encoding="utf-8")
     section = page.split("\n## Two sets of actuation\n")[1]

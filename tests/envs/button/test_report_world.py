@@ -34,6 +34,7 @@ def make(**options):
     return gym.make(BUTTON, actuation="report", **options)
 
 
+@pytest.mark.slow
 def test_random_actions_turn_joints_as_fast_as_there():
     count = 40
     fastest = np.zeros((count, 3))
@@ -92,6 +93,7 @@ def test_the_first_joint_has_no_limit():
         assert np.abs(info["q"][1:]).max() < 2.1
 
 
+@pytest.mark.slow
 def test_targets_are_where_they_are_there():
     env = gym.make_vec(BUTTON, num_envs=1000, vectorization_mode="vector_entry_point", actuation="report")
     goals = np.abs(env.reset(seed=0)[1]["goal"])
@@ -102,6 +104,7 @@ def test_targets_are_where_they_are_there():
     assert goals[:, 2].max() == pytest.approx(0.75, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_press_counts_by_where_the_end_effector_is_before_the_step():
     """Start with the end effector just inside or outside the radius, and let the step carry it across."""
     seen = Counter()

@@ -114,6 +114,7 @@ def test_pictures_show_ball_and_press(needs_gl):
 
 
 @pytest.mark.parametrize("actuation", list(ACTUATIONS))
+@pytest.mark.slow
 def test_a_list_of_frames_is_the_motion_in_the_time_of_the_simulation(actuation, needs_gl):
     env = make(render_mode="rgb_array_list", actuation=actuation)
     env.reset(seed=0)

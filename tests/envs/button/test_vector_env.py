@@ -21,6 +21,7 @@ def make_vec(count, **options):
 
 
 @pytest.mark.parametrize("actuation", list(ACTUATIONS))
+@pytest.mark.slow
 def test_a_batch_equals_single_environments_bit_for_bit(actuation):
     count = 6
     batch = make_vec(count, actuation=actuation, max_episode_steps=40, threads=2)

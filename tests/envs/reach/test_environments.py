@@ -61,6 +61,7 @@ def test_every_episode_starts_in_the_same_posture_with_a_new_goal():
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.slow
 def test_the_closed_form_earns_20_on_both_branches(backend):
     env = make(SINGLE, backend=backend)
     reached = np.zeros(2, dtype=int)

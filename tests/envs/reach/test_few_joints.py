@@ -98,6 +98,7 @@ def test_the_closed_form_reaches_every_goal_under_dynamics():
     assert all(0.3 < trial["move_s"] < 3.0 for trial in trials)  # as fast as its servos
 
 
+@pytest.mark.slow
 def test_a_region_that_is_out_of_reach_is_said():
     far = Workcell(goals=BoxRegion(x=(1.0, 1.1), y=(0.0, 0.1), z=(0.1, 0.1)))
     env = make(replace(get_arm("so101"), name="far", workcell=far), backend="kinematic")

@@ -63,6 +63,7 @@ ROBOTS = Path(str(get_arm("ur5-thesis").package_root())) / "example-robot-data/r
 
 
 @pytest.mark.parametrize("file", ["xarm_description/urdf/xarm7.urdf", "ur_description/urdf/ur10_robot.urdf"])
+@pytest.mark.slow
 def test_an_arm_without_goals_is_given_some_of_its_size(file):
     bare = ArmDescription.from_urdf(ROBOTS / file)
     arm = with_goals(bare)

@@ -165,6 +165,7 @@ def test_views_that_no_camera_has_are_refused():
             env.reset(options={"view": view})
 
 
+@pytest.mark.slow
 def test_a_given_view_takes_no_look(needs_gl):
     """The cameras' noise goes on as if the episode had not been."""
     options = {"observation": "camera", "backend": "kinematic", "depth_noise": 0.002, "width": 160, "height": 90}

@@ -26,6 +26,7 @@ def limits_of(arm):
 
 
 @pytest.mark.parametrize("arm", ["ur5-thesis", "arm3"])
+@pytest.mark.slow
 def test_under_dynamics(arm):
     env = gym.make(MULTI, arm=arm, disable_env_checker=True)
     rng = np.random.default_rng(0)

@@ -46,6 +46,7 @@ def test_goals_are_seen_as_well_as_by_rendering(task, remembered):
     assert abs(rendered.found.mean() - found.found.mean()) < 0.1
 
 
+@pytest.mark.slow
 def test_where_a_look_was_taken_the_goal_is_seen_as_it_was(task, remembered):
     rng = np.random.default_rng(0)
     goals = task.arm.workcell.draw_goals(rng, LOOKS)
@@ -63,6 +64,7 @@ def test_where_a_look_was_taken_the_goal_is_seen_as_it_was(task, remembered):
 
 @pytest.mark.usefixtures("needs_gl")
 @pytest.mark.parametrize(("noise", "least"), [({"rgb_noise": 30.0}, 1e-6), ({"depth_noise": 0.002}, 1e-5)])
+@pytest.mark.slow
 def test_each_noise_of_the_cameras_moves_where_balls_are_seen(noise, least):
     """Under the same random numbers, on more than half of the balls; without any they are seen alike."""
     small = {"backend": "kinematic", "observation": "camera", "width": 160, "height": 90}

@@ -68,6 +68,7 @@ def test_a_batch_observes_what_single_environments_do():
         np.testing.assert_array_equal(gym.make(SINGLE, backend="kinematic", arm=arm).reset(seed=seed)[0], row)
 
 
+@pytest.mark.slow
 def test_its_pictures_are_observed_and_the_ball_is_found_in_them(needs_gl):
     arm = arm_with(*UR5.goal_cameras, SIDE)
     options = {"backend": "kinematic", "arm": arm, "width": 320, "height": 180}

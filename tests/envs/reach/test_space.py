@@ -106,6 +106,7 @@ def test_a_batch_equals_single_environments(variant, backend, count, steps):
 
 
 @pytest.mark.parametrize("backend", ["kinematic", "mujoco"])
+@pytest.mark.slow
 def test_the_closed_form_reaches_everything(backend):
     """Also low over the table with the tool tilted, where a finger has to be turned away from it."""
     env = make(backend=backend, **WIDE)
@@ -233,6 +234,7 @@ def test_solvers_try_again_where_the_way_to_their_posture_is_blocked():
     assert all(method["restarts"]["p95"] >= 1 for method in methods)
 
 
+@pytest.mark.slow
 def test_a_free_posture_is_refused_where_the_arm_would_touch_itself_on_the_way():
     env, at_once = (make(backend=backend, **WIDE).unwrapped for backend in ("mujoco", "kinematic"))
     starts, solver = env.starts(np.random.default_rng(0), 100), LevenbergMarquardtSolver(env.kinematics)

@@ -42,6 +42,7 @@ def actions_for(name, count, steps):
         (MULTI, "mujoco", 3, 8, 0.0),
     ],
 )
+@pytest.mark.slow
 def test_a_batch_equals_single_environments(name, backend, count, steps, tolerance):
     batch = make_vec(name, count, backend=backend)
     singles = [gym.make(name, backend=backend) for _ in range(count)]
@@ -211,6 +212,7 @@ def test_malformed_input_is_refused():
             batch.reset(options={"goal": goals})
 
 
+@pytest.mark.slow
 def test_after_a_partial_restart_each_camera_has_its_own_noise(needs_gl):
     """Only environments 0 and 2 end; what they see then is what they would see alone."""
     options = {"backend": "kinematic", "observation": "camera", "depth_noise": 0.003, "width": 160, "height": 90}
@@ -231,6 +233,7 @@ def test_after_a_partial_restart_each_camera_has_its_own_noise(needs_gl):
         single.close()
 
 
+@pytest.mark.slow
 def test_what_starts_anew_leaves_the_others_pictures_as_they_are(needs_gl):
     """The noise of an environment's pictures is its own, whatever the others do."""
     options = {"backend": "kinematic", "observation": "pixels", "width": 32, "height": 18, "rgb_noise": 20.0}
@@ -252,6 +255,7 @@ def test_what_starts_anew_leaves_the_others_pictures_as_they_are(needs_gl):
 
 
 @pytest.mark.parametrize("exposure", [*slow(1.0), 4.0])
+@pytest.mark.slow
 def test_pictures_are_those_of_single_environments(exposure, needs_gl):
     options = {"backend": "kinematic", "observation": "pixels", "width": 48, "height": 32, "exposure": exposure}
     batch, singles = make_vec(SINGLE, 3, **options), [gym.make(SINGLE, **options) for _ in range(3)]
