@@ -197,13 +197,15 @@ def test_what_is_between_two_samples_is_found(tmp_path):
     assert tried == len(HIDDEN)
 
 
-#: Number of a pose of `tools.endurance.five_axes`, and a posture [rad] on a small surface between points of the grid.
+#: Number of a pose of `tools.endurance.five_axes`, and a posture [rad] on a small surface, or loop, between points of the grid.
 SMALL = [
     (226, (1.257, 1.036, -2.306, 1.356, 0.678)),
     (226, (1.313, 0.896, -2.246, 1.082, 0.783)),
     (1934, (-0.163, 2.731, -1.303, -3.086, -0.284)),
     (8334, (2.528, 2.598, -1.708, 0.163, -0.956)),
     (8334, (2.533, 2.673, -1.753, -0.196, -1.095)),
+    (30280, (-0.6135, 2.3667, 0.6299, 1.5999)),
+    (30280, (1.1183, -2.273, 1.3551, -1.3508)),
 ]
 
 
@@ -211,7 +213,7 @@ def test_surfaces_between_points_of_the_grid_are_found(tmp_path):
     tried = 0
     for number, q in SMALL:
         rng = np.random.default_rng([number, 17])
-        kin = kinematics_of(tmp_path, *random_joints(5, np.random.default_rng([number // 2 % 200, 18])))
+        kin = kinematics_of(tmp_path, *random_joints(len(q), np.random.default_rng([number // 2 % 200, 18])))
         T = kin.fk(rng.uniform(-np.pi, np.pi, kin.n))
         T[:3, :3] = orientations(rng)
         assert apart(np.array(q), kin.all_solutions(T, limits=False).q).min() < 1e-3, number

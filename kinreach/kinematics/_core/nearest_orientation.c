@@ -16,7 +16,7 @@
 #include <stddef.h>
 #include <string.h>
 
-enum { N = KR_FIVE_JOINTS, CURVE = 72, SURFACE = 24, AROUND = 24, STARTS = 1024, CENTRES = 64 };
+enum { N = KR_FIVE_JOINTS, CURVE = 108, SURFACE = 24, AROUND = 24, STARTS = 1024, CENTRES = 64 };
 /* A step of Newton's method is short [rad]. Starts closer than this, as a share of the step that leads to them, are one; so
  * are postures [rad]. */
 static const double SHORT = 3.0, SAME_START = 0.15, SAME = 1e-5;
