@@ -197,7 +197,8 @@ def test_what_is_between_two_samples_is_found(tmp_path):
     assert tried == len(HIDDEN)
 
 
-#: Number of a pose of `tools.endurance.five_axes`, and a posture [rad] on a small surface, or loop, between points of the grid.
+#: Number of a pose of `tools.endurance.five_axes`, and a posture [rad] on a small surface, or loop, between points of
+#: the grid.
 SMALL = [
     (226, (1.257, 1.036, -2.306, 1.356, 0.678)),
     (226, (1.313, 0.896, -2.246, 1.082, 0.783)),
