@@ -225,9 +225,9 @@ def _bars(axes: Axes, seeds: Mapping[str, _Training], unit: str) -> None:
         axes.bar(shown.start, heights, widths, align="edge", color=PALETTE[0], lw=0)
         axes.set_ylim(0.0, max(4.0, 1.08 * heights.max()))
     if not any(totals.values()):
-        whole = sum(float(seed.end[-1]) for seed in seeds.values())
-        over = f"{_grouped(whole)} {unit} of {_seeds(len(seeds))}"
-        text = f"no goal reached in {over}" if ordered else "this environment does not say what is reached"
+        longest = max(float(seed.end[-1]) for seed in seeds.values())
+        over = f"{_seeds(len(seeds))} in {_grouped(longest)} {unit}{' each' if len(seeds) > 1 else ''}"
+        text = f"no goal reached by {over}" if ordered else "this environment does not say what is reached"
         axes.set_ylim(0.0, 4.0)
         axes.annotate(text, (0.62, 0.5), xycoords="axes fraction", ha="center", fontsize=10, color=FAINT)
     elif len(ordered) == 1:

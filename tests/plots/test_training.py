@@ -113,7 +113,7 @@ def test_the_thesis_numbers_can_be_read(rng, texts):
 
 def test_no_goal_is_drawn_too(rng, texts):
     figure = draw_training({"a": curve(rng, reached=0.0), "b": curve(rng, reached=0.0)}, environment=SINGLE)
-    assert "no goal reached in 204\u202f800 episodes of 2 seeds" in texts(figure)
+    assert "no goal reached by 2 seeds in 102\u202f400 episodes each" in texts(figure)
     log = {**curve(rng), "reached": np.full(400, np.nan)}
     assert "this environment does not say what is reached" in texts(draw_training({"a": log}))
 
