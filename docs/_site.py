@@ -152,6 +152,8 @@ def _copy_notebooks(app: Sphinx, config: Config) -> None:
 
 def _links_of_notebooks(app: Sphinx, docname: str, source: list[str]) -> None:
     """Notebooks are not where their copies are; in them a link to a file of the package becomes its name."""
+    if docname == "studies/notebooks":  # not in the source, where GitHub would show the directive
+        source[0] += "\n```{toctree}\n:hidden:\n:glob:\n\nnotebooks/*\n```\n"
     source[0] = re.sub(r"\]\((?:\.\./)+notebooks/(?=\w+\.ipynb)", "](/studies/notebooks/", source[0])
     if docname.startswith("studies/notebooks/"):
         source[0] = re.sub(r"\]\(\.\./docs/", "](../../", source[0])
