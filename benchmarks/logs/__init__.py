@@ -122,7 +122,8 @@ def sampled_returns(log: Mapping[str, Array], gamma: float, most: int = MAX_SAMP
     Args:
         log: A learning curve with a row for each step.
         gamma: Discount factor.
-        most: Most samples; they are equally far apart.
+        most: Most samples. They are equally far apart, by a prime number, so that they do not fall into step with
+            episodes of one length.
 
     Returns:
         `steps` and `discounted`, each of shape (n,).
@@ -135,6 +136,8 @@ def sampled_returns(log: Mapping[str, Array], gamma: float, most: int = MAX_SAMP
         raise InputError("discounted rewards need a learning curve with a row for each step: train with window=1")
     returns = discounted_returns(log["reward"], np.diff(episodes, prepend=0.0) > 0, gamma)
     every = -(-len(steps) // most) or 1
+    while any(every % divisor == 0 for divisor in range(2, every)):
+        every += 1
     return {"steps": steps[every - 1 :: every], "discounted": returns[every - 1 :: every]}
 
 
