@@ -7,7 +7,7 @@ Rewards are sparse; the learner, its settings and the scaling of observations ar
 tip by up to 5 cm along each axis, as PandaReach's do; `--only joints` turns joints instead. Each seed has a folder with
 `curve.csv` (actions, reached of the test's goals in percent, median distance at the end of an episode, processor time),
 and what the training goes on from: the command begun again skips what is done. At the end it prints a table and draws
-the curves. Five seeds are not measured yet.
+the curves.
 """
 
 from __future__ import annotations
