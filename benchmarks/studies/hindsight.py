@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import pickle
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -137,8 +136,7 @@ def train(contender: Contender, folder: Path, seed: int, steps: int, every: int)
     env, test = (VecNormalize(contender.batch(count), norm_reward=False) for count in (NUM_ENVS, TEST_GOALS))
     test.training = False
     if len(rows) > 1:
-        with scales.open("rb") as read:
-            env.obs_rms = pickle.load(read)
+        env = VecNormalize.load(str(scales), env.venv)
         model = SAC.load(saved, env=env)
         with warnings.catch_warnings():  # episodes that were under way are cut off, as it warns
             warnings.filterwarnings("ignore", message="The last trajectory")
@@ -154,8 +152,7 @@ def train(contender: Contender, folder: Path, seed: int, steps: int, every: int)
         reached, distance = tested(model, test)
         rows.append([str(model.num_timesteps), f"{reached:.1f}", f"{distance:.2f}", f"{took:.1f}"])
         model.save(saved)
-        with scales.open("wb") as file_of_scales:
-            pickle.dump(env.obs_rms, file_of_scales)
+        env.save(str(scales))
         model.save_replay_buffer(buffer)
         with replacing(curve) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows(rows)

@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Callable
+from typing import Any
 
 #: How long a robot may take to do something, on a busy machine [s].
 PATIENCE = 60.0
@@ -16,6 +17,21 @@ def eventually(condition: Call) -> bool:
     while not (found := condition()) and time.monotonic() < deadline:
         time.sleep(0.01)
     return bool(found)
+
+
+def connected(connect: Callable[[], Any], refused: type[Exception]) -> Any:
+    """Return what connects, as soon as it does: a client's own limit of some seconds runs out on a busy machine."""
+    found = []
+
+    def is_there() -> bool:
+        try:
+            found.append(connect())
+        except refused:
+            return False
+        return True
+
+    assert eventually(is_there)
+    return found[0]
 
 
 def near(values: list[float], wanted: list[float], tolerance: float = 2e-3) -> bool:

@@ -7,7 +7,7 @@ import dashboard_client
 import rtde_control
 import rtde_io
 import rtde_receive
-from calls import eventually, near, report
+from calls import connected, eventually, near, report
 
 
 def main(address: str) -> None:
@@ -64,17 +64,7 @@ def main(address: str) -> None:
     })  # fmt: skip
     outputs.disconnect()
 
-    control = None
-
-    def controls() -> bool:
-        nonlocal control
-        try:
-            control = rtde_control.RTDEControlInterface(address)
-        except RuntimeError:  # it waits for 5 s
-            return False
-        return True
-
-    assert eventually(controls)
+    control = connected(lambda: rtde_control.RTDEControlInterface(address), RuntimeError)
     away = [home[0] + 0.2, *home[1:]]
     path = [[*away, 2.0, 4.0, 0.0], [home[0] + 0.3, home[1] + 0.1, *home[2:], 2.0, 4.0, 0.05], [*home, 2.0, 4.0, 0.0]]
     higher = [pose[0], pose[1], pose[2] + 0.05, *pose[3:]]

@@ -7,7 +7,7 @@ import logging
 import sys
 from importlib.metadata import version
 
-from calls import eventually, near, report
+from calls import connected, eventually, near, report
 from urx.urrobot import URRobot
 from urx.ursecmon import TimeoutException
 
@@ -15,15 +15,7 @@ from urx.ursecmon import TimeoutException
 def main(address: str) -> None:
     """Try urx on the robot at an address."""
     logging.disable()
-    robot = None
-
-    def connect() -> bool:
-        nonlocal robot
-        try:
-            robot = URRobot(address, use_rt=True)
-        except TimeoutException:  # it waits for half a second
-            return False
-        return True
+    robot = connected(lambda: URRobot(address, use_rt=True), TimeoutException)
 
     def joints() -> list[float]:
         return robot.getj(wait=True)
@@ -45,7 +37,6 @@ def main(address: str) -> None:
         robot.movel(pose, acc=1.0, vel=0.2, wait=False)
         return eventually(lambda: near(robot.getl(wait=True), pose))
 
-    assert eventually(connect)
     home = joints()
     report("urx", version("urx"), {
         "getj": lambda: len(joints()) == 6,
