@@ -11,7 +11,7 @@ import numpy as np
 from kinreach._checks import check_known
 from kinreach._objects import load_object
 from kinreach.baselines.expert import GRIPPER, table_top, tool_down_postures
-from kinreach.envs.inside import lift_task, moving
+from kinreach.envs.inside import STEP_S, lift_task, moving
 from kinreach.kinematics import Arm3Kinematics, URKinematics
 from kinreach.robots import THESIS_ARM
 
@@ -57,7 +57,7 @@ def moved(rewards: Array, info: Mapping[str, Any]) -> Array:
     """
     away = np.linalg.norm(info["tip"] - info["position"], axis=1)
     second = 0.5 * info["gripped"] - away - 2.0 * info["distance"]
-    return np.asarray(lift_task.STEP_S * second + 10.0 * info["is_success"] - 3.0 * info["impossible"])
+    return np.asarray(STEP_S * second + 10.0 * info["is_success"] - 3.0 * info["impossible"])
 
 
 def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:

@@ -62,7 +62,7 @@ class _TipScript:
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         made: Any = env.unwrapped
-        self._kinematics = made.kinematics
+        self._kinematics, self._steps = made.kinematics, made.episodes.small_steps
         self._upright: Floats = made.kinematics.fk(made.home)[:3, :3]
         self._size, self._top = float(made.task.size), float(made.region.z[0])
         self._fingers: bool = made.task.fingers
@@ -73,8 +73,7 @@ class _TipScript:
         T[:3, :3] = turn(UP, aim - math.atan2(self._upright[1, 0], self._upright[0, 0])) @ self._upright
         T[:3, 3] += way * min(1.0, STRIDE / max(float(np.linalg.norm(way)), 1e-9))
         found = self._kinematics.nearest(T, seen.q)
-        changes = (found.q - seen.q) / lift_task.STEP_ANGLE if found.success else np.zeros(len(seen.q))
-        changes /= max(1.0, float(np.abs(changes).max()))
+        changes = self._steps.action_for(seen.q, found.q if found.success else seen.q)
         return np.append(changes, fingers) if self._fingers else changes
 
 

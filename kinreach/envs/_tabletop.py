@@ -17,11 +17,13 @@ from kinreach._checks import Floats, as_array, as_floats, check_count, check_fla
 from kinreach._objects import load_object
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, RowStreams, told_terms
 from kinreach.envs._goals import DENSE, REWARD_NAMES, SPARSE, GoalMethods, Told, goal_dict
-from kinreach.envs._lift.lift_task import STEP_ANGLE, STEP_OPENING, STEP_S, check_objects, grasping_arm, table_of
+from kinreach.envs._lift.lift_task import check_objects, grasping_arm, table_of
 from kinreach.envs._options import EnvOptions, check_box_actions, in_dtype, option_rows
 from kinreach.envs._randomise import Randomisation, Ranges, about_randomise, check_randomise, drawn_of
-from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, held_in_limits, joint_limits, seen_joints
+from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, joint_limits, seen_joints
 from kinreach.envs._single import ArmEnv
+from kinreach.envs._small_steps import STEP_OPENING, STEP_S, SmallSteps, tip_of
+from kinreach.envs._tip_control import CONTROLS, JOINTS, SMALL_STEP, about_control
 from kinreach.errors import InputError, UnknownOptionError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, Gripper
@@ -66,7 +68,7 @@ class TabletopTask(ABC):
     Attributes:
         arm: Name of a UR, or an `ArmDescription`; one without a gripper gets it. Its work cell has a table.
         goal_size: Numbers of a goal. One of 3 is a place in the world [m], and is drawn as a green ball.
-        fingers: Whether the last number of an action moves the fingers; without, an action has one for each joint.
+        fingers: Whether the last number of an action moves the fingers; without, actions have none for them.
         opening: Between the fingers at the start [m]; None for that of the arm's gripper.
         shape: Of the object: `"ball"`, `"cube"` or `"cylinder"`.
         size: Its radius, or half the edge of a cube [m].
@@ -167,6 +169,7 @@ class TabletopOptions(EnvOptions):
         limit: Steps after which episodes of a batch are truncated, as registered.
         goal_env: Whether observations have the goals apart, for hindsight experience replay.
         reward: `"dense"`, the task's own, or `"sparse"`: 0 for success, else -1.
+        control: What actions change: `"joints"`, or the `"position"` or `"pose"` of the tip.
     """
 
     backend: ClassVar[str] = "mujoco"
@@ -175,12 +178,14 @@ class TabletopOptions(EnvOptions):
     limit: int = 100
     goal_env: bool = False
     reward: str = DENSE
+    control: str = field(default=JOINTS, metadata=about_control(*SMALL_STEP))
     randomise: Ranges | None = field(default=None, metadata=about_randomise(BOUNDS))
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_flag("goal_env", self.goal_env)
         check_known("reward", self.reward, REWARD_NAMES)
+        check_known("control", self.control, CONTROLS)
         check_randomise(self.randomise, bounds=BOUNDS)
 
     @classmethod
@@ -226,7 +231,9 @@ class _Setup:
         region: Any = arm.workcell.goals
         _, top = table_of(arm.workcell.obstacles)
         self.region = BoxRegion(region.x, region.y, (top, top))
-        self.action_space = spaces.Box(-1.0, 1.0, (len(self.home) + made.fingers,), np.float32)
+        self.tip = tip_of(arm, options.control)
+        moved = len(self.home) if self.tip is None else self.tip.size
+        self.action_space = spaces.Box(-1.0, 1.0, (moved + made.fingers,), np.float32)
         lower, upper = self.limits
         places = 6 * [GOAL_RANGE]
         high = np.concatenate([upper + BEYOND_LIMIT, [CAMERA_RANGE], places, 6 * [1.0], numbers * [GOAL_RANGE]])
@@ -257,6 +264,7 @@ class TabletopEpisodes(Episodes):
         self.action_space, self.observation_space = setup.action_space, setup.observation_space
         self._streams = RowStreams(setup.sample, self.count, size=3 + setup.task.goal_size)
         self._drawn = Randomisation(options.randomise, self.count, world.drawn)
+        self.small_steps = SmallSteps(setup.arm, setup.tip, self.count)
         self.goals = np.zeros((self.count, setup.task.goal_size))
         joints, numbers, truths = len(setup.home), np.zeros(self.count), np.zeros(self.count, dtype=np.bool_)
         self._state = TabletopState(
@@ -291,6 +299,7 @@ class TabletopEpisodes(Episodes):
         world.put(ids, 0, Objects(np.full(len(ids), SHAPES.index(task.shape)), *numbers), on_table, rows[:, 2])
         self.goals[ids] = rows[:, 3:]
         self._read(ids)
+        self.small_steps.begin(ids, self._state.q[ids])
 
     def _read(self, ids: Ids) -> None:
         now, q = self.world.grasp(ids), self.world.q[ids]
@@ -311,14 +320,15 @@ class TabletopEpisodes(Episodes):
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
         acting = np.ones(self.count, dtype=np.bool_) if acting is None else acting
-        ids, world, joints = np.flatnonzero(acting), self.world, len(self.setup.home)
+        ids, world = np.flatnonzero(acting), self.world
         lost = np.zeros(self.count, dtype=np.bool_)
         if len(ids):
             before = world.states(ids)
-            q = held_in_limits(self.setup.arm, self._state.q[ids] + STEP_ANGLE * actions[ids, :joints])
-            opening = np.full(len(ids), self.setup.opening)
+            changes, opening = actions[ids], np.full(len(ids), self.setup.opening)
             if self.setup.task.fingers:
-                opening = self._state.opening[ids] + STEP_OPENING * actions[ids, -1]
+                opening = self._state.opening[ids] + STEP_OPENING * changes[:, -1]
+                changes = changes[:, :-1]
+            q = self.small_steps.targets(ids, self._state.q[ids], changes)
             world.steer(ids, q, np.clip(opening, 0.0, self.setup.gripper.stroke), STEP_S)
             lost[ids] = diverged = world.diverged(ids)
             if diverged.any():
@@ -391,6 +401,7 @@ class TabletopEpisodes(Episodes):
         achieved = np.array(self.setup.task.achieved(state)[rows])
         return {
             **self.goal_info(rows),
+            **self.small_steps.info(rows),
             "achieved": achieved,
             "distance": np.linalg.norm(achieved - self.goals[rows], axis=1),
             **{name: np.array(each[rows]) for name, each in state._asdict().items() if name != "collides"},
@@ -406,7 +417,10 @@ class TabletopEnv(GoalMethods, ArmEnv):
 
     The action is `Box(-1, 1, (n,), float32)`: changes of the n joints in parts of 5 degrees, and, where the task has
     `fingers`, one number more, the change of their opening in parts of 8 mm. Changes count from where joints and
-    fingers stand. The observation is `Box(float32)`:
+    fingers stand. With `control="position"` the first numbers are three instead, the change of the tip's place along
+    the world's axes in parts of 2 cm, while the tool keeps the direction in which the episode began; `control="pose"`
+    has three more, a rotation vector in parts of 2 degrees. The arm's closed form finds the posture, in the branch in
+    which the arm is, as in `kinreach/UR5MultiStep-v0`, with `info["tip_share"]`. The observation is `Box(float32)`:
 
     | Num | Observation | Unit |
     |-----|-------------|------|
@@ -432,9 +446,9 @@ class TabletopEnv(GoalMethods, ArmEnv):
         task: The class of the task, or `"module:Class"`.
         randomise: Ranges of what is drawn of the arm at every reset, by name, such as `{"payload": (0, 0.5)}`:
             `payload`, `friction`, `damping`, `gears` and `encoder_noise`; `info` has `drawn_NAME`.
-        **options: `goal_env`; `reward`, `"dense"` or `"sparse"` (0 for success, else -1); `info`, `dtype`,
-            `render_mode`, `render_camera`, `render_width` and `render_height`, as every environment has them; and
-            arguments of the task's class.
+        **options: `goal_env`; `reward`, `"dense"` or `"sparse"` (0 for success, else -1); `control`, `"joints"`,
+            `"position"` or `"pose"`; `info`, `dtype`, `render_mode`, `render_camera`, `render_width` and
+            `render_height`, as every environment has them; and arguments of the task's class.
 
     Raises:
         InputError: A task, or options, that cannot be.

@@ -35,9 +35,19 @@ def test_half_of_the_places_are_on_the_table():
 
 
 @pytest.mark.parametrize("goal_env", [False, True])
-@pytest.mark.parametrize(("name", "actions"), [(PUSH, 6), (PICK_AND_PLACE, 7)])
-def test_checkers(name, actions, goal_env):
-    env = gym.make(name, goal_env=goal_env).unwrapped
+@pytest.mark.parametrize(
+    ("name", "control", "actions"),
+    [
+        (PUSH, "joints", 6),
+        (PUSH, "position", 3),
+        (PUSH, "pose", 6),
+        (PICK_AND_PLACE, "joints", 7),
+        (PICK_AND_PLACE, "position", 4),
+        (PICK_AND_PLACE, "pose", 7),
+    ],
+)
+def test_checkers(name, control, actions, goal_env):
+    env = gym.make(name, control=control, goal_env=goal_env).unwrapped
     check_env(env, skip_render_check=True)
     pytest.importorskip("stable_baselines3.common.env_checker").check_env(env, warn=False)
     assert env.action_space.shape == (actions,)
@@ -115,8 +125,8 @@ def test_object_and_arm_are_a_choice():
     _, info = env.reset(seed=0)
     assert env.arm.name == "ur5e"
     assert info["position"][2] == pytest.approx(env.region.z[0] + 0.03, abs=1e-3)
-    with pytest.raises(TypeError, match=r"unexpected keyword argument 'control'; available: arm, shape, .*, reward"):
-        gym.make(PUSH, control="position")
+    with pytest.raises(TypeError, match=r"unexpected keyword argument 'colour'; available: arm, shape, .*, reward"):
+        gym.make(PUSH, colour="red")
     for wrong in ({"within": 0.0}, {"shape": "cone"}, {"size": 1.0}, {"reward": "mine"}, {"goal_env": 1}):
         with pytest.raises(InputError):
             gym.make(PUSH, **wrong)

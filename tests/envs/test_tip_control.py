@@ -4,8 +4,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from kinreach._registration import PICK_AND_PLACE, PUSH
+from kinreach.compare._tabletop import PickAndPlaceScript, PushScript
 from kinreach.envs._reach.reach_task import joint_limits
-from kinreach.envs._tip_control import HALVINGS, MAX_TURN, MOVE, TipControl
+from kinreach.envs._tip_control import HALVINGS, MAX_TURN, MOVE, SMALL_STEP, TipControl
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
 
@@ -138,6 +140,96 @@ def test_the_tip_lifts_a_ball(control):
     assert info["is_success"]
 
 
+@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.parametrize("name", [PUSH, PICK_AND_PLACE, LIFT])
+def test_small_steps_send_tips_as_far_as_asked(name, control):
+    """In the air and at the edge of reach; the servos cover some 0.7 of it in the step."""
+    count, steps, whole, cut, followed = 6, 40, 0, 0, []
+    given = {"steps": "multi"} if name == LIFT else {}
+    batch = gym.make_vec(name, count, "vector_entry_point", control=control, dtype="float64", **given)
+    kin, episodes = batch.unwrapped.episodes.small_steps._tip.kinematics, batch.unwrapped.episodes
+    _, info = batch.reset(seed=11)
+    rng, size = np.random.default_rng(4), 3 if control == "position" else 6
+    held = kin.chain.fk(info["q"])[:, :3, :3]
+    ahead = rng.uniform(-1.0, 1.0, (count, size))
+    ahead[:, :3] = [[1, 0, 0.5], [0, 1, 1], [-1, 0, 0.3], [0, -1, 1], [0.2, 0.1, 1], [0.3, 0.4, 0.2]]
+    for _ in range(steps):
+        actions = np.zeros((count, *batch.single_action_space.shape))
+        actions[:, :size] = ahead * rng.uniform(0.5, 1.0, (count, 1))
+        before = kin.chain.fk(info["q"])
+        sent = kin.chain.fk(episodes.small_steps.targets(np.arange(count), info["q"], actions[:, :size]))
+        _, _, terminated, truncated, info = batch.step(actions)
+        assert not (terminated | truncated | info["impossible"]).any()
+        share = info["tip_share"]
+        way = share[:, None] * SMALL_STEP[0] * actions[:, :3]
+        np.testing.assert_allclose(sent[:, :3, 3] - before[:, :3, 3], way, atol=1e-6)
+        turned = angle(sent[:, :3, :3] @ before[:, :3, :3].swapaxes(1, 2))
+        if control == "pose":
+            np.testing.assert_allclose(
+                turned, share * SMALL_STEP[1] * np.linalg.norm(actions[:, 3:6], axis=1), atol=2e-6
+            )
+        else:
+            moved = share > 0.0
+            np.testing.assert_allclose(sent[moved, :3, :3], held[moved], atol=1e-6)
+        free = share == 1.0
+        came = info["tip"] - before[:, :3, 3]
+        followed += [*(np.sum(came * way, axis=1)[free] / np.sum(way**2, axis=1)[free])]
+        whole, cut = whole + free.sum(), cut + (share < 1.0).sum()
+    assert whole + cut == count * steps
+    assert whole >= 60
+    assert cut >= 30
+    assert 0.6 < np.median(followed) < 0.8  # servos lag, and swing when the next way is shorter
+    assert 0.4 < np.quantile(followed, 0.05) < np.quantile(followed, 0.95) < 1.4
+
+
+@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.parametrize("name", [PUSH, PICK_AND_PLACE])
+def test_batches_of_objects_are_single_environments(name, control):
+    """Native batch and Gymnasium's own, bit for bit, over resets in between."""
+    count, compared, resets = 3, 0, 0
+    given = {"control": control, "max_episode_steps": 5, "goal_env": True}
+    native = gym.make_vec(name, count, "vector_entry_point", autoreset_mode="NextStep", **given)
+    sync = gym.make_vec(name, count, "sync", **given)
+    seen = [batch.reset(seed=2) for batch in (native, sync)]
+    native.action_space.seed(3)
+    for _ in range(14):
+        for key, values in seen[1][0].items():
+            np.testing.assert_array_equal(seen[0][0][key], values)
+        np.testing.assert_array_equal(seen[0][-1]["tip_share"], seen[1][-1]["tip_share"])
+        for own, other in zip(seen[0][1:-1], seen[1][1:-1], strict=True):
+            np.testing.assert_array_equal(own, other)
+        actions = native.action_space.sample()
+        seen = [batch.step(actions) for batch in (native, sync)]
+        compared, resets = compared + count, resets + (seen[0][2] | seen[0][3]).sum()
+    assert compared == 14 * count
+    assert resets >= count
+
+
+@pytest.mark.parametrize(
+    ("name", "control", "script", "start"),
+    [
+        (PUSH, "position", PushScript, {}),
+        (PUSH, "pose", PushScript, {}),
+        (PICK_AND_PLACE, "position", PickAndPlaceScript, {"yaw": [0.0]}),  # the fingers cannot turn
+        (PICK_AND_PLACE, "pose", PickAndPlaceScript, {}),
+    ],
+)
+def test_scripts_solve_the_same_goals_by_changes_of_the_tip(name, control, script, start):
+    env, reached = gym.make(name, control=control, dtype="float64"), 0
+    policy = script(env)
+    for seed in range(2):
+        observation, info = env.reset(seed=seed, options=start)
+        policy.reset(observation, info)
+        over = False
+        while not over:
+            action = policy.act(observation)
+            assert env.action_space.contains(action.astype(np.float32))
+            observation, _, ended, cut, info = env.step(action)
+            over = ended or cut
+        reached += info["is_success"]
+    assert reached == 2
+
+
 def test_where_it_cannot_be():
     for name, options, error, said in (
         (SINGLE, {}, InputError, 'control="pose" is of environments with several steps'),
@@ -145,9 +237,11 @@ def test_where_it_cannot_be():
         (LIFT, {}, InputError, 'is for steps="multi"'),
         (REACH, {"steps": "multi", "arm": "panda"}, InputError, 'six joints with a closed form.*use control="joints"'),
         (PLANE, {"arm": "arm3"}, InputError, "arm 'arm3' is another"),
+        (PUSH, {"arm": "so101"}, InputError, "arm 'so101' is another"),
     ):
         for make in (gym.make, lambda name, **given: gym.make_vec(name, 2, "vector_entry_point", **given)):
             with pytest.raises(error, match=said):
                 make(name, control="pose", **options)
-    with pytest.raises(UnknownNameError, match="unknown control 'ee'; available: joints, pose, position"):
-        gym.make(PLANE, control="ee")
+    for name in (PLANE, PUSH, PICK_AND_PLACE):
+        with pytest.raises(UnknownNameError, match="unknown control 'ee'; available: joints, pose, position"):
+            gym.make(name, control="ee")

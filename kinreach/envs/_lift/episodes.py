@@ -20,9 +20,6 @@ from kinreach.envs._lift.lift_task import (
     HOLD,
     MULTI,
     NEAR,
-    STEP_ANGLE,
-    STEP_OPENING,
-    STEP_S,
     LiftStart,
     LiftTask,
     face_angle,
@@ -30,7 +27,8 @@ from kinreach.envs._lift.lift_task import (
 from kinreach.envs._options import check_box_actions
 from kinreach.envs._randomise import Randomisation
 from kinreach.envs._reach.observers import CameraObserver, PixelObserver
-from kinreach.envs._reach.reach_task import CAMERA, GOAL_RANGE, held_in_limits
+from kinreach.envs._reach.reach_task import CAMERA, GOAL_RANGE
+from kinreach.envs._small_steps import STEP_OPENING, STEP_S, SmallSteps
 from kinreach.sim.inside import CUBE, SHAPES, Grasping, MoveStatus, Objects
 from kinreach.vision.inside import GoalMeasurement
 
@@ -89,7 +87,7 @@ class LiftEpisodes(Episodes):
         self._lifted_for, self._time = np.empty(count), np.empty(count)
         self._reasons, self._status = np.empty(count, dtype=object), np.empty(count, dtype=object)
         self._achieved = np.empty((count, 2))
-        self._held, self._share = np.empty((count, 3, 3)), np.zeros(count)  # the tips' rotations, and how far they came
+        self.small_steps = SmallSteps(task.arm, task.tip, count)
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> LiftStart:
         return self.task.reset_options(options, count)
@@ -130,9 +128,8 @@ class LiftEpisodes(Episodes):
         self._stage[ids], self._steps[ids] = STARTED, 0
         self._lifted_for[ids] = self._time[ids] = self._clearance[ids] = 0.0
         self._gripped[ids], self._reasons[ids], self._status[ids] = False, "", ""
-        self._achieved[ids] = self._share[ids] = 0.0
-        if self.task.tip is not None:
-            self._held[ids] = self.task.tip.directions(self.q[ids])
+        self._achieved[ids] = 0.0
+        self.small_steps.begin(ids, self.q[ids])
         self._distance[ids] = np.linalg.norm(self._tips(ids) - self.goals[ids], axis=1)
         self._see(ids, start.views)
 
@@ -340,18 +337,11 @@ class LiftEpisodes(Episodes):
         self._place[ids], self._rotation[ids] = now.position, now.rotation
         return now
 
-    def _sent_to(self, ids: Ids, changes: Floats) -> Floats:
-        """Return the postures [rad], shape (k, n), of changes of the joints or of the tip."""
-        if self.task.tip is None:
-            return held_in_limits(self.task.arm, self.q[ids] + STEP_ANGLE * changes)
-        q, self._share[ids] = self.task.tip.targets(self.q[ids], changes, self._held[ids])
-        return q
-
     def _small_step(self, ids: Ids, actions: Floats, acting: Flags) -> Outcome:
         task = self.task
         world: Any = self.world
         before = world.states(ids)
-        q = self._sent_to(ids, actions[ids, :-1])
+        q = self.small_steps.targets(ids, self.q[ids], actions[ids, :-1])
         opening = np.clip(self._opening[ids] + STEP_OPENING * actions[ids, -1], 0.0, task.gripper.stroke)
         world.steer(ids, q, opening, STEP_S)
         lost = self._put_back(world, ids, before)
@@ -454,9 +444,8 @@ class LiftEpisodes(Episodes):
     def _info(self, rows: Any, lifted: Flags, terms: dict[str, Floats]) -> dict[str, Any]:
         """Return the `info` of some arms, whose results have as many rows, without what an action led to."""
         ids = np.arange(self.count)[rows]
-        shares = {} if self.task.tip is None else {"tip_share": np.array(self._share[rows])}
         return {
-            **shares,
+            **self.small_steps.info(rows),
             **self.goal_info(rows),
             "q": np.array(self.q[rows]),
             "tip": self._tips(ids),

@@ -34,7 +34,7 @@ from kinreach.envs._reach.reach_task import (
     joint_limits,
     seen_joints,
 )
-from kinreach.envs._tip_control import TipControl
+from kinreach.envs._small_steps import tip_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import THESIS_ARM, ArmDescription, Box, BoxRegion, get_arm
@@ -43,8 +43,6 @@ from kinreach.sim.inside import BALL_SHAPE, BEYOND_LIMIT, CUBE, SHAPES, Objects
 
 #: Ways to act: a grasp in one action, or changes of joints and fingers 25 times a second.
 SINGLE, MULTI = STEPS = ("single", "multi")
-#: Period of the multi-step form [s]; largest change of a joint [rad] and of the opening [m] in one of them.
-STEP_S, STEP_ANGLE, STEP_OPENING = 0.04, math.radians(5.0), 0.008
 #: The tip approaches a grasp from so far above and lifts the object by as much [m].
 LIFT = 0.15
 #: How high the object's lowest point has to be above the table [m], and for how long [s].
@@ -259,9 +257,7 @@ class LiftTask:
         joints = len(arm.joints)
         self.layout = Layout.of(goal=KIND_END, joints=joints)
         self.size = self.layout.size + 3 + 3 * options.clutter
-        self.tip: TipControl | None = None
-        if options.control != tip_control.JOINTS:
-            self.tip = TipControl(self.arm, options.control, joint_limits(self.arm), tip_control.SMALL_STEP, alone=True)
+        self.tip = tip_of(self.arm, options.control)
 
     @cached_property
     def checker(self) -> CollisionChecker:
