@@ -2,6 +2,7 @@
 
     python -m benchmarks.studies.commitment                                # models and PPO
     python -m benchmarks.studies.commitment --trainings results/train/gradient-moving-clear    # and a learner
+    python -m benchmarks.studies.commitment --trainings ... --methods network interception@3   # only these
 
 A world has a delay of the sights, a speed of the ball and a strength of the arm. Its place on the axis is the time that
 the arm needs to make up for what the ball rolls unseen, over the time that the ball is above the table: at 0 the arm
@@ -41,7 +42,7 @@ DELAYS, SPEEDS, STRENGTHS = (0.05, 0.1, 0.2), (0.4, 0.8, 1.2), (1.0, 0.7)
 #: Planners that may decide in every so many frames.
 SLOW: dict[str, Any] = {"interception": Interception, "scenarios": Scenarios}
 #: Methods of the task, and with trainings the network alone and before the planner.
-METHODS, NETWORK, FIRST = ("interception", "scenarios", "ppo"), "network", "network, then interception"
+METHODS, NETWORK, FIRST = ("interception", "scenarios", "ppo"), "network", "network-then-interception"
 #: Seed of the balls, which nothing was chosen with.
 SEED = 5252
 
@@ -89,7 +90,7 @@ def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe for rolling balls")
-    parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: three)")
+    parser.add_argument("--methods", nargs="+", help=f"of the task, {NETWORK}, {FIRST} (default: three, and these two)")
     parser.add_argument("--delays", type=float, nargs="+", default=DELAYS, help="[s] (default: three)")
     parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS, help="[m/s] (default: three)")
     parser.add_argument("--strengths", type=float, nargs="+", default=STRENGTHS, help="of the arm (default: two)")
@@ -102,10 +103,11 @@ def main(argv: list[str] | None = None) -> int:
     balls = check_count("--balls", arguments.balls)
     seed = check_count("--seed", arguments.seed, least=0)
     make_writable(arguments.out)
-    files = {name: [""] for name in arguments.methods or METHODS}
-    if arguments.trainings:
-        found = [str(file) for file in sorted(arguments.trainings.glob(f"seed-*/{POLICY}"))]
-        files |= {name: found for name in (NETWORK, FIRST) if found}
+    found = sorted(arguments.trainings.glob(f"seed-*/{POLICY}")) if arguments.trainings else []
+    learned = {name: [str(file) for file in found] for name in (NETWORK, FIRST)}
+    files = {name: learned.get(name, [""]) for name in arguments.methods or (*METHODS, *(learned if found else ()))}
+    if not all(files.values()):
+        raise InputError(f"{NETWORK} and {FIRST} need --trainings with finished trainings, seed-0/{POLICY} and others")
     worlds = sorted(
         (lateness(delay, speed, strength), delay, speed, strength)
         for delay in arguments.delays

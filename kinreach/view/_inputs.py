@@ -97,7 +97,7 @@ class Latest:
         self._asked = 0
         self.ended = False
 
-    def __call__(self, work: Callable[[], None]) -> None:
+    def __call__(self, work: Callable[[], object]) -> None:
         with self._numbering:
             self._asked += 1
             mine = self._asked

@@ -10,7 +10,7 @@ from kinreach.robots.inside import FLANGE, JOINTS, ur_model
 from kinreach.view import _html as html
 from kinreach.view._draw import FloorGrid, Surroundings, overview
 from kinreach.view._episodes_panel import EpisodesPanel
-from kinreach.view._inputs import add_unseen
+from kinreach.view._inputs import Latest, add_unseen
 from kinreach.view._messages import error_message, watch
 from kinreach.view._move_panel import MovePanel
 from kinreach.view._panel import Panel
@@ -43,6 +43,7 @@ class Page:
     def __init__(self, client: Any, setup: Setup) -> None:
         self.client, self._first = client, setup
         self.lock = threading.RLock()
+        self._pressed = Latest(self.lock)
         self.shown: Panel
         self._built: dict[str, Panel] = {}
         self._closed = False
@@ -85,7 +86,7 @@ class Page:
         client.scene.configure_default_lights(cast_shadow=not self._setup.simple)
         self._grid = FloorGrid(client.scene, arm.workcell.obstacles)
         self._surroundings = Surroundings(client.scene, arm.workcell.obstacles)
-        add_unseen(client.gui, html.SHOW, self.names, self.show, order=LAST)
+        add_unseen(client.gui, html.SHOW, self.names, lambda name: self._pressed(lambda: self.show(name)), order=LAST)
         add_unseen(client.gui, html.DO, (html.SCREENSHOT, html.PYTHON), self._do, order=LAST)
         add_unseen(client.gui, html.COLOURS, (LIGHT, DARK), self._colour, order=LAST)
         self._colour(LIGHT)

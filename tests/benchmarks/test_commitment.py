@@ -30,17 +30,25 @@ def test_the_table_is_resumed_and_drawn(tmp_path, capsys, monkeypatch):
     runs.mkdir(parents=True)
     (runs / POLICY).write_bytes((PRETRAINED / "gradient-moving.safetensors").read_bytes())
     figure, out = tmp_path / "figure.png", ["--out", str(tmp_path / "cells")]
-    arguments = ["--methods", "last-sight", "--delays", "0.05", "0.2", "--speeds", "0.4", "--strengths", "1",
+    learned = ["network", "network-then-interception"]
+    arguments = ["--methods", "last-sight", *learned, "--delays", "0.05", "0.2", "--speeds", "0.4", "--strengths", "1",
                  "--balls", "3", "--trainings", str(runs.parent), *out]  # fmt: skip
     assert commitment.main(arguments) == 0
     table = capsys.readouterr().out
     rows = [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()]
-    assert rows[0][4:] == ["`last-sight`", "`network`", "`network, then interception`"]
+    assert rows[0][4:] == [f"`{name}`" for name in ("last-sight", *learned)]
     assert [row[:4] for row in rows[2:]] == [["0.15", "50", "0.4", "1"], ["0.30", "200", "0.4", "1"]]
     monkeypatch.setattr(commitment, "rollout", None)  # nothing is played again
     assert commitment.main([*arguments, "--figure", str(figure)]) == 0
     assert capsys.readouterr().out == table
     assert figure.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("method", ["network", "network-then-interception"])
+def test_a_network_needs_trainings_that_ended(tmp_path, method):
+    for given in ([], ["--trainings", str(tmp_path)]):
+        with pytest.raises(InputError, match=r"need --trainings with finished trainings, seed-0/policy\.safetensors"):
+            commitment.main(["--methods", method, *given, "--out", str(tmp_path / "cells")])
 
 
 def test_a_planner_decides_in_every_so_many_frames():

@@ -94,7 +94,6 @@ def test_shares_are_covered_where_trainings_differ():
 
 
 @pytest.mark.parametrize(("statistic", "spread"), [(mean, 0.2), (median, 0.2), *slow((mean, 0.0), (mean, 1.0))])
-@pytest.mark.slow
 def test_distances_are_covered_where_trainings_and_goals_differ(statistic, spread):
     """Goals are harder or easier for all trainings alike; trainings are worse or better on all goals alike."""
     rng = np.random.default_rng(1)
