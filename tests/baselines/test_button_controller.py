@@ -35,7 +35,6 @@ def make(**options):
         *slow(("tuned", 1000, 25), ("report", 1000, 184.5)),
     ],
 )
-@pytest.mark.slow
 def test_held_out_targets_are_pressed(actuation, count, median):
     result = analytic(ACTUATIONS[actuation], count, HELD_OUT)
     assert result["pressed"] >= 0.99

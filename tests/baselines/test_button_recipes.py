@@ -166,7 +166,6 @@ def test_evaluation_knows_nothing_of_the_training_reward(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["button", *slow("button-report")])
-@pytest.mark.slow
 def test_the_policies_of_the_package_press(name):
     policy = load_policy(name, environment=BUTTON)
     found = evaluate(policy, goals=200, options=policy.card.recipe["options"])
@@ -200,7 +199,7 @@ def test_n_step_returns_end_where_a_segment_ends(tmp_path, monkeypatch):
     assert checked == 30 * 64
 
 
-@pytest.mark.parametrize("exploration", [*slow(0.1), 0.9])
+@pytest.mark.parametrize("exploration", [0.1, 0.9])
 @pytest.mark.slow
 def test_a_dqn_that_was_interrupted_gives_what_no_interruption_gives(exploration, tmp_path):
     """Also where the first action after an interruption is most likely one of chance."""

@@ -18,7 +18,6 @@ from kinreach.baselines import _train_cli as train_cli
 from kinreach.cli import main
 from kinreach.errors import InputError
 from tests.baselines.small_runs import interrupted, small
-from tests.cases import slow
 from tests.policy_files import copy_policy
 
 SHIPPED = Path(str(resources.files("kinreach.baselines"))) / "pretrained"
@@ -125,7 +124,7 @@ def test_bad_input_is_one_line_before_any_episode(arguments, message, capsys, mo
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        *slow(([], "")),
+        ([], ""),
         (
             ["--seeds", "2", "--threads", "3", "--split", "held-out", "--export"],
             "--seeds 2 --threads 3 --split held-out --export",

@@ -35,7 +35,6 @@ def spoilt_after(calls, value):
 @pytest.mark.parametrize(
     ("name", "value"), [*slow(("ppo-multi", np.nan), ("sac-single", np.nan)), ("ranked-single", np.inf)]
 )
-@pytest.mark.slow
 def test_a_reward_that_is_no_number_is_named_and_the_last_checkpoint_kept(name, value, tmp_path, monkeypatch):
     recipe = replace(small(name), reward="spoilt")
     steps = recipe.steps // recipe.num_envs

@@ -163,7 +163,6 @@ def test_without_resume_a_finished_run_is_replaced_by_one_with_more(uninterrupte
 
 
 @pytest.mark.parametrize("name", ["ranked-single", *slow(*(name for name in SMALL if name != "ranked-single"))])
-@pytest.mark.slow
 def test_a_finished_run_goes_on_with_more_steps(name, uninterrupted, tmp_path):
     """The same bits, interrupted or not; until it is longer the finished run stays; and it goes on again."""
     finished, recipe = uninterrupted[name].folder, small(name)

@@ -201,7 +201,7 @@ def test_every_task_is_drawn_below():
     assert set(QUICK) == set(_OWN)
 
 
-@pytest.mark.parametrize("name", ["ur5", *slow(*(name for name in QUICK if name != "ur5"))])
+@pytest.mark.parametrize("name", QUICK)
 @pytest.mark.slow
 def test_every_task_has_pictures(name, needs_gl, tmp_path):
     compare(name, QUICK[name], goals=3, out=tmp_path)
@@ -220,7 +220,6 @@ def test_every_task_has_pictures(name, needs_gl, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["arm3", *slow("real-arm", "button")])
-@pytest.mark.slow
 def test_a_posture_beyond_the_limits_is_drawn(name, needs_gl):
     """A simulated joint is stopped by a spring: at the end of a trial it may be a little beyond its limit."""
     comparison = prepare(

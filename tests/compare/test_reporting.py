@@ -25,7 +25,6 @@ from kinreach.compare._runner import Comparison, notes, results_of
 from kinreach.compare._task import _OWN, SOLVER
 from kinreach.envs.moving import PATHS, SPEEDS
 from kinreach.envs.real_arm import BUDGETS
-from tests.cases import slow
 from tests.kept import KEEP
 
 KEPT = Path(__file__).parents[1] / "data" / "reports"
@@ -150,7 +149,7 @@ def reported(task):
         yield from drawn(task.paths(trials, results, replayed))
 
 
-@pytest.mark.parametrize("name", [*(name for name in _OWN if name != "real-arm"), *slow("real-arm")])
+@pytest.mark.parametrize("name", _OWN)
 @pytest.mark.slow
 def test_reports_are_as_they_were(name, monkeypatch):
     monkeypatch.setattr(_runner, "summarise", partial(summarise, resamples=20))

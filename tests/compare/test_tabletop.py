@@ -14,7 +14,6 @@ SCRIPTS = {"push": (PUSH, PushScript), "pick-and-place": (PICK_AND_PLACE, PickAn
 
 
 @pytest.mark.parametrize("task", ["pick-and-place", *slow("push")])
-@pytest.mark.slow
 def test_scripts_bring_objects_to_their_places(task):
     found = compare(task, goals=1, seed=1, options={"max_episode_steps": 150})
     script, random = found["methods"]

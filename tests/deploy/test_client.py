@@ -20,7 +20,6 @@ from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import ArmKinematics, Trajectory, pose
 from kinreach.robots import get_arm
 from kinreach.robots.inside import JOINTS
-from tests.cases import slow
 from tests.deploy.conftest import CALIBRATION, connected
 
 ARM = get_arm("ur5e").calibrated(CALIBRATION).with_tool([0, 0, 0.1, 0, 0, 0])
@@ -57,7 +56,7 @@ def wait_for_clock(robot, seconds):
             pass
 
 
-@pytest.mark.parametrize("seconds", [10.0, *slow(60.0)])
+@pytest.mark.parametrize("seconds", [10.0, 60.0])
 @pytest.mark.slow
 def test_the_state_is_the_newest_however_long_nobody_reads(robot, client, seconds):
     """None is from before it was asked for, and the connection is kept."""

@@ -129,7 +129,6 @@ def test_movel_is_straight_and_turns_evenly(ur):
 
 
 @pytest.mark.parametrize("kind", ["movej", *slow("movel")])
-@pytest.mark.slow
 def test_a_blend_leaves_and_joins_the_lines_at_its_radius_and_saves_time(ur, kind):
     corner, end, radius = shifted(ur, 0.0, 0.0, 0.2), shifted(ur, 0.2, 0.0, 0.2), 0.05
     kin = ArmKinematics.of(REAL, tip="tool0", base="base")

@@ -150,7 +150,6 @@ def test_an_arm_with_its_calibration_is_told_from_another_of_its_model():
 
 
 @pytest.mark.parametrize("pairs", [6, *slow(178)])
-@pytest.mark.slow
 def test_a_program_moves_its_own_model_only(pairs):
     """It asks the robot's own kinematics before it moves; nothing but the controller takes part."""
     every = [pair for pair in permutations(UR_LENGTHS, 2) if set(pair) not in TWINS]

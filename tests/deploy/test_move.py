@@ -44,7 +44,6 @@ def goals(count, seed):
 
 
 @pytest.mark.parametrize("linear", [False, *slow(True)])
-@pytest.mark.slow
 def test_ways_are_free_by_dense_checks_and_runs_end_at_their_goals(linear):
     planned, refused = 0, []
     for T in goals(20, 6):
@@ -169,7 +168,7 @@ def with_pillar(gap):
     return replace(arm, workcell=Workcell((box,)))
 
 
-@pytest.mark.parametrize(("linear", "gap"), [(True, 0.0055), *slow((False, 0.008), (True, 0.012), (False, 0.0055))])
+@pytest.mark.parametrize(("linear", "gap"), [(True, 0.0055), (False, 0.008), (True, 0.012), (False, 0.0055)])
 @pytest.mark.slow
 def test_rounded_corners_keep_the_distance(linear, gap, capsys):
     """The radius is reduced until the corner, as it is commanded, keeps what every way keeps; and that is said."""

@@ -125,7 +125,6 @@ def test_a_copy_is_the_same_after_the_same_seed(task):
 
 
 @pytest.mark.parametrize("task", [*(task for task in TASKS if task not in COSTLY), *slow(*COSTLY)])
-@pytest.mark.slow
 def test_a_batch_says_all_that_single_environments_say(task):
     """Every entry of `info`, from reset to reset."""
     many, singles = batch(task, autoreset_mode="Disabled"), [limited(task) for _ in range(COUNT)]

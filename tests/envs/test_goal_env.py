@@ -105,7 +105,6 @@ def agreeing(form, reward, wanted, count=64):
 
 @pytest.mark.parametrize("reward", REWARDS)
 @pytest.mark.parametrize("form", [name for name in FORMS if name != "lift"] + slow("lift"))
-@pytest.mark.slow
 def test_rewards_of_goals_are_those_of_steps(form, reward):
     count = 16 if form in ("lift", "lift, small steps") or "dynamics" in form else 64
     found, reached, impossible = agreeing(form, reward, 10 * count, count)

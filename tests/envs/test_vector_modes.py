@@ -134,7 +134,6 @@ def masks_of(info):
         ),
     ],
 )
-@pytest.mark.slow
 def test_masks_say_which_environments_an_entry_is_of_as_gymnasiums_do(task, mode):
     native, sync = batch(task, autoreset_mode=mode), singles(task, mode)
     told = [native.reset(seed=3)[1], sync.reset(seed=3)[1]]
@@ -284,7 +283,7 @@ def test_gymnasiums_vector_wrappers(task):
     ("task", "mode"),
     [
         ("single", AutoresetMode.SAME_STEP),
-        *slow(("multi, dynamics", AutoresetMode.SAME_STEP)),
+        ("multi, dynamics", AutoresetMode.SAME_STEP),
         ("button", AutoresetMode.NEXT_STEP),
     ],
 )

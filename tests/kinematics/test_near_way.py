@@ -55,7 +55,6 @@ def alone(checker, start, goals):
 
 
 @pytest.mark.parametrize("count", [24, *slow(150)])
-@pytest.mark.slow
 def test_no_other_posture_has_a_much_shorter_way(kin, count):
     detours, passed_over = 0, 0
     for seed in range(count):

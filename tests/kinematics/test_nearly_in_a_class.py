@@ -24,10 +24,6 @@ from kinreach.kinematics import ArmKinematics, AxisGoal
 from kinreach.kinematics._general_6r import Chain, miss, missed_by
 from kinreach.kinematics._six_axis import methods
 from kinreach.robots._ur import nominal_robot
-from tests.cases import slow
-
-#: Class that `make test` tries directions on.
-FEW = ("right angles",)
 
 
 def placements_of(rng, name):
@@ -103,7 +99,7 @@ def test_no_posture_of_an_arm_near_a_class_is_lost_or_wrong(name):
     assert poses == 144
 
 
-@pytest.mark.parametrize("name", [*FEW, *slow(*(name for name in CLASSES if name not in FEW))])
+@pytest.mark.parametrize("name", CLASSES)
 @pytest.mark.slow
 def test_a_tip_beside_the_last_axis_meets_every_direction(name, tmp_path):
     """By up to 1e-5 m and rad, as a file with 1.5708 leaves it: the other joints make up for it, or other turns do."""

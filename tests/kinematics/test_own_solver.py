@@ -41,7 +41,6 @@ except InstallationError as error:
 
 
 @pytest.mark.parametrize(("hidden", "broken"), [("placo", "PlacoSolver"), *slow(("qpsolvers", "QPSolver"))])
-@pytest.mark.slow
 def test_a_missing_package_takes_its_own_solver_only(run_python, hidden, broken):
     working = {"ClosedFormSolver", "LevenbergMarquardtSolver", "PlacoSolver", "QPSolver"} - {broken}
     done = run_python("-c", HIDDEN.format(hidden=hidden, working="(" + ", ".join(working) + ")", broken=broken))

@@ -100,7 +100,6 @@ ALMOST = [(name, off) for name in SURFACES for off in (1e-9, 1e-8, 1e-7, 1e-6, 1
 
 
 @pytest.mark.parametrize(("name", "off"), [*FEW, *slow(*(case for case in ALMOST if case not in FEW))])
-@pytest.mark.slow
 def test_no_posture_is_lost_where_two_pairs_of_axes_almost_coincide(kin, name, off):
     rng, tried = np.random.default_rng(3), 0
     for _ in range(3):

@@ -319,7 +319,6 @@ def test_two_joints_about_one_axis_are_refused(joint, off, tmp_path):
 
 
 @pytest.mark.parametrize("off", [0.0, *slow(1e-6, 1e-4)])
-@pytest.mark.slow
 def test_joint_1_and_the_pitch_of_the_hand_are_free(off, tmp_path):
     """A wrist centre on axis 1, and axes 4 and 6 parallel: the elbow reaches at two angles of joint 1 only."""
     rng, solved = np.random.default_rng(13), 0

@@ -72,7 +72,9 @@ PACKAGES = ["ur_description", "franka_description", *slow("z1_gripper_descriptio
         ("ROS_PACKAGE_PATH", "ur_description"),
         ("AMENT_PREFIX_PATH", "ur_description"),
         ("nowhere", "franka_description"),
-        *slow(("nowhere", "ur_description"), ("flag", "z1_gripper_description"), ("nowhere", "z1_gripper_description")),
+        ("nowhere", "ur_description"),
+        ("flag", "z1_gripper_description"),
+        ("nowhere", "z1_gripper_description"),
     ],
 )
 @pytest.mark.slow

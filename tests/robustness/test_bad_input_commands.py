@@ -84,7 +84,6 @@ def outcome(argv):
 
 
 @pytest.mark.parametrize("command", [*(name for name in OPTIONS if name not in COSTLY), *slow(*COSTLY)])
-@pytest.mark.slow
 def test_arguments(command, fuzzed):
     refused = []
 

@@ -43,7 +43,6 @@ def blow_up(plant, row, speed):
 @pytest.mark.parametrize(("before", "after", "written"), [
     ("", "", []), *slow((OWN_LOG, "", ["own.txt"]), ("import kinreach.sim._engine", OWN_LOG, ["own.txt"])),
 ])  # fmt: skip
-@pytest.mark.slow
 def test_a_move_that_diverges_writes_no_file_but_the_log_that_was_asked_for(before, after, written, tmp_path):
     code = "\n".join([before, after, DIVERGING])
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}

@@ -83,7 +83,6 @@ def test_a_context_that_cannot_be_made(monkeypatch):
 
 
 @pytest.mark.parametrize("camera", ["front", *slow("wrist", "overview")])
-@pytest.mark.slow
 def test_a_frame_does_not_depend_on_the_ones_before_it(camera):
     simulation = ArmSimulation("ur5-thesis", visual=True)
     with FrameRenderer(simulation.model, width=160, height=90, shadows=False) as renderer:

@@ -13,7 +13,6 @@ import pytest
 from kinreach._files import UNFINISHED, make_writable, write_text
 from kinreach.baselines import _training as training
 from kinreach.baselines import get_recipe, read_curve, train
-from tests.cases import slow
 from tools.endurance import kills
 from tools.endurance.outcome import BrokenPromiseError
 
@@ -50,7 +49,7 @@ def test_what_is_not_whole_is_found(whole):
         (whole / path).write_bytes(content)
 
 
-@pytest.mark.parametrize("segment", [*slow(0), 2])
+@pytest.mark.parametrize("segment", [0, 2])
 @pytest.mark.slow
 def test_a_run_that_dies_between_its_checkpoint_and_its_curve_has_a_whole_curve_in_the_end(
     segment, whole, tmp_path, monkeypatch

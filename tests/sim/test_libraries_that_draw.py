@@ -38,7 +38,6 @@ except InstallationError:
 
 
 @pytest.mark.parametrize("platform", [*slow(None), "glx"])
-@pytest.mark.slow
 def test_a_library_that_fails_leaves_nothing_to_the_next(platform):
     """MuJoCo sets PyOpenGL's platform before it fails; the next library would be bound to it."""
     chosen = "" if platform is None else f"import os; os.environ['PYOPENGL_PLATFORM'] = {platform!r}"

@@ -35,7 +35,7 @@ def test_cameras_look_at_their_targets_with_up_upwards():
         assert abs(R[:, 0] @ mount.up) < 1e-12
 
 
-@pytest.mark.parametrize("camera", ["front", "wrist", *slow("overview")])
+@pytest.mark.parametrize("camera", ["front", "wrist", "overview"])
 @pytest.mark.slow
 def test_pictures_show_the_red_ball(scene, camera):
     scene.reset()
@@ -86,7 +86,6 @@ print("moved")
 
 
 @pytest.mark.parametrize("library", [None, *slow("disable")])
-@pytest.mark.slow
 def test_physics_loads_no_graphics(library):
     assert run(PHYSICS_ONLY, library) == "moved"
 
@@ -107,7 +106,6 @@ except InstallationError as error:
     ("library", "packages"),
     [(None, ("libegl1 libgl1", "libosmesa6")), *slow(("egl", ("libegl1 libgl1",)), ("osmesa", ("libosmesa6",)))],
 )
-@pytest.mark.slow
 def test_a_missing_library_stops_pictures_and_not_physics(library, packages):
     message = run(MISSING, library)
     assert message.startswith("cannot draw")

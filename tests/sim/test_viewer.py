@@ -98,7 +98,6 @@ def test_the_viewer_shows_the_ball_and_closes(screen, run_python, backend):
 
 
 @pytest.mark.parametrize("hook", [*slow("none"), "own"])
-@pytest.mark.slow
 def test_to_ask_for_a_screen_changes_nothing_of_the_process(run_python, hook):
     done = run_python("-c", ASKED, hook)
     assert done.returncode == 0, done.stderr

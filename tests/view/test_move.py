@@ -15,7 +15,6 @@ from kinreach.kinematics import ArmKinematics, CollisionChecker, pose_vector
 from kinreach.robots import get_arm
 from kinreach.view import _cli
 from kinreach.view._cli import setup_of
-from tests.cases import slow
 
 pytest.importorskip("viser")
 
@@ -88,7 +87,7 @@ def pillar(tmp_path_factory):
     return str(file)
 
 
-@pytest.mark.parametrize("inputs", [*slow(INPUTS[0]), *INPUTS[1:]])  # the others have a goal, too
+@pytest.mark.parametrize("inputs", INPUTS)
 @pytest.mark.slow
 def test_what_is_copied_gives_the_motion_that_is_shown(tab, inputs, pillar, tmp_path, capsys):
     """The command writes the same program by `--script`, and so does the Python code."""
@@ -238,12 +237,10 @@ def test_a_caution_is_in_the_first_line(tab):
         ("boxes", "-0.4,0.3,0.3,0.3,0.3,0.3", "goal"),
         ("meshes", "nothing.stl", "nothing.stl"),
         ("turn at most [°]", 1.0, "a joint"),
-        *slow(
-            ("goal", "-0.4,0.3,0.3,180,0,0", "are in radians, not degrees"),
-            ("goal", "-400,300,300,3.14,0,0", "positions are in metres"),
-            ("boxes", "0,0,1", "--box must be 6 numbers"),
-            ("meshes", "nothing.stl@1,2", "--mesh must be 6 numbers"),
-        ),
+        ("goal", "-0.4,0.3,0.3,180,0,0", "are in radians, not degrees"),
+        ("goal", "-400,300,300,3.14,0,0", "positions are in metres"),
+        ("boxes", "0,0,1", "--box must be 6 numbers"),
+        ("meshes", "nothing.stl@1,2", "--mesh must be 6 numbers"),
     ],
 )
 @pytest.mark.slow

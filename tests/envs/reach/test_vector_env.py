@@ -10,7 +10,6 @@ from gymnasium.vector import AutoresetMode
 import kinreach
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
-from tests.cases import slow
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 #: One arm takes the URDF's angles as they are written, many take right angles where almost right ones are written.
@@ -254,7 +253,7 @@ def test_what_starts_anew_leaves_the_others_pictures_as_they_are(needs_gl):
     single.close()
 
 
-@pytest.mark.parametrize("exposure", [*slow(1.0), 4.0])
+@pytest.mark.parametrize("exposure", [1.0, 4.0])
 @pytest.mark.slow
 def test_pictures_are_those_of_single_environments(exposure, needs_gl):
     options = {"backend": "kinematic", "observation": "pixels", "width": 48, "height": 32, "exposure": exposure}
