@@ -72,11 +72,11 @@ figure.savefig("results/move_a_ur.png", dpi=110)
 
 if sys.argv[1:] == ["film"]:
     scene, frames = ArmSimulation(arm, visual=True), []
-    for time in np.arange(0, t[-1] + 0.8, 0.1):
+    for time in np.arange(0, t[-1] + 0.8, 0.06):
         scene.reset(done.measured.at(time)[0])
         scene.place_ball([0.0, 0.0, -0.5])  # the scene has one, under the table
         scene.contacts()  # puts the links where they are
         image = Image.fromarray(render(scene, width=960, height=600))
         frames.append(image.quantize(128, Image.Quantize.FASTOCTREE))
-    film = {"append_images": frames[1:], "duration": 100, "loop": 0}
+    film = {"append_images": frames[1:], "duration": 60, "loop": 0}
     frames[0].save("results/move_a_ur.gif", save_all=True, **film)

@@ -36,13 +36,13 @@ WIDTH, HEIGHT = 1200, 750
 PATIENCE = 300_000
 QUALITY = 85
 #: The film: its width and height in pixels, frames per second, seconds that the last frame stays, and colours.
-FILM, FPS, LAST, COLOURS = (960, 600), 8, 2, 128
+FILM, FPS, LAST, COLOURS = (960, 600), 16, 2, 128
 #: For the film the scene has as many pixels as the film.
 FASTER = "?fixedDpr=0.8"
 #: Where the target goes in the film, and in how many frames: over the table, into it, out of reach, and back; in the
 #: end frames that it stands still.
-WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 6), (0.5, 0.0, -0.24, 5), (0.94, 0.16, 0.05, 5), (0.5, 0.1, 0.0, 5)]
-STILL = 4
+WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 14), (0.5, 0.0, -0.24, 12), (0.94, 0.16, 0.05, 14), (0.5, 0.1, 0.0, 12)]
+STILL = 8
 #: Goal and box of the film of a motion, its speed [%], and its frames per second.
 MOTION, SPEED, MOTION_FPS = ("-0.4, 0.3, 0.3, 3.14, 0, 0", "-0.2,-0.2,0.4,0.1,0.1,0.8"), 50, 12.5
 #: Where it is scrubbed to on the chart, as parts of the time, each in so many frames.
@@ -106,12 +106,18 @@ def self_motion(browser: Any, *, simple: bool) -> None:
 
 def film(camera: Camera, target: TargetPanel) -> None:
     """A target that is dragged, what is said of it, and a posture that is chosen from the list."""
-    tab, frames = camera.tab, []
+    tab, frames, at = camera.tab, [], np.zeros(2)
     tab.evaluate(POINTER)
 
     def take(x: float, y: float, times: int = 1) -> None:
         tab.evaluate(PLACE, [x, y])
         frames.extend([camera.take().resize(FILM, Image.Resampling.LANCZOS)] * times)
+        at[:] = x, y
+
+    def go(x: float, y: float, count: int) -> None:
+        start = at.copy()
+        for share in np.linspace(0, 1, count + 1)[1:-1]:
+            take(*(start + share * share * (3 - 2 * share) * ((x, y) - start)))
 
     for start, end in pairwise([WAY[0], *WAY]):
         for share in np.linspace(0, 1, end[3] + 1)[1:]:
@@ -120,16 +126,19 @@ def film(camera: Camera, target: TargetPanel) -> None:
             target.move(placement(position.tolist(), (np.pi, 0, 0)))
             take(*on_screen(camera.page.client.camera, position, WIDTH, HEIGHT), STILL if share == 1 else 1)
     rows = tab.locator(".kinreach-postures .kr-entry")
-    for row in (1, 2, 3):
+    for row, count in ((1, 10), (2, 4), (3, 4)):
+        box = rows.nth(row).bounding_box()
+        middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        go(*middle, count)
         rows.nth(row).hover()
         camera.wait_for(lambda: target.pointed >= 0)
-        box = rows.nth(row).bounding_box()
-        take(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, STILL)
+        take(*middle, STILL)
     rows.nth(row).click()
     camera.wait_for(lambda: "kept" in tab.inner_text(".kinreach-postures"))
-    take(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, FPS)
+    take(*middle, FPS)
     tab.mouse.move(10, 10)
     camera.wait_for(lambda: target.pointed < 0)
+    go(box["x"] - 100, box["y"] + 100, 6)
     take(box["x"] - 100, box["y"] + 100, LAST * FPS)
     save_gif(frames, IMAGES / "view.gif")
 
