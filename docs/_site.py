@@ -38,12 +38,20 @@ SENTENCE, BETWEEN = (12, 20), 3
 ROOM = (49, 80)
 #: A figure is a chart if more than this share of its pixels is at least so bright, of 255.
 WHITE_SHARE, NEAR_WHITE = 0.55, 250
+#: Charts that are wider than high and have at least so many pixels keep readable letters on a phone, where they scroll;
+#: those of the thesis's page are drawn for it.
+BROAD, FOR_A_PHONE = 700, "/thesis/"
 #: So are these maps, whose cells cover more.
 MAPS = ("moving_map.png", "lift_beyond.png", "off_volume.png")
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
 #: Numbers of several seeds, as in `99.7, 99.6, 99.4`.
 SEEDS = re.compile(r"[-−]?[\d.]+(, [-−]?[\d.]+){2,5}")
+#: Commands, tags, and words that a line may break within at a hyphen or bracket, of at most so many characters.
+COMMANDS = re.compile(r'<div class="highlight-bash.*?</pre>', re.DOTALL)
+TAG, BREAKABLE, WHOLE = re.compile(r"(<[^>]*>)"), re.compile(r"[^\s<>]*[-\[][^\s<>]*"), 36
+#: Code in a line whose words are at most so long does not break in them.
+BRIEF = 30
 #: A space between groups of three digits, as in `76 800`, or before a unit.
 UNBROKEN = re.compile(r"(?<=\d) (?=(?:\d{3}(?!\d)|(?:%|[cmµ]?m|[mµu]?s|m/s|episodes/s|k?g|N|rad|Hz)(?![\w/])))")
 
@@ -59,6 +67,7 @@ def setup(app: Sphinx) -> dict[str, int]:
     app.connect("autodoc-process-docstring", _from_markdown, priority=400)  # before napoleon
     app.connect("autodoc-process-docstring", _two_in_one, priority=600)  # after it
     app.connect("config-inited", _copy_notebooks)
+    app.connect("html-page-context", _whole_words)
     app.connect("source-read", _links_of_notebooks)
     app.connect("source-read", _code_of_examples)
     version = zlib.crc32(Path(__file__).read_bytes())
@@ -166,6 +175,22 @@ def _code_of_examples(app: Sphinx, docname: str, source: list[str]) -> None:
     source[0] = re.sub(r"^\[(`python examples/\w+\.py`)\]\((?:\.\./)+(.*?)\)$", shown, source[0], flags=re.MULTILINE)
 
 
+def _whole_words(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document | None
+) -> None:
+    """A command breaks between its words, not within an option (`site.css`)."""
+
+    def whole(word: re.Match[str]) -> str:
+        return f'<span class="whole">{word[0]}</span>' if len(word[0]) <= WHOLE else word[0]
+
+    def block(commands: re.Match[str]) -> str:
+        parts = TAG.split(commands[0])
+        return "".join(part if part.startswith("<") else BREAKABLE.sub(whole, part) for part in parts)
+
+    if "body" in context:
+        context["body"] = COMMANDS.sub(block, context["body"])
+
+
 class Numbers(SphinxPostTransform):
     """Numbers do not break; columns of them are right-aligned, intervals small and grey (`site.css`)."""
 
@@ -177,6 +202,8 @@ class Numbers(SphinxPostTransform):
         for text in list(self.document.findall(nodes.Text)):
             if UNBROKEN.search(text) and not isinstance(text.parent, nodes.literal | nodes.literal_block):
                 text.parent.replace(text, nodes.Text(UNBROKEN.sub("\N{NO-BREAK SPACE}", text)))
+        for code in self.document.findall(nodes.literal):
+            code["classes"] += ["brief"] * (max(map(len, code.astext().split()), default=0) <= BRIEF)
         for table in self.document.findall(nodes.table):
             before = table.previous_sibling()
             table["classes"] += ["data"] * bool(before and before.astext().startswith("<!-- table "))  # `tables.py`
@@ -230,7 +257,9 @@ class Charts(SphinxPostTransform):
                 picture = Image.open(self.app.srcdir / image["uri"]).convert("L")
                 light = picture.histogram()[NEAR_WHITE:]
                 white = sum(light) > WHITE_SHARE * picture.width * picture.height
-                image["classes"] += ["chart"] * (white or image["uri"].endswith(MAPS))
+                chart = white or image["uri"].endswith(MAPS)
+                broad = picture.width >= max(BROAD, picture.height) and FOR_A_PHONE not in image["uri"]
+                image["classes"] += ["chart"] * chart + ["broad"] * (chart and broad)
 
 
 def _mark_intervals(text: nodes.Text) -> None:

@@ -101,6 +101,13 @@ def test_docstrings_and_tables_in_the_reference(root, monkeypatch):
     numbers = ("0.04", "1.2 / 3.4", "97.5 % [91.8, 100.0]", "−3", "< 1e-9 mm", "15 000", "26 µs", "−π")
     assert [text for text in numbers if not site.NUMBER.match(text)] == []
     assert [text for text in ("1 of 5 seeds reach", "2026 or later, if ever", "x") if site.NUMBER.match(text)] == []
+    commands = (
+        '<div class="highlight-bash"><pre>kinreach<span class="w"> </span>ik<span class="w"> </span>--arm ur5e</pre>'
+    )
+    context = {"body": commands + "<p>--arm</p>"}
+    site._whole_words(None, "", "", context, None)
+    whole = commands.replace("--arm", '<span class="whole">--arm</span>')
+    assert context["body"] == whole + "<p>--arm</p>"
 
 
 def sentences(text: str) -> Iterator[str]:
