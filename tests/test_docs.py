@@ -175,7 +175,9 @@ def anchors(path: Path) -> set[str]:
 def test_the_clients_are_those_that_are_run(root):
     """Versions as installed, and every script."""
     page = (root / "docs/guides/training.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| ([^|]+) \| ([\d., ]+) \| [^|]+ \| `(tools/clients/\w+\.py)` \|$", page, re.MULTILINE)
+    rows = re.findall(
+        r"^\| ([^|]+) \| ([\d., ]+) \| [^|]+ \| [^|]+ \| `(tools/clients/\w+\.py)` \|$", page, re.MULTILINE
+    )
     installed = (root / "tools/clients/requirements.txt").read_text(encoding="utf-8") + (root / "Makefile").read_text()
     pins = {name.lower().replace("_", "-"): version for name, version in re.findall(r"(\w+)==([\d.]+)", installed)}
     said = [pair for names, versions, _ in rows for pair in zip(names.split(", "), versions.split(", "), strict=True)]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -20,14 +21,19 @@ from kinreach._checks import Floats
 from kinreach._registration import MAX_EPISODE_STEPS, RANDOM_ARM
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.envs.inside import (
+    Bounds,
     EnvOptions,
     Flags,
     Ids,
     NativeVectorEnv,
     Outcome,
     PosedEnv,
+    Randomisation,
+    Ranges,
     RowStreams,
+    about_randomise,
     check_box_actions,
+    check_randomise,
     option_rows,
     real_arm,
 )
@@ -42,6 +48,8 @@ MOVES, LOOKS = 3, real_arm.BUDGETS[:-1]
 #: How far beyond the table area balls may lie on all sides [m].
 BEYOND = 0.01
 SIGMA = real_arm.NOISE / real_arm.MEDIAN_LENGTH
+#: What can be drawn, and its bounds.
+DRAWN: Bounds = {"noise": real_arm.DRAWN["noise"]}
 #: Numbers of an observation: where the ball was seen [m]; distance of the tip from the data sheet's beside this ball,
 #: mean of the moves, and from the ball in the last one [m]; moves, looks; the result of `summary`.
 BALL, OFF, MISSED, DONE, LOOKED, SUMMARY = slice(0, 3), slice(3, 6), slice(6, 9), 9, 10, slice(11, 20)
@@ -100,6 +108,17 @@ def _draws(rng: np.random.Generator, count: int) -> Floats:
     return rows
 
 
+@dataclass(frozen=True, kw_only=True)
+class RandomArmOptions(EnvOptions):
+    """Options of `kinreach/RandomArm-v0`."""
+
+    randomise: Ranges | None = field(default=None, metadata=about_randomise(DRAWN, '"noise": (1e-4, 1e-3)'))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_randomise(self.randomise, bounds=DRAWN)
+
+
 class RandomArmStart(NamedTuple):
     """An episode has no options."""
 
@@ -116,8 +135,9 @@ class RandomArmEpisodes(real_arm.MovedEpisodes):
         goals: The balls [m], shape (count, 3).
     """
 
-    def __init__(self, options: EnvOptions, count: int) -> None:
+    def __init__(self, options: RandomArmOptions, count: int) -> None:
         self.options = options
+        self._drawn = Randomisation(options.randomise, count, None, sizes=dict.fromkeys(DRAWN, 1))
         self.action_space = spaces.Box(-1.0, 1.0, (6,))
         self.observation_space = spaces.Box(-np.inf, np.inf, (SIZE,), dtype=np.float64)
         self.chain = ur5().chain
@@ -134,6 +154,7 @@ class RandomArmEpisodes(real_arm.MovedEpisodes):
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Let world `index` draw from `rng`."""
+        self._drawn.seed(index, rng.spawn(1)[0])
         self._streams.seed(index, rng)
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> RandomArmStart:
@@ -149,13 +170,17 @@ class RandomArmEpisodes(real_arm.MovedEpisodes):
         errors, ball, budget, moves, look_noise, ball_noise, noise = np.split(
             self._streams.draw(ids), np.cumsum(_PARTS)[:-1], axis=1
         )
+        self._drawn.begin(ids)
+        sigma = np.full((len(ids), 1), SIGMA)
+        if self.options.randomise:
+            sigma = self._drawn.values("noise", ids) / real_arm.MEDIAN_LENGTH
         errors = errors * ERRORS.deviations(self.chain.joints).ravel()
         nominal = np.tile(self.chain.placements, (len(ids), 1, 1))
         self.placements[ids] = moved_frames(nominal, errors.reshape(-1, 6)).reshape(len(ids), -1, 4, 4)
         low, high = _table() + np.outer((-BEYOND, BEYOND), np.ones(3))
         self.goals[ids] = low + (high - low) * ball
         rows = np.zeros((len(ids), SIZE))
-        rows[:, BALL] = self.goals[ids] + SIGMA * ball_noise
+        rows[:, BALL] = self.goals[ids] + sigma * ball_noise
         level = (budget[:, 0] * len(LOOKS)).astype(int)
         for index, looks in enumerate(LOOKS):
             own = np.flatnonzero(level == index)
@@ -163,12 +188,16 @@ class RandomArmEpisodes(real_arm.MovedEpisodes):
                 off = (errors[own] @ self._slopes[:looks].reshape(3 * looks, -1).T).reshape(len(own), looks, 3)
                 basis = _basis(self._places[:looks])
                 root = np.linalg.cholesky(basis.T @ basis / looks)
-                blur = SIGMA / math.sqrt(looks) * look_noise[own].reshape(-1, 3, 3) @ root.T
+                blur = sigma[own, None] / math.sqrt(looks) * look_noise[own].reshape(-1, 3, 3) @ root.T
                 rows[own, SUMMARY] = summary(self._places[:looks], off) + blur.reshape(-1, 9)
                 rows[own, LOOKED] = looks
         self._observed[ids], self._distances[ids], self.q[ids] = rows, np.inf, ur5().arm.home
         self._moves[ids] = 1 + (MOVES * moves[:, 0]).astype(int)
-        self._noise[ids] = SIGMA * noise.reshape(len(ids), MOVES, 3)
+        self._noise[ids] = (sigma * noise).reshape(len(ids), MOVES, 3)
+
+    def goal_info(self, rows: Any) -> dict[str, Any]:
+        """Return where the balls are, and what was drawn."""
+        return {**super().goal_info(rows), **self._drawn.info(rows)}
 
     def tips(self, q: Floats, rows: Any = slice(None)) -> Floats:
         """Return the true arms' tips in postures, one for each of some rows [m], shape (m, 3)."""
@@ -216,6 +245,7 @@ class RandomArmEnv(PosedEnv):
     The arm that is drawn is that of the data sheet.
     """
 
+    Options = RandomArmOptions
     episodes_class = RandomArmEpisodes
 
     @property
@@ -232,4 +262,5 @@ class RandomArmVectorEnv(NativeVectorEnv):
     """
 
     registered_limit = MAX_EPISODE_STEPS[RANDOM_ARM]
+    Options = RandomArmOptions
     episodes_class = RandomArmEpisodes

@@ -10,7 +10,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.envs._options import about
 from kinreach.errors import InputError
-from kinreach.sim.inside import BOUNDS, DrawnArms, check_ranges, draw
+from kinreach.sim.inside import BOUNDS, OF_JOINTS, DrawnArms, check_ranges, draw
 
 Ranges = Mapping[str, Sequence[float]]
 Bounds = Mapping[str, tuple[float, float]]
@@ -32,6 +32,13 @@ def about_randomise(names: Iterable[str], example: str = '"payload": (0, 0.5)') 
 
 def check_randomise(given: Ranges | None, *, backend: str = "mujoco", bounds: Bounds = WITH_CAMERAS) -> None:
     """Check the option of an environment in which what has `bounds` can be drawn."""
+    if isinstance(given, Mapping) and not {*OF_JOINTS} & {*bounds}:
+        for name in given:
+            if name in BOUNDS and name not in bounds:
+                raise InputError(
+                    f"randomise[{name!r}] is of the dynamics, and this environment, whose arm goes where it is told, "
+                    f"has no masses or torques; available: {', '.join(sorted(bounds))}"
+                )
     check_ranges(given, bounds)
     dynamic = drawn_of(given)
     if dynamic and backend != "mujoco":

@@ -21,6 +21,11 @@ from ._options import check_box_actions as check_box_actions
 from ._options import in_doubles as in_doubles
 from ._options import option_rows as option_rows
 from ._posed import PosedEnv as PosedEnv
+from ._randomise import Bounds as Bounds
+from ._randomise import Randomisation as Randomisation
+from ._randomise import Ranges as Ranges
+from ._randomise import about_randomise as about_randomise
+from ._randomise import check_randomise as check_randomise
 from ._reach import reach_task as reach_task
 from ._reach.observers import PixelObserver as PixelObserver
 from ._reach.observers import measured as measured

@@ -34,6 +34,7 @@ from kinreach._registration import MAX_EPISODE_STEPS, REAL_ARM
 from kinreach._rotations import turn
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome
 from kinreach.envs._options import EnvOptions, about, check_box_actions, check_started, option_values, with_options
+from kinreach.envs._randomise import Bounds, Randomisation, Ranges, about_randomise, check_randomise
 from kinreach.envs._single import SingleEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
@@ -72,6 +73,8 @@ STAND_STIFFNESS, STAND_CENTRE = 1.2e5, 0.35
 LINK_MASSES = np.array((3.7, 8.393, 2.275, 1.219, 1.219, 0.1879))
 #: Median length of the error of a look [m], and of an error with a standard deviation of 1 a coordinate.
 NOISE, MEDIAN_LENGTH = 1.4e-4, 1.5382
+#: What can be drawn, and its bounds; the payload acts on gears and stand.
+DRAWN: Bounds = {"noise": (1e-9, 1.0), "payload": (0.0, PAYLOAD)}
 #: Looks that may be taken before, a choice of these; half of the balls have to be nearer than this in the end [m].
 BUDGETS, REACHED_WITHIN = (0, 5, 10, 20, 50, 100), 5e-4
 #: UR5 whose calibrations come with the package.
@@ -98,6 +101,7 @@ class RealArmOptions(EnvOptions):
     again: int = field(default=2, metadata=about("how often the arm goes to a ball again, having seen where it was"))
     balls: int = field(default=50, metadata=about("on the tray"))
     noise: float = field(default=NOISE, metadata=about("median error of a look [m]"))
+    randomise: Ranges | None = field(default=None, metadata=about_randomise(DRAWN, '"noise": (1e-4, 1e-3)'))
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -110,7 +114,8 @@ class RealArmOptions(EnvOptions):
             raise InputError(f"budgets of looks must increase, got {shown(self.budgets)}")
         check_count("again", self.again, least=0, most=MAX_AGAIN)
         check_count("balls", self.balls, most=MAX_BALLS)
-        check_number("noise [m]", self.noise, least=1e-9, most=1.0)
+        check_number("noise [m]", self.noise, least=DRAWN["noise"][0], most=DRAWN["noise"][1])
+        check_randomise(self.randomise, bounds=DRAWN)
         for calibration in self.calibrations:
             true_arm(calibration)
 
@@ -156,6 +161,7 @@ class Workplace:
         lags: Whether gears have hysteresis.
         phases: Of the encoders' errors [rad], shape (6,); None without.
         tilts: Whether the stand bends under arm and payload.
+        payload: At the tip [kg].
     """
 
     arm: ArmDescription
@@ -166,6 +172,7 @@ class Workplace:
     lags: bool = False
     phases: Floats | None = None
     tilts: bool = False
+    payload: float = PAYLOAD
 
     def joints(self, q: Floats, start: Floats) -> Floats:
         """Return where the joints are [rad] when the arm goes from `start`, (1, 6), to postures (m, 6) in turn."""
@@ -175,7 +182,7 @@ class Workplace:
         if self.lags:
             true -= 0.5 * HYSTERESIS * np.sign(np.diff(q, axis=0, prepend=start))
         if self.sags:
-            true -= PAYLOAD * GRAVITY * _chain(self.arm).jacobian(q)[:, 2] / STIFFNESS
+            true -= self.payload * GRAVITY * _chain(self.arm).jacobian(q)[:, 2] / STIFFNESS
         return true
 
     def tips(self, q: Floats, start: Floats | None = None) -> Floats:
@@ -193,7 +200,7 @@ class Workplace:
             return tips
         origins = np.array([frame[:, :3, 3] for frame in frames]) @ yaw
         centres = 0.5 * (origins[:-1] + origins[1:])
-        x, y, _ = GRAVITY / STAND_STIFFNESS * (np.tensordot(LINK_MASSES, centres, 1) + PAYLOAD * tips).T
+        x, y, _ = GRAVITY / STAND_STIFFNESS * (np.tensordot(LINK_MASSES, centres, 1) + self.payload * tips).T
         foot = np.array((0.0, 0.0, -STAND_CENTRE))
         return np.asarray(tips + np.cross(np.column_stack([-y, x, 0.0 * x]), tips - foot))
 
@@ -218,10 +225,10 @@ def _true_model(arm: ArmDescription, tool: tuple[float, ...], turned: float) -> 
     return spec.compile()
 
 
-def workplace(errors: str, calibration: str, rng: np.random.Generator) -> Workplace:
+def workplace(errors: str, calibration: str, rng: np.random.Generator, payload: float = PAYLOAD) -> Workplace:
     """Draw a workplace with errors as large as the constants of this module, in a random direction.
 
-    They are a key of `ERRORS`; the calibration is as of `true_arm`.
+    They are a key of `ERRORS`; the calibration is as of `true_arm`, the payload in kg.
     """
     parts = ERRORS[errors]
     tool, base, shift, axis = _direction(rng), rng.choice((-1.0, 1.0)), _direction(rng), _direction(rng)
@@ -239,6 +246,7 @@ def workplace(errors: str, calibration: str, rng: np.random.Generator) -> Workpl
         lags=BACKLASH in parts,
         phases=rng.uniform(-math.pi, math.pi, 6) if ENCODERS in parts else None,
         tilts=MOUNT in parts,
+        payload=payload,
     )
 
 
@@ -280,7 +288,7 @@ class RealArmEpisodes(MovedEpisodes):
         balls: On the trays [m], shape (count, balls, 3).
         q: Postures of the last moves to every ball [rad], shape (count, balls, 6).
         at: Where the arms stand [rad], shape (count, 6).
-        noise: Standard deviation of each coordinate of a look [m].
+        noise: Standard deviations of each coordinate of a look [m], shape (count,).
     """
 
     def __init__(self, options: RealArmOptions, count: int) -> None:
@@ -289,7 +297,8 @@ class RealArmEpisodes(MovedEpisodes):
         low, shape = np.where(np.arange(SIZE) < MOVES, -high, 0.0), (options.balls, 1)
         self.observation_space = spaces.Box(np.tile(low, shape), np.tile(high, shape), dtype=np.float64)
         self.action_space = spaces.Box(-1.0, 1.0, (options.balls, 6))
-        self.noise, self.home = options.noise / MEDIAN_LENGTH, np.array(get_arm(THESIS_ARM).home)
+        self.noise, self.home = np.full(count, options.noise / MEDIAN_LENGTH), np.array(get_arm(THESIS_ARM).home)
+        self._drawn = Randomisation(options.randomise, count, None, sizes=dict.fromkeys(DRAWN, 1))
         self._rngs = [np.random.default_rng() for _ in range(count)]
         self.places: list[Workplace | None] = [None for _ in range(count)]
         self._scenes: list[PosedScene | None] = [None for _ in range(count)]
@@ -322,6 +331,7 @@ class RealArmEpisodes(MovedEpisodes):
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give a workplace its own generator."""
         self._rngs[index] = rng
+        self._drawn.seed(index, rng.spawn(1)[0])
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> RealArmStart:
         """Return the options of `reset`: `errors` and `calibration`, one for all workplaces or one for each."""
@@ -334,6 +344,11 @@ class RealArmEpisodes(MovedEpisodes):
 
     def begin(self, ids: Ids, start: RealArmStart = RealArmStart()) -> None:  # noqa: B008 (immutable)
         """Draw other workplaces, and trays of balls."""
+        drawn_now = self.options.randomise or ()
+        self._drawn.begin(ids)
+        if "noise" in drawn_now:
+            self.noise[ids] = self._drawn.values("noise", ids)[:, 0] / MEDIAN_LENGTH
+        payload = self._drawn.values("payload", ids)[:, 0].tolist() if "payload" in drawn_now else len(ids) * [PAYLOAD]
         for row, index in enumerate(ids):
             rng = self._rngs[index]
             drawn = rng.choice(self.options.errors), rng.choice(self.options.calibrations)
@@ -341,7 +356,7 @@ class RealArmEpisodes(MovedEpisodes):
                 str(name if names is None else names[row]) for name, names in zip(drawn, start, strict=True)
             )
             self._named[:, index] = errors, calibration
-            self.places[index] = workplace(errors, calibration, rng)
+            self.places[index] = workplace(errors, calibration, rng, payload[row])
             self.balls[index] = get_arm(THESIS_ARM).workcell.draw_goals(rng, self.options.balls)
             self._observed[index] = 0.0
             self._observed[index, :, SEEN_BALL] = self._seen(index, self.balls[index])
@@ -370,7 +385,7 @@ class RealArmEpisodes(MovedEpisodes):
         return self._seen(index, tips)
 
     def _seen(self, index: int, points: Floats) -> Floats:
-        return self.place(index).seen(points) + self._rngs[index].normal(0.0, self.noise, points.shape)
+        return self.place(index).seen(points) + self._rngs[index].normal(0.0, self.noise[index], points.shape)
 
     def _show(self, index: int, postures: Floats, balls: Iterable[Floats] = ()) -> None:
         scene = self._scenes[index]
@@ -411,7 +426,7 @@ class RealArmEpisodes(MovedEpisodes):
     def goal_info(self, rows: Any) -> dict[str, Any]:
         """Return where the first balls are, and what is wrong with the arms."""
         names = {"errors": np.array(self._named[0, rows]), "calibration": np.array(self._named[1, rows])}
-        return names | super().goal_info(rows)
+        return names | super().goal_info(rows) | self._drawn.info(rows)
 
     def _info(self, rows: Any, reward: Floats) -> dict[str, Any]:
         distance = np.array(self._distance[rows])
@@ -490,7 +505,6 @@ class RealArmEnv(SingleEnv):
     Attributes:
         options: As given.
         believed: The arm as its user believes it to be.
-        noise: Standard deviation of each coordinate of a look [m].
     """
 
     episodes_class = RealArmEpisodes
@@ -498,7 +512,11 @@ class RealArmEnv(SingleEnv):
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
         self.believed: ArmDescription = get_arm(THESIS_ARM)
-        self.noise = self.episodes.noise
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of each coordinate of a look [m], in this episode."""
+        return float(self.episodes.noise[0])
 
     @property
     def scene(self) -> PosedScene:

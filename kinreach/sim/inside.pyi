@@ -13,6 +13,7 @@ from ._free_objects import Objects as Objects
 from ._grasping import Grasping as Grasping
 from ._imperfections import BOUNDS as BOUNDS
 from ._imperfections import IDEAL as IDEAL
+from ._imperfections import OF_JOINTS as OF_JOINTS
 from ._imperfections import DrawnArms as DrawnArms
 from ._imperfections import Imperfections as Imperfections
 from ._imperfections import as_imperfections as as_imperfections

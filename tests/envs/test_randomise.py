@@ -1,6 +1,7 @@
 """What `randomise` draws at every reset: within its ranges, in `info`, in the dynamics, also in native batches."""
 
 import copy
+from dataclasses import replace
 
 import gymnasium as gym
 import mujoco
@@ -11,7 +12,9 @@ from gymnasium.utils.env_checker import check_env
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.envs import TabletopTask, register_tabletop
 from kinreach.envs.inside import ObstaclesEnv
-from kinreach.errors import InputError, UnknownNameError, UnknownOptionError
+from kinreach.envs.real_arm import MEDIAN_LENGTH
+from kinreach.errors import InputError, UnknownNameError
+from kinreach.robots import get_arm
 from kinreach.sim._imperfections import OF_JOINTS
 from tests.cases import slow
 
@@ -19,6 +22,8 @@ ARM = {"payload": (0.1, 0.5), "friction": (0.0, 0.05), "damping": (0.0, 0.02), "
 SERVOS = {**ARM, "encoder_noise": (0.0, 1e-3)}
 ALL = {**SERVOS, "camera": (-0.005, 0.005)}
 SIGHTS = {"noise": (1e-4, 1e-3), "delay": (0.02, 0.1), "strength": (0.6, 1.0)}
+LOOKS = {"noise": (1e-4, 1e-3), "payload": (0.5, 5.0)}
+TRAY = {"errors": ("nongeometric",), "balls": 2, "budgets": (0, 5), "again": 1}
 
 
 class Push(TabletopTask):
@@ -45,9 +50,11 @@ CASES = {
     "push": ("tests/DrawnPush-v0", SERVOS, {}),
     "moving": ("kinreach/Moving-v0", SIGHTS, {}),
     "obstacles": ("kinreach/Obstacles-v0", {**ALL, "obstacles": (-0.02, 0.02)}, {"boxes": True, "clutter": (1, 3)}),
+    "real": ("kinreach/RealArm-v0", LOOKS, TRAY),
+    "random": ("kinreach/RandomArm-v0", {"noise": (1e-4, 1e-3)}, {}),
     "kinematic": ("kinreach/UR5MultiStepKinematic-v0", {"camera": (-0.005, 0.005)}, {}),
 }
-QUICK = ("multi", "lift", "button", "moving", "obstacles", "kinematic")
+QUICK = ("multi", "lift", "button", "moving", "obstacles", "real", "random", "kinematic")
 EVERY = [*QUICK, *slow(*(name for name in CASES if name not in QUICK))]
 
 
@@ -88,7 +95,7 @@ def test_every_range_is_met_and_every_seed_draws_the_same(case):
             assert value.shape == shapes[name]
             np.testing.assert_array_equal(stepped[name], value)
         seen.append(found)
-    joints = env.unwrapped.arm.joints
+    joints = (env.unwrapped.believed if case == "real" else env.unwrapped.arm).joints
     numbers = {name: shapes[f"drawn_{name}"] for name in ranges if name not in ("camera", "obstacles")}
     assert numbers == {name: (len(joints),) if name in OF_JOINTS else () for name in numbers}
     for name, (low, high) in ranges.items():
@@ -128,6 +135,7 @@ def test_a_native_batch_draws_for_every_world_what_single_ones_draw(case):
     assert redrawn >= 6
 
 
+@pytest.mark.filterwarnings("ignore:.*A Box observation space .*infinity")
 @pytest.mark.parametrize("case", EVERY)
 def test_gymnasium_checks_it(case):
     check_env(single(case).unwrapped, skip_render_check=True)
@@ -243,7 +251,37 @@ def test_cameras_off_their_places_see_goals_elsewhere(case):
     assert max(off) < 0.01
 
 
-@pytest.mark.parametrize("case", ["multi", "button", "moving", "obstacles"])
+def test_a_real_arm_bends_under_the_payload_that_was_drawn_and_is_seen_with_the_noise():
+    """One that is heavier bends more, in the same workplace; noise alone changes sights, and not the arm."""
+    q, bent, spread = np.tile(get_arm("ur5-thesis").home, (50, 1)), [], []
+    for seed in range(8):
+        env = single("real", budgets=(50,), balls=200, dtype="float64")
+        observation, info = env.reset(seed=seed)
+        place = env.unwrapped.episodes.place(0)
+        assert place.payload == info["drawn_payload"]
+        off = np.linalg.norm(place.tips(q[:1]) - replace(place, payload=0.0).tips(q[:1]))
+        bent.append((info["drawn_payload"], off))
+        noise = [*(env.unwrapped.look(q) - place.tips(q)), *(observation[:, :3] - env.unwrapped.episodes.balls[0])]
+        spread.append(np.std(noise) / info["drawn_noise"] * MEDIAN_LENGTH)
+        assert env.unwrapped.noise == pytest.approx(info["drawn_noise"] / MEDIAN_LENGTH)
+    masses, offs = np.array(sorted(bent)).T
+    assert (np.diff(offs) > 0.0).all()
+    assert masses[-1] > 2 * masses[0]
+    np.testing.assert_allclose(spread, 1.0, atol=0.15)
+
+
+def test_a_random_arm_is_seen_with_the_noise_that_was_drawn():
+    batch, ratios = native("random", 200, dtype="float64"), []
+    for seed in range(2):
+        seen, info = batch.reset(seed=1000 * seed)
+        off = np.linalg.norm(seen[:, :3] - info["goal"], axis=1)
+        ratios.append(np.median(off / info["drawn_noise"]))
+        low = info["drawn_noise"] < 4e-4
+        assert np.median(off[low]) < 0.6 * np.median(off[~low])
+    np.testing.assert_allclose(ratios, 1.0, atol=0.15)
+
+
+@pytest.mark.parametrize("case", ["multi", "button", "moving", "obstacles", "real"])
 def test_a_state_has_what_was_drawn(case):
     one, other = single(case), single(case)
     one.reset(seed=1)
@@ -279,7 +317,11 @@ def test_a_state_has_what_was_drawn(case):
         ("multi", {"randomise": {"payload": (0, 1)}, "backend": "kinematic"}, InputError, 'use backend="mujoco"'),
         ("lift", {"randomise": {"gears": (1, 1)}, "backend": "kinematic"}, InputError, "of the dynamics"),
         ("multi", {"randomise": {"camera": (0, 0.01)}, "observation": "pixels"}, InputError, "pixels"),
-        ("moving", {"randomise": {"payload": (0, 1)}}, UnknownNameError, "available: delay, noise, strength$"),
+        ("moving", {"randomise": {"payload": (0, 1)}}, InputError, "no masses or torques; available: delay, noise, st"),
+        ("random", {"randomise": {"gears": (1, 1)}}, InputError, "has no masses or torques; available: noise$"),
+        ("real", {"randomise": {"friction": (0, 1)}}, InputError, "no masses or torques; available: noise, payload$"),
+        ("real", {"randomise": {"payload": (0, 9)}}, InputError, r"randomise\['payload'\] .*at most 5, got 9"),
+        ("real", {"randomise": {"delay": (0, 1)}}, UnknownNameError, "available: noise, payload$"),
         ("moving", {"randomise": {"strength": (0.0, 1)}}, InputError, r"randomise\['strength'\] .*0.1"),
         ("obstacles", {"boxes": False}, InputError, "use boxes=True"),
     ],
@@ -294,11 +336,6 @@ def test_what_cannot_be_drawn_is_refused(case, options, error, words):
 def test_warp_has_one_model_for_all():
     with pytest.raises(InputError, match="use backend=\"mujoco\", got 'warp'"):
         native("multi", 2, backend="warp")
-
-
-def test_an_environment_that_draws_its_own_world_has_no_such_option():
-    with pytest.raises(UnknownOptionError, match="randomise"):
-        gym.make("kinreach/RealArm-v0", randomise=ARM)
 
 
 def test_the_model_of_an_environment_without_it_has_no_payload():
