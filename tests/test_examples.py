@@ -23,6 +23,7 @@ TRAINED = (
     "08_pytorch_loop",
     "17_search",
     "20_behaviour_cloning",
+    "21_hindsight",
 )
 
 
@@ -194,6 +195,13 @@ def test_stable_baselines3(run, tmp_path):
     assert after > before + 10
     assert after > -5
     assert (tmp_path / "results" / "reach.safetensors").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_hindsight(run):
+    before, after = numbers(r"(?:before|after): (\d+) of 100", run("21_hindsight"))
+    assert before <= 5
+    assert after >= 40
 
 
 @pytest.mark.slow
