@@ -38,6 +38,8 @@ SENTENCE, BETWEEN = (12, 20), 3
 ROOM = (49, 80)
 #: A figure is a chart if more than this share of its pixels is at least so bright, of 255.
 WHITE_SHARE, NEAR_WHITE = 0.55, 250
+#: Rendered on white: not a chart.
+RENDERED = "frames.png"
 #: Charts that are wider than high and have at least so many pixels keep readable letters on a phone, where they scroll;
 #: those of the thesis's page are drawn for it.
 BROAD, FOR_A_PHONE = 700, "/thesis/"
@@ -257,7 +259,7 @@ class Charts(SphinxPostTransform):
                 picture = Image.open(self.app.srcdir / image["uri"]).convert("L")
                 light = picture.histogram()[NEAR_WHITE:]
                 white = sum(light) > WHITE_SHARE * picture.width * picture.height
-                chart = white or image["uri"].endswith(MAPS)
+                chart = (white and not image["uri"].endswith(RENDERED)) or image["uri"].endswith(MAPS)
                 broad = picture.width >= max(BROAD, picture.height) and FOR_A_PHONE not in image["uri"]
                 image["classes"] += ["chart"] * chart + ["broad"] * (chart and broad)
 

@@ -131,7 +131,7 @@ SEED_TEXT = """\
 {poses} poses of tool0, drawn from postures within +-pi; all start from the same home posture. A posture counts when
 Pinocchio's forward kinematics puts it within {position:g} m and {orientation:g} rad of the pose and all joints are
 within +-pi. kinreach gives the posture nearest to the seed over all branches and windings. EAIK has no such call: its
-row is the branch of `IK(T).Q` that is nearest to the seed, which two lines of numpy find. The others give some posture.
+row picks the branch of `IK(T).Q` nearest to the seed. The others give some posture.
 Times are of all calls, failures included.
 
 placo, pink, mink and kinreach's own two solvers run the same loop until the tolerance is met: at most {steps} steps
