@@ -11,12 +11,14 @@ from matplotlib.figure import Figure
 
 from kinreach._registration import MOVING
 from kinreach._statistics import QUANTILES, RATE, Column, Trial, number, thousandfold
+from kinreach.baselines import load_policy
+from kinreach.baselines.inside import policy_version
 from kinreach.compare._button import decision_ms
 from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import origin
 from kinreach.compare._methods.interception import FirstSight, Interception, LastSight
 from kinreach.compare._methods.resolve import policy_method
-from kinreach.compare._methods.scenarios import Scenarios
+from kinreach.compare._methods.scenarios import ActFirst, Scenarios
 from kinreach.compare._task import CONTROLLER, Method, Replay, Task, of_reached, resets_in_turn
 from kinreach.envs.inside import moving as ball
 from kinreach.kinematics import ArmKinematics
@@ -28,6 +30,8 @@ from kinreach.robots import THESIS_ARM
 TIME_TABLE = "Distances and times"
 #: Sights that are observed: as many as any policy was trained with.
 SIGHTS = 20
+#: Policy that also acts before the planner does.
+_LEARNED = "gradient-moving-clear"
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
@@ -129,7 +133,11 @@ MOVING_TASK = Task(
         "last-sight": Method(LastSight, CONTROLLER),
         "interception": Method(Interception, CONTROLLER),
         "scenarios": Method(Scenarios, CONTROLLER),
+        "act-first": Method(
+            lambda env: ActFirst(env, load_policy(_LEARNED)), CONTROLLER, versions=policy_version(_LEARNED)
+        ),
         "gradient-moving": policy_method("gradient-moving", MOVING),
+        _LEARNED: policy_method(_LEARNED, MOVING),
         "ppo": policy_method("ppo-moving", MOVING),
         "ppo-moving-clear": policy_method("ppo-moving-clear", MOVING),
     },

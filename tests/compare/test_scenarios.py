@@ -97,7 +97,7 @@ def test_slack_is_of_what_joints_can_reach(env):
 
 
 def test_a_policy_acts_first_then_the_planner_that_has_seen_all(env):
-    policy = load_policy("gradient-moving")
+    policy = load_policy("gradient-moving-clear")
     hybrid, planner = ActFirst(env, policy, frames=6), Interception(env)
     observation, info = env.reset(seed=3, options={"speed": 0.3, "path": "circle"})
     hybrid.reset(observation, info)
