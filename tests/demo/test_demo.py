@@ -202,7 +202,7 @@ def test_methods_of_a_comparison_act(capsys):
     assert main(["demo", "--env", "moving", "--policy", "interception", "--steps", "60", "--print", "nothing"]) == 0
     assert "60 steps" in capsys.readouterr().out
     assert main(["demo", "--env", "moving", "--policy", "placo"]) == 2
-    assert "first-sight, gradient-moving, interception" in capsys.readouterr().err
+    assert "first-sight, gradient-moving, gradient-moving-clear, interception" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
