@@ -2,12 +2,16 @@
 
     pip install panda-gym  # or kinreach[bench]
     python -m benchmarks.studies.hindsight --figure docs/images/hindsight.png
+    python -m benchmarks.studies.hindsight --only push --figure docs/images/hindsight_push.png
 
-Rewards are sparse; the learner, its settings and the scaling of observations are the same everywhere. Actions move the
-tip by up to 5 cm along each axis, as PandaReach's do; `--only joints` turns joints instead. Each seed has a folder with
-`curve.csv` (actions, reached of the test's goals in percent, median distance at the end of an episode, processor time),
-and what the training goes on from: the command begun again skips what is done. At the end it prints a table and draws
-the curves.
+Rewards are sparse; the learner and the scaling of observations are the same everywhere, and so are its settings while
+reaching. There actions move the tip by up to 5 cm along each axis, as PandaReach's do; `--only joints` turns joints
+instead. Pushing begins with the tip above the middle of the table, and an object is at its goal within 5 cm, both as in
+PandaPush; settings are rl-baselines3-zoo's for it with smaller networks and batches, and fewer updates.
+
+Each seed has a folder with `curve.csv` (actions, reached of the test's goals in percent, median distance at the end of
+an episode, processor time), and what the training goes on from: the command begun again skips what is done. At the end
+it prints a table and draws the curves.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ import argparse
 import csv
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from time import process_time
@@ -35,11 +39,18 @@ from kinreach._engines import load_extra
 from kinreach._files import make_writable, replacing
 from kinreach.baselines import SB3VecEnv
 from kinreach.cli import Parser, finish
+from kinreach.envs.inside import lift_task
+from kinreach.kinematics import ArmKinematics
 from kinreach.plots._colours import own_colour
 from kinreach.plots._style import key, label_ends, new_figure
+from kinreach.robots import THESIS_ARM, ArmDescription
 
 PROG = "python -m benchmarks.studies.hindsight"
-NUM_ENVS, TEST_GOALS, TEST_SEED, MOST_STEPS = 8, 50, 10_000, 25
+NUM_ENVS, TEST_GOALS, TEST_SEED = 8, 50, 10_000
+#: Of an episode: while reaching, and while pushing.
+MOST_STEPS, MOST_PUSHING = 25, 60
+#: Where pushes begin, 10 cm above the middle of the table [m].
+START = (0.475, 0.0, -0.1)
 COLUMNS = ("steps", "reached %", "distance mm", "processor s")
 #: Chosen on seed 100; eight updates to eight actions.
 SETTINGS: Mapping[str, Any] = {
@@ -54,6 +65,16 @@ SETTINGS: Mapping[str, Any] = {
 }
 
 
+#: As rl-baselines3-zoo has them for PandaPush, where networks have three layers of 512, batches 2048 transitions, and
+#: every action an update; here two updates to eight actions.
+PUSHING: Mapping[str, Any] = {
+    "batch_size": 512,
+    "gamma": 0.95,
+    "gradient_steps": 2,
+    "policy_kwargs": {"net_arch": [128, 128], "n_critics": 2},
+}
+
+
 @dataclass(frozen=True)
 class Contender:
     """What is learned.
@@ -62,11 +83,18 @@ class Contender:
         title: In table and figure.
         criterion: When a goal is reached.
         batch: Makes a number of environments.
+        verb: In the figure's title.
+        settings: Other ones than `SETTINGS`.
+        steps, every: Actions of a training, and between two tests.
     """
 
     title: str
     criterion: str
     batch: Callable[[int], VecEnv]
+    verb: str = "Reaching"
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    steps: int = 6_000
+    every: int = 1_000
 
 
 def of_kinreach(count: int, **options: Any) -> VecEnv:
@@ -81,16 +109,42 @@ def of_panda_gym(count: int) -> VecEnv:
     return DummyVecEnv([lambda: gym.make("PandaReach-v3", max_episode_steps=MOST_STEPS)] * count)
 
 
+def low_arm() -> ArmDescription:
+    """Return the arm of the tabletop tasks, which starts with the tip above the middle of the table."""
+    arm = lift_task.grasping_arm(THESIS_ARM)
+    kinematics: Any = ArmKinematics.of(arm, base="world")
+    home = np.array(arm.home)
+    T = kinematics.fk(home)
+    T[:3, 3] = START
+    return replace(arm, home=tuple(kinematics.nearest(T, home).q.tolist()))
+
+
+def of_tabletop(name: str, count: int) -> VecEnv:
+    """Return a native batch of a task with an object, with sparse rewards."""
+    options: dict[str, Any] = {"goal_env": True, "reward": "sparse", "control": "position", "within": 0.05}
+    batch = gym.make_vec(name, count, "vector_entry_point", arm=low_arm(), max_episode_steps=MOST_PUSHING, **options)
+    return SB3VecEnv(batch)
+
+
 CONTENDERS = {
     "panda": Contender("PandaReach, position", "5 cm", of_panda_gym),
     "position": Contender("Reach-v0, position", "1 cm, 0.15 rad", partial(of_kinreach, control="position")),
     "joints": Contender("Reach-v0, joints", "1 cm, 0.15 rad", of_kinreach),
+    "push": Contender(
+        "Push-v0, position",
+        "5 cm",
+        partial(of_tabletop, "kinreach/Push-v0"),
+        verb="Pushing",
+        settings=PUSHING,
+        steps=60_000,
+        every=10_000,
+    ),
 }
 #: Those with like actions.
 ALIKE = ["panda", "position"]
 
 
-def learner(env: VecEnv, seed: int) -> SAC:
+def learner(env: VecEnv, seed: int, settings: Mapping[str, Any]) -> SAC:
     """Return an untrained learner."""
     replay = {"n_sampled_goal": 4, "goal_selection_strategy": "future"}
     return SAC(
@@ -99,7 +153,7 @@ def learner(env: VecEnv, seed: int) -> SAC:
         replay_buffer_class=HerReplayBuffer,
         replay_buffer_kwargs=replay,
         seed=seed,
-        **SETTINGS,
+        **{**SETTINGS, **settings},
     )
 
 
@@ -126,8 +180,9 @@ def rows_of(curve: Path) -> list[list[str]]:
         return list(csv.reader(file))
 
 
-def train(contender: Contender, folder: Path, seed: int, steps: int, every: int) -> None:
-    """Train one seed, or go on with it, and write its curve."""
+def train(contender: Contender, folder: Path, seed: int, steps: int | None, every: int | None) -> None:
+    """Train one seed, or go on with it, and write its curve; without numbers those of the contender."""
+    steps, every = steps or contender.steps, every or contender.every
     make_writable(folder)
     curve, saved, buffer, scales = (folder / name for name in ("curve.csv", "model.zip", "buffer.pkl", "scales.pkl"))
     rows = rows_of(curve)  # written last
@@ -142,7 +197,7 @@ def train(contender: Contender, folder: Path, seed: int, steps: int, every: int)
             warnings.filterwarnings("ignore", message="The last trajectory")
             model.load_replay_buffer(buffer, truncate_last_traj=True)
     else:
-        model = learner(env, seed)
+        model = learner(env, seed, contender.settings)
     took = float(rows[-1][-1]) if len(rows) > 1 else 0.0
     while model.num_timesteps < steps:
         began = process_time()
@@ -164,7 +219,8 @@ def train(contender: Contender, folder: Path, seed: int, steps: int, every: int)
 def draw(curves: Mapping[str, list[np.ndarray[Any, Any]]], file: Path) -> None:
     """Draw goals reached against actions: thin the seeds, thick their mean."""
     note = f"{PROG}; SAC with HER, sparse rewards, {TEST_GOALS} goals; thin: seeds"
-    figure, (axes,) = new_figure("Reaching by hindsight", size=(7.6, 4.0), note=note)
+    verbs = " and ".join(dict.fromkeys(CONTENDERS[name].verb for name in curves))
+    figure, (axes,) = new_figure(f"{verbs} by hindsight", size=(7.6, 4.0), note=note)
     names = ("random", "ppo-single", "ranked-single", "closed-form")
     colours = {CONTENDERS[name].title: own_colour(like) for name, like in zip(CONTENDERS, names, strict=False)}
     ends = {}
@@ -189,12 +245,13 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("results/hindsight"), help="folder of the trainings")
     parser.add_argument("--only", nargs="+", choices=CONTENDERS, default=ALIKE, help="some (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=5, help="how many (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=6_000, help="actions of a training (default: %(default)s)")
-    parser.add_argument("--every", type=int, default=1_000, help="actions between two tests (default: %(default)s)")
+    parser.add_argument("--steps", type=int, help="actions of a training (default: 6000; push: 60000)")
+    parser.add_argument("--every", type=int, help="actions between two tests (default: 1000; push: 10000)")
     parser.add_argument("--figure", type=Path, metavar="FILE", help="PNG file")
     given = parser.parse_args(argv)
     for name in ("seeds", "steps", "every"):
-        check_count(f"--{name}", getattr(given, name))
+        if getattr(given, name) is not None:
+            check_count(f"--{name}", getattr(given, name))
     torch.set_num_threads(1)
     for seed in range(given.seeds):
         for name in given.only:
