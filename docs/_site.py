@@ -238,7 +238,9 @@ def _stack(table: nodes.table, rows: list[list[nodes.entry]]) -> None:
     for row in cells if phone > ROOM[0] and len(headings) > 2 else []:
         for heading, cell in zip(headings[1:], row[1:], strict=False):
             if cell.astext().strip() and heading.astext().strip():
-                cell.insert(0, nodes.inline("", heading.astext().strip(), classes=["heading"]))
+                formula = [part.deepcopy() for part in heading[0]] if any(heading.findall(nodes.math)) else []
+                text = "" if formula else heading.astext().strip()
+                cell.insert(0, nodes.inline("", text, *formula, classes=["heading"]))
 
 
 def _least(column: list[str], sentence: int) -> int:

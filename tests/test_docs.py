@@ -108,6 +108,13 @@ def test_docstrings_and_tables_in_the_reference(root, monkeypatch):
     site._whole_words(None, "", "", context, None)
     whole = commands.replace("--arm", '<span class="whole">--arm</span>')
     assert context["body"] == whole + "<p>--arm</p>"
+    nodes = importlib.import_module("docutils.nodes")
+    headings, row = (
+        [nodes.entry("", nodes.paragraph("", "", part)) for part in parts]
+        for parts in ([nodes.Text("a"), nodes.math("", r"\alpha"), nodes.Text("b")], [nodes.Text("w" * 30)] * 3)
+    )
+    site._stack(nodes.table(), [headings, row])
+    assert [type(cell[0][0]).__name__ for cell in row[1:]] == ["math", "Text"]
 
 
 def sentences(text: str) -> Iterator[str]:
