@@ -21,6 +21,7 @@ from sphinx.config import Config
 from sphinx.errors import PycodeError
 from sphinx.pycode import ModuleAnalyzer
 from sphinx.transforms.post_transforms import SphinxPostTransform
+from sphinx.util.inspect import TypeAliasForwardRef
 from sphinx.writers.html5 import HTML5Translator
 
 #: A cell of a table that is a number, with its interval, unit or sign.
@@ -49,6 +50,8 @@ MAPS = ("moving_map.png", "lift_beyond.png", "off_volume.png")
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
 #: Numbers of several seeds, as in `99.7, 99.6, 99.4`.
 SEEDS = re.compile(r"[-−]?[\d.]+(, [-−]?[\d.]+){2,5}")
+#: Code in a line of a docstring, or a bar, which reStructuredText takes for a substitution.
+BAR = re.compile(r"(`+[^`]*`+)|\|")
 #: Commands, tags, and words that a line may break within at a hyphen or bracket, of at most so many characters.
 COMMANDS = re.compile(r'<div class="highlight-bash.*?</pre>', re.DOTALL)
 TAG, BREAKABLE, WHOLE = re.compile(r"(<[^>]*>)"), re.compile(r"[^\s<>]*[-\[][^\s<>]*"), 36
@@ -60,6 +63,7 @@ UNBROKEN = re.compile(r"(?<=\d) (?=(?:\d{3}(?!\d)|(?:%|[cmµ]?m|[mµu]?s|m/s|epi
 
 def setup(app: Sphinx) -> dict[str, int]:
     """Called by Sphinx, which reads all pages again when this file has changed."""
+    TypeAliasForwardRef.__repr__ = lambda alias: alias.name  # type: ignore[method-assign]
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.add_post_transform(Numbers)
     app.add_post_transform(Charts)
@@ -89,11 +93,11 @@ def _block(translator: HTML5Translator, node: nodes.math_block) -> None:
 def _plain_signature(
     app: Sphinx, what: str, name: str, value: Any, options: Any, arguments: str | None, returned: str | None
 ) -> tuple[str | None, str | None]:
-    """Aliases by name in unions, too; what a dataclass makes anew as an ellipsis; protocols without arguments."""
+    """What a dataclass makes anew, and a function without a name, as an ellipsis; protocols without arguments."""
     if arguments == "(*args, **kwargs)":
         arguments = ""
     plain = [
-        text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)|<function (\w+)>", r"\1\2", text).replace("<factory>", "...")
+        text and re.sub(r"<factory>|<function [\w.]*<lambda>>", "...", re.sub(r"<function (\w+)>", r"\1", text))
         for text in (arguments, returned)
     ]
     return plain[0], plain[1]
@@ -123,7 +127,7 @@ def _comment_of_constant(app: Sphinx, what: str, name: str, value: Any, options:
 def _from_markdown(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
     """Headings, tables and indented code of a docstring as reStructuredText."""
     found = list(lines)
-    lines.clear()
+    lines[:] = ["..", ""] if what == "property" else []  # or napoleon takes what is before a colon for a type
     code = False
     for before, line, after in zip(["", *found], found, [*found[1:], ""], strict=False):
         text = next((earlier for earlier in reversed(lines) if earlier), " ")
@@ -138,7 +142,7 @@ def _from_markdown(app: Sphinx, what: str, name: str, value: Any, options: Any, 
         elif line.startswith("|"):
             lines += [] if line.startswith("|--") else _row(line)
         else:
-            lines.append(line if code else line.replace("|", "\\|"))
+            lines.append(line if code else BAR.sub(lambda found: found[1] or "\\|", line))
 
 
 def _two_in_one(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:

@@ -35,7 +35,8 @@ WIDTH, HEIGHT = 1200, 750
 #: Nothing takes longer [ms].
 PATIENCE = 300_000
 QUALITY = 85
-#: The film: its width and height in pixels, frames per second, seconds that the last frame stays, and colours.
+#: Films: width and height in pixels, frames per second of the target's, and seconds that the last frame stays. The
+#: target's is WebP, for its many ghosts make a GIF three times as large; the other is a GIF of so many colours.
 FILM, FPS, LAST, COLOURS = (960, 600), 16, 2, 128
 #: For the film the scene has as many pixels as the film.
 FASTER = "?fixedDpr=0.8"
@@ -105,19 +106,13 @@ def self_motion(browser: Any, *, simple: bool) -> None:
 
 
 def film(camera: Camera, target: TargetPanel) -> None:
-    """A target that is dragged, what is said of it, and a posture that is chosen from the list."""
-    tab, frames, at = camera.tab, [], np.zeros(2)
+    """A target that is dragged, and what is said of it."""
+    tab, frames = camera.tab, []
     tab.evaluate(POINTER)
 
     def take(x: float, y: float, times: int = 1) -> None:
         tab.evaluate(PLACE, [x, y])
         frames.extend([camera.take().resize(FILM, Image.Resampling.LANCZOS)] * times)
-        at[:] = x, y
-
-    def go(x: float, y: float, count: int) -> None:
-        start = at.copy()
-        for share in np.linspace(0, 1, count + 1)[1:-1]:
-            take(*(start + share * share * (3 - 2 * share) * ((x, y) - start)))
 
     for start, end in pairwise([WAY[0], *WAY]):
         for share in np.linspace(0, 1, end[3] + 1)[1:]:
@@ -125,22 +120,10 @@ def film(camera: Camera, target: TargetPanel) -> None:
             position = (1 - eased) * np.array(start[:3]) + eased * np.array(end[:3])
             target.move(placement(position.tolist(), (np.pi, 0, 0)))
             take(*on_screen(camera.page.client.camera, position, WIDTH, HEIGHT), STILL if share == 1 else 1)
-    rows = tab.locator(".kinreach-postures .kr-entry")
-    for row, count in ((1, 10), (2, 4), (3, 4)):
-        box = rows.nth(row).bounding_box()
-        middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        go(*middle, count)
-        rows.nth(row).hover()
-        camera.wait_for(lambda: target.pointed >= 0)
-        take(*middle, STILL)
-    rows.nth(row).click()
-    camera.wait_for(lambda: "kept" in tab.inner_text(".kinreach-postures"))
-    take(*middle, FPS)
-    tab.mouse.move(10, 10)
-    camera.wait_for(lambda: target.pointed < 0)
-    go(box["x"] - 100, box["y"] + 100, 6)
-    take(box["x"] - 100, box["y"] + 100, LAST * FPS)
-    save_gif(frames, IMAGES / "view.gif")
+    frames.extend(frames[-1:] * LAST * FPS)
+    first, *rest = frames
+    film = {"append_images": rest, "duration": round(1000 / FPS), "loop": 0, "quality": 80, "method": 4}
+    first.save(IMAGES / "view.webp", save_all=True, **film)
 
 
 def motion(browser: Any, *, simple: bool) -> None:
@@ -193,7 +176,7 @@ def on_screen(camera: Any, point: NDArray[np.float64], width: int, height: int) 
     return float(width / 2 + focal * x / z), float(height / 2 + focal * y / z)
 
 
-def save_gif(frames: list[Image.Image], path: Path, *, fps: float = FPS) -> None:
+def save_gif(frames: list[Image.Image], path: Path, *, fps: float) -> None:
     """Write frames with the same colours in all, so that a frame has only what changes."""
     width, height = frames[0].size
     some = frames[:: max(1, len(frames) // 12)]

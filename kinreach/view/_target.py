@@ -193,7 +193,7 @@ class TargetModel:
         return np.array(self.kinematics.arm.home, dtype=np.float64)
 
     def limit_joints(self, bound: float) -> None:
-        """Limit all joints that turn to ±`bound` [rad], within the arm's own limits."""
+        """Limit all joints that turn to `-bound` … `bound` [rad], within the arm's own limits."""
         lower, upper = self.kinematics.lower, self.kinematics.upper
         self.lower = np.where(self.turns, np.clip(-bound, lower, upper), lower)
         self.upper = np.where(self.turns, np.clip(bound, lower, upper), upper)
