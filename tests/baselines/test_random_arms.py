@@ -15,7 +15,6 @@ from kinreach.baselines import random_arms as arms
 from kinreach.baselines._models import build
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.cli import main
-from kinreach.envs.inside import EnvOptions
 from kinreach.errors import InputError
 
 COUNT = 60
@@ -121,7 +120,7 @@ def test_nothing_of_an_episode_can_be_asked_for(env):
 
 def test_arms_balls_and_noise_are_as_large_as_promised(env):
     """Of many arms: frames by `ERRORS`, balls over the table and a little further, noise of 0.14 mm."""
-    world = arms.RandomArmEpisodes(EnvOptions(), 1000)
+    world = arms.RandomArmEpisodes(arms.RandomArmOptions(), 1000)
     for index in range(1000):
         world.seed(index, np.random.default_rng(index))
     world.begin(np.arange(1000))
