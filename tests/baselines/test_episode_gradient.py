@@ -1,5 +1,6 @@
 """The gradient of whole episodes: they are those of the environment, and what is made small becomes smaller."""
 
+import io
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 import torch
 from stable_baselines3.common.logger import configure
+from stable_baselines3.common.save_util import load_from_zip_file
 
 from kinreach.baselines import _episode_gradient, get_recipe, train
 from kinreach.baselines._episode_gradient import Balls, drawn_balls
@@ -66,6 +68,18 @@ def test_an_episode_is_that_of_the_environment(trainee, monkeypatch, drawn):
         found = played["tips"][:, (frame + 1) * moving.PARTS - 1].detach().numpy()
         np.testing.assert_allclose(found, tip, atol=1e-3)
     assert np.abs(world.q - world.home).max() > 0.05
+
+
+def test_the_average_is_in_the_saved_model(trainee):
+    """A training that goes on from it exports what it would have exported."""
+    saved, compared = io.BytesIO(), 0
+    trainee.model.save(saved)
+    _, parts, _ = load_from_zip_file(saved, device="cpu")
+    for name, weight in trainee.model.average.state_dict().items():
+        torch.testing.assert_close(parts["average"][name], weight, rtol=0, atol=0)
+        compared += weight.numel()
+    assert compared > 1000
+    assert set(parts["average"]) == set(parts["policy"])
 
 
 def test_touching_and_staying_clear_cost_less(trainee):

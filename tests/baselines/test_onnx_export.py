@@ -12,6 +12,7 @@ from kinreach.baselines._onnx_export import export_onnx
 from kinreach.baselines._policy_file import ACTIVATIONS, Network
 from kinreach.baselines.inside import LearnedPolicy, pretrained_names
 from kinreach.cli import main
+from kinreach.envs import moving
 from kinreach.errors import InputError
 
 REASON = "needs onnx and onnxruntime"
@@ -118,6 +119,20 @@ def test_the_command_writes_a_model_with_its_card(tmp_path, capsys):
     assert model.graph.input[0].type.tensor_type.shape.dim[1].dim_value == 13
     assert main(["evaluate", "ranked-single", "ranked-multi", "--goals", "1", "--export", str(path)]) == 2
     assert "--export is for one policy, got 2" in capsys.readouterr().err
+
+
+def test_a_policy_that_steers(tmp_path):
+    """Near the bounds of its targets and far from them, at rest and turning: the same targets."""
+    policy, rng = load_policy("gradient-moving"), np.random.default_rng(2)
+    env = make_batch(policy.card.environment, 8, policy.needed_options)
+    first, _ = env.reset(seed=3)
+    steps = [env.step(rng.uniform(-1.0, 1.0, env.action_space.shape)) for _ in range(OBSERVATIONS // 8 - 1)]
+    observations = np.concatenate([first, *(step[0] for step in steps)])
+    env.close()
+    rates = observations[:, moving.RATES]
+    assert ((np.abs(rates) < 1.0).mean(), (np.abs(rates) > 2.0).mean()) > (0.05, 0.05)
+    export_onnx(policy, tmp_path / "policy.onnx", observations=observations.shape[1])
+    assert_equal(policy, tmp_path / "policy.onnx", observations)
 
 
 def inputs(name, path):

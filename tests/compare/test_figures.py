@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from kinreach.compare._curves import draw_looks
+from kinreach.compare._curves import draw_looks, draw_pressed
 from kinreach.compare._figures import SMALLEST_PART_MM, draw_budget, draw_map
 
 SETTINGS = {"goals": 40, "seed": 0, "command": "again"}
@@ -74,3 +74,38 @@ def test_a_map_has_a_panel_a_method_and_crosses_where_it_failed(texts):
         "none · 40 not reached (×)",
     } <= set(said)
     assert "distance of the tip [mm]" in said
+
+
+def test_a_curve_of_presses_ends_at_the_share_that_was_reached(texts):
+    """It rises by one goal at each press; its dot has the share and the interval of the results."""
+    rng, dots, none = np.random.default_rng(1), 0, 0
+    for _ in range(4):
+        trials, methods = [], []
+        for name, chance in (("often", 0.8), ("seldom", 0.3), ("never", 0.0)):
+            own = [
+                {"method": name, "goal_index": i, "steps": int(rng.integers(1, 50)), "reached": rng.random() < chance}
+                for i in range(20)
+            ]
+            share = sum(trial["reached"] for trial in own) / 20
+            interval = [0.9 * share, 1.0 - 0.8 * (1.0 - share)]
+            methods.append({"name": name, "colour": "#0072B2", "goals": 20, "reached": share, "reached_ci": interval})
+            trials += own
+        figure = draw_pressed(trials, {"methods": methods, "settings": SETTINGS})
+        (axes,) = figure.axes
+        seen = [method for method in methods if method["reached"]]
+        steps = [line for line in axes.lines if line.get_drawstyle() == "steps-post"]
+        ends = [bar for bar in axes.containers if bar.has_yerr]
+        last = max(trial["steps"] for trial in trials)
+        for method, line, bar in zip(seen, steps, ends, strict=True):
+            dot, _, (interval,) = bar.lines
+            assert dot.get_ydata()[0] == pytest.approx(100 * method["reached"])
+            assert interval.get_segments()[0][:, 1] == pytest.approx(100 * np.array(method["reached_ci"]))
+            assert dot.get_xdata()[0] > last
+            pressed = sorted(t["steps"] for t in trials if t["method"] == method["name"] and t["reached"])
+            assert line.get_xdata().tolist() == [0, *pressed, last]
+            assert np.diff(line.get_ydata()[:-1]) == pytest.approx(5.0)
+            assert line.get_ydata()[-1] == pytest.approx(100 * method["reached"])
+            dots += 1
+        assert any("none of 40 goals: never" in text for text in texts(figure))
+        none += 1
+    assert (dots, none) == (8, 4)

@@ -60,6 +60,8 @@ def test_the_state_of_the_primary_interface(name, masterboard):
     assert struct.unpack_from(">II", parts[3]) == (0, 8)
     np.testing.assert_allclose(struct.unpack(">12d", parts[4])[:6], ur.tcp_pose(ur.actual_q), atol=1e-12)
     np.testing.assert_allclose(struct.unpack(">12d", parts[4])[6:], [0.01, -0.02, 0.15, 0.3, 0, 0], atol=1e-12)
+    assert not any(parts[7])  # no force
+    assert struct.unpack(">B??B", parts[8])[:3] == (0, False, False)  # of the teach button: not pressed, not enabled
     assert list(news_in(bytearray(state(ur)))) == []  # the client looks for the kinematics only
 
 
