@@ -14,6 +14,7 @@ from kinreach.baselines.inside import LearnedPolicy, pretrained_names
 from kinreach.cli import main
 from kinreach.envs import moving
 from kinreach.errors import InputError
+from tests.baselines.test_steering import episodes, steering_policy
 
 REASON = "needs onnx and onnxruntime"
 onnx = pytest.importorskip("onnx", reason=REASON)
@@ -122,17 +123,17 @@ def test_the_command_writes_a_model_with_its_card(tmp_path, capsys):
 
 
 def test_a_policy_that_steers(tmp_path):
-    """Near the bounds of its targets and far from them, at rest and turning: the same targets."""
-    policy, rng = load_policy("gradient-moving"), np.random.default_rng(2)
-    env = make_batch(policy.card.environment, 8, policy.needed_options)
-    first, _ = env.reset(seed=3)
-    steps = [env.step(rng.uniform(-1.0, 1.0, env.action_space.shape)) for _ in range(OBSERVATIONS // 8 - 1)]
-    observations = np.concatenate([first, *(step[0] for step in steps)])
-    env.close()
-    rates = observations[:, moving.RATES]
-    assert ((np.abs(rates) < 1.0).mean(), (np.abs(rates) > 2.0).mean()) > (0.05, 0.05)
-    export_onnx(policy, tmp_path / "policy.onnx", observations=observations.shape[1])
-    assert_equal(policy, tmp_path / "policy.onnx", observations)
+    """At rest and turning; targets are at their bounds, and between them."""
+    policy, world, rng = steering_policy(), episodes(20), np.random.default_rng(2)
+    seen = np.empty((OBSERVATIONS, policy.inputs))
+    for rows in seen.reshape(-1, 20, policy.inputs):
+        rows[:] = world.observe()
+        world.step(rng.uniform(-1.0, 1.0, (20, 6)))
+    assert np.abs(seen[:, moving.RATES]).max() > 2.0
+    ends = np.isin(np.pi * policy.act(seen), policy.network.steering.high)
+    assert 0.01 < ends.mean() < 0.9
+    export_onnx(policy, tmp_path / "policy.onnx")
+    assert_equal(policy, tmp_path / "policy.onnx", seen)
 
 
 def inputs(name, path):
