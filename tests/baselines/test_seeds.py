@@ -10,6 +10,7 @@ import pytest
 from kinreach._jobs import Serial
 from kinreach.baselines import _seeds as seeds
 from kinreach.baselines import register_recipe, train
+from kinreach.baselines._policy_file import POLICY_FILE
 from kinreach.errors import InputError
 from tests.baselines.small_runs import SMALL, interrupted, small, weights
 
@@ -88,6 +89,27 @@ def test_finished_seeds_go_on_with_more_steps(recipe, tmp_path):
     train(recipe, alone, seed=4, start="ranked-single", steps=2 * STEPS, resume=True)
     assert [each.card.recipe["longer_than"] for each in runs] == [[STEPS], [STEPS]]
     np.testing.assert_array_equal(weights(folders[4] / "policy.safetensors"), weights(alone / "policy.safetensors"))
+
+
+def test_files_of_a_training_come_back_as_they_were(tmp_path, monkeypatch):
+    """What marks the run as finished is written last; an earlier run stays until then, or goes at once."""
+    rng, compared, written, replacing = np.random.default_rng(0), 0, [], seeds.replacing
+    monkeypatch.setattr(seeds, "replacing", lambda path: (written.append(path.name), replacing(path))[1])
+    for turn in range(20):
+        folder, keep = tmp_path / str(turn), bool(turn % 2)
+        folder.mkdir()
+        before = {POLICY_FILE: rng.bytes(20), seeds.RUN: rng.bytes(20)}
+        seeds._write(folder, before, keep=keep)
+        assert written[-1] == seeds.RUN
+        parts = {name: rng.bytes(rng.integers(0, 50)) for name in ("notes.csv", "parts/b", "zz")}
+        seeds._write(folder, parts, keep=keep)
+        assert seeds._contents(folder) == (before | parts if keep else parts)
+        done = {seeds.RUN: rng.bytes(20), "zz": rng.bytes(20)}
+        seeds._write(folder, done, keep=keep)
+        assert written[-1] == seeds.RUN
+        assert seeds._contents(folder) == parts | done
+        compared += len(parts) + len(done)
+    assert compared == 100
 
 
 def test_refused_seeds_leave_no_folder(recipe, tmp_path):

@@ -1,16 +1,18 @@
 """The triangles that are drawn are as they are kept in tests/data/shapes.txt: links, sizes, places and colours."""
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from types import SimpleNamespace
 
 import mujoco
 import numpy as np
+import pytest
 
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots.inside import link_shapes, without_shapes
 from kinreach.sim import ArmSimulation
-from kinreach.view._draw import BLUE, Ghost, Ghosts, box_colour
+from kinreach.view._draw import BLUE, Ghost, Ghosts, box_colour, overview
 from kinreach.view._figure import Figure
 from kinreach.view._mujoco_scene import MujocoScene
 from tests import kept
@@ -143,3 +145,28 @@ def test_a_link_without_a_readable_visual_mesh_is_drawn_by_its_collision_shape(t
     (piece,) = drawn.fine
     assert drawn.links[piece.link] == "one"
     np.testing.assert_allclose(np.ptp(piece.vertices, axis=0), (0.2, 0.1, 0.06), atol=1e-6)
+
+
+def test_the_arm_is_left_of_the_panel_and_above_it_on_an_upright_screen():
+    """Seen from anywhere: as far away as the camera and more, level, and as wide."""
+    arm, rng, seen = get_arm("ur5-thesis"), np.random.default_rng(0), 0
+    (mount,) = (mount for mount in arm.cameras if mount.name == "overview")
+    for upright in 20 * [False, True]:
+        placed = replace(mount, position=rng.uniform(1.0, 2.0, 3), target=rng.uniform(-0.3, 0.3, 3))
+        size = {"image_width": 300 + 600 * (not upright), "image_height": 600}
+        client = SimpleNamespace(camera=SimpleNamespace(**size))
+        overview(client, replace(arm, cameras=(placed,)))
+        camera = client.camera
+        forward = camera.look_at - camera.position
+        np.testing.assert_allclose(np.cross(forward, placed.target - placed.position), 0.0, atol=1e-9)
+        assert 1.1 < np.linalg.norm(forward) / np.linalg.norm(placed.target - placed.position) < 2.0
+        side = np.cross(forward, (0.0, 0.0, 1.0))
+        shift = placed.target - camera.look_at
+        across, up = shift @ side, shift @ np.cross(side, forward)
+        if upright:
+            assert (across, up > 0.1) == (pytest.approx(0.0, abs=1e-9), True)
+        else:
+            assert (across < -0.1, up) == (True, pytest.approx(0.0, abs=1e-9))
+        assert camera.fov == pytest.approx(np.radians(mount.fovy))
+        seen += 1
+    assert seen == 40
