@@ -28,13 +28,13 @@ if __name__ == "__main__":
     env = GymWrapper(gym.make_vec(ID, num_envs=COUNT, autoreset_mode="Disabled"))
     net = nn.Sequential(nn.Linear(13, 64), nn.Tanh(), nn.Linear(64, 12), NormalParamExtractor())
     actor = ProbabilisticActor(
-        TensorDictModule(net.double(), in_keys=["observation"], out_keys=["loc", "scale"]),
+        TensorDictModule(net, in_keys=["observation"], out_keys=["loc", "scale"]),
         spec=env.action_spec,
         in_keys=["loc", "scale"],
         distribution_class=TanhNormal,
         return_log_prob=True,
     )
-    critic = ValueOperator(nn.Sequential(nn.Linear(13, 64), nn.Tanh(), nn.Linear(64, 1)).double())
+    critic = ValueOperator(nn.Sequential(nn.Linear(13, 64), nn.Tanh(), nn.Linear(64, 1)))
     advantage, loss = (
         GAE(gamma=0.0, lmbda=0.0, value_network=critic),
         ClipPPOLoss(actor, critic, normalize_advantage=True),
