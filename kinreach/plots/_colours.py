@@ -15,7 +15,7 @@ RULES = {
     "#0072B2": ("placo", "last-sight", "registered", "sac-*", "button-report", "button-report-actuation"),
     "#56B4E9": ("lm", "identified", "button-report-demonstrated-press", "scenarios"),
     "#8CCBEB": ("qp", "identified-joints"),
-    "#CC79A7": ("hybrid", "residual", "path-to-one", "td3-*", "button-report-both"),
+    "#CC79A7": ("hybrid", "act-first", "residual", "path-to-one", "td3-*", "button-report-both"),
     # paths around obstacles
     "#A65E2E": ("from-above",),
     "#5B7F1F": ("free-way",),
@@ -26,7 +26,7 @@ RULES = {
     "#000000": ("thesis-*",),
     "#F2A35E": ("ppo-*multi", "ppo-*-clear", "correction-joints"),
     "#D55E00": ("ppo", "ppo-*", "button", "policy-informed"),
-    "#2FBF94": ("ranked-multi", "ranked-*-range", "space-multi", "policy-tuned"),
+    "#2FBF94": ("ranked-multi", "ranked-*-range", "space-multi", "gradient-*-clear", "policy-tuned"),
     "#00674C": ("ranked-*", "panda-*", "space-*", "gradient-*", "policy"),
     "#009E73": ("ddpg-*", "button-dqn*"),
     "#E69F00": ("sb3-*", "policy-again", "button-report-demonstrated-frames"),
