@@ -64,7 +64,6 @@ SETTINGS: Mapping[str, Any] = {
     "policy_kwargs": {"net_arch": [64, 64]},
 }
 
-
 #: As rl-baselines3-zoo has them for PandaPush, where networks have three layers of 512, batches 2048 transitions, and
 #: every action an update; here two updates to eight actions.
 PUSHING: Mapping[str, Any] = {
@@ -245,8 +244,13 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("results/hindsight"), help="folder of the trainings")
     parser.add_argument("--only", nargs="+", choices=CONTENDERS, default=ALIKE, help="some (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=5, help="how many (default: %(default)s)")
-    parser.add_argument("--steps", type=int, help="actions of a training (default: 6000; push: 60000)")
-    parser.add_argument("--every", type=int, help="actions between two tests (default: 1000; push: 10000)")
+    push = CONTENDERS["push"]
+    parser.add_argument(
+        "--steps", type=int, help=f"actions of a training (default: {Contender.steps}; push: {push.steps})"
+    )
+    parser.add_argument(
+        "--every", type=int, help=f"actions between two tests (default: {Contender.every}; push: {push.every})"
+    )
     parser.add_argument("--figure", type=Path, metavar="FILE", help="PNG file")
     given = parser.parse_args(argv)
     for name in ("seeds", "steps", "every"):

@@ -47,7 +47,6 @@ ERRORS = Prior(base=(3e-3, 6e-3), links=(1e-3, 2e-3), tool=(3e-3, 0.0))
 MOVES, LOOKS = 3, real_arm.BUDGETS[:-1]
 #: How far beyond the table area balls may lie on all sides [m].
 BEYOND = 0.01
-SIGMA = real_arm.NOISE / real_arm.MEDIAN_LENGTH
 #: What can be drawn, and its bounds.
 DRAWN: Bounds = {"noise": real_arm.DRAWN["noise"]}
 #: Numbers of an observation: where the ball was seen [m]; distance of the tip from the data sheet's beside this ball,
@@ -171,9 +170,7 @@ class RandomArmEpisodes(real_arm.MovedEpisodes):
             self._streams.draw(ids), np.cumsum(_PARTS)[:-1], axis=1
         )
         self._drawn.begin(ids)
-        sigma = np.full((len(ids), 1), SIGMA)
-        if self.options.randomise:
-            sigma = self._drawn.values("noise", ids) / real_arm.MEDIAN_LENGTH
+        sigma = self._drawn.values("noise", ids, real_arm.NOISE) / real_arm.MEDIAN_LENGTH
         errors = errors * ERRORS.deviations(self.chain.joints).ravel()
         nominal = np.tile(self.chain.placements, (len(ids), 1, 1))
         self.placements[ids] = moved_frames(nominal, errors.reshape(-1, 6)).reshape(len(ids), -1, 4, 4)

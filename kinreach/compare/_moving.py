@@ -11,8 +11,6 @@ from matplotlib.figure import Figure
 
 from kinreach._registration import MOVING
 from kinreach._statistics import QUANTILES, RATE, Column, Trial, number, thousandfold
-from kinreach.baselines import load_policy
-from kinreach.baselines.inside import policy_version
 from kinreach.compare._button import decision_ms
 from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import origin
@@ -31,7 +29,7 @@ TIME_TABLE = "Distances and times"
 #: Sights that are observed: as many as any policy was trained with.
 SIGHTS = 20
 #: Policy that also acts before the planner does.
-_LEARNED = "gradient-moving-clear"
+_LEARNED = policy_method("gradient-moving-clear", MOVING)
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
@@ -133,11 +131,9 @@ MOVING_TASK = Task(
         "last-sight": Method(LastSight, CONTROLLER),
         "interception": Method(Interception, CONTROLLER),
         "scenarios": Method(Scenarios, CONTROLLER),
-        "act-first": Method(
-            lambda env: ActFirst(env, load_policy(_LEARNED)), CONTROLLER, versions=policy_version(_LEARNED)
-        ),
+        "act-first": Method(lambda env: ActFirst(env, _LEARNED.make(env)), CONTROLLER, versions=_LEARNED.versions),
         "gradient-moving": policy_method("gradient-moving", MOVING),
-        _LEARNED: policy_method(_LEARNED, MOVING),
+        "gradient-moving-clear": _LEARNED,
         "ppo": policy_method("ppo-moving", MOVING),
         "ppo-moving-clear": policy_method("ppo-moving-clear", MOVING),
     },

@@ -94,8 +94,13 @@ class Randomisation:
         """Return what was drawn of the arms themselves, by name, each of shape (k, size)."""
         return {name: values[ids] for name, values in self._values.items() if name in BOUNDS}
 
-    def values(self, name: str, ids: Any) -> Floats:
-        """Return what was drawn of a property, shape (k, size), or of one environment (size,)."""
+    def values(self, name: str, ids: Any, default: float | None = None) -> Floats:
+        """Return what was drawn of a property, shape (k, size), or of one environment (size,).
+
+        A property that is not drawn has its default in all of `ids`, shape (k, 1).
+        """
+        if default is not None and name not in self._values:
+            return np.full((len(ids), 1), default)
         return self._values[name][ids]
 
     def displaced(self, ids: Any, views: Floats) -> Floats:

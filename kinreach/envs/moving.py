@@ -243,10 +243,8 @@ class MovingEpisodes(Episodes):
 
     def _set_drawn(self, ids: Ids) -> None:
         """Give environments what was drawn, or what their options say."""
-        drawn, said = self.options.randomise or (), self.options
         delay, noise, strength = (
-            self._drawn.values(name, ids) if name in drawn else np.full((len(ids), 1), getattr(said, name))
-            for name in ("delay", "noise", "strength")
+            self._drawn.values(name, ids, getattr(self.options, name)) for name in ("delay", "noise", "strength")
         )
         late = np.round(delay * FRAMES * PARTS).astype(np.intp)
         self.taken[ids] = np.maximum(np.arange(self.taken.shape[1]) * PARTS - late, 0)

@@ -344,11 +344,9 @@ class RealArmEpisodes(MovedEpisodes):
 
     def begin(self, ids: Ids, start: RealArmStart = RealArmStart()) -> None:  # noqa: B008 (immutable)
         """Draw other workplaces, and trays of balls."""
-        drawn_now = self.options.randomise or ()
         self._drawn.begin(ids)
-        if "noise" in drawn_now:
-            self.noise[ids] = self._drawn.values("noise", ids)[:, 0] / MEDIAN_LENGTH
-        payload = self._drawn.values("payload", ids)[:, 0].tolist() if "payload" in drawn_now else len(ids) * [PAYLOAD]
+        self.noise[ids] = self._drawn.values("noise", ids, self.options.noise)[:, 0] / MEDIAN_LENGTH
+        payload = self._drawn.values("payload", ids, PAYLOAD)[:, 0].tolist()
         for row, index in enumerate(ids):
             rng = self._rngs[index]
             drawn = rng.choice(self.options.errors), rng.choice(self.options.calibrations)

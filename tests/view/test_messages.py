@@ -34,7 +34,7 @@ def tab(comparison):
     with Tab(server) as opened:
         for name in opened.page.names:
             opened.page.show(name)
-        wait_for(lambda: not play_button(opened)["disabled"])
+        wait_for(lambda: not labelled(opened, "Play this episode")["disabled"])
         yield opened
     server.stop()
 
@@ -47,12 +47,9 @@ def test_an_input_of_three_numbers_takes_three_numbers(value):
         checked(handle, value)
 
 
-def play_button(tab):
-    return next(element for element in tab.inputs if element["label"] == "Play this episode")
-
-
-def parts_of(tab):
-    return next(element for element in tab.inputs if element["label"] == "show")
+def labelled(tab, label):
+    """The input of a label, hidden or not."""
+    return next(element for element in tab.inputs if element["label"] == label)
 
 
 def open_for_input(tab, element):
@@ -77,7 +74,7 @@ def is_taken(tab, element, value):
 def still_answers(tab, capfd):
     """Check that a tab is answered, and told so, and that no traceback was printed."""
     panel = tab.page.target
-    tab.set(parts_of(tab), "Target")
+    tab.set(labelled(tab, "show"), "Target")
     wait_for(lambda: tab.part == "Target")  # what was pressed before is done before
     panel.draw_s = 0.0
     tab.drag("/target/goal", (0.5, 0.1, 0.1))
@@ -133,7 +130,7 @@ def test_what_an_input_takes_is_answered(tab, capfd, monkeypatch):
             tab.page.report(InputError("sent"))
             taken += is_taken(tab, element, value)
     assert taken > 90
-    wait_for(lambda: not play_button(tab)["disabled"])
+    wait_for(lambda: not labelled(tab, "Play this episode")["disabled"])
     assert "Error" not in capfd.readouterr().err
     still_answers(tab, capfd)
 
@@ -182,8 +179,8 @@ def test_of_the_parts_that_are_pressed_while_the_page_is_busy_the_last_is_shown(
         names = rng.permutation(page.names)[:3].tolist()
         with page.lock:
             for name in names:
-                tab.set(parts_of(tab), name)
-                wait_for(lambda name=name: tab.state_at_server(parts_of(tab))["value"] == name)
+                tab.set(labelled(tab, "show"), name)
+                wait_for(lambda name=name: tab.state_at_server(labelled(tab, "show"))["value"] == name)
         asked.append(names[-1])
         wait_for(lambda: shown[-1:] == asked[-1:] and tab.part == asked[-1])
     assert len(shown) < 30
