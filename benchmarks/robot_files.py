@@ -107,7 +107,7 @@ BEGIN, END = "<!-- kinds -->", "<!-- end -->"
 REASONS = {
     "a template of xacro: expand it first": ("is xacro", False),
     "nothing moves": ("no joint moves", False),
-    "several equal branches (hands, legs, two arms): name one with --tip": (r"branches of|, which end in", False),
+    "several equal branches (hands, legs, two arms): name one with `--tip`": (r"branches of|, which end in", False),
     "a closed loop": ("closed loop", True),
     "joints without limits or range": ("cannot move, its limits|no <limit>|without the numbers", True),
     "a joint that slides, mimics or is coupled": ("slides|mimics|follows", True),

@@ -11,6 +11,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 
 import scipy.stats  # noqa: E402, F401 (it computes on import, which a mocked torch would break)
+from sphinx.search.en import SearchEnglish  # noqa: E402
 
 import kinreach  # noqa: E402
 
@@ -75,6 +76,7 @@ html_theme = "furo"
 pygments_dark_style = "github-dark"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+SearchEnglish.stopwords = SearchEnglish.stopwords - {"her"}  # HER is found, too
 html_search_scorer = str(ROOT / "docs" / "_search.js")
 html_logo = html_favicon = "_static/logo.svg"
 html_copy_source = html_show_copyright = False

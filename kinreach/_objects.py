@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import kinreach
+from kinreach._checks import shown
 from kinreach.errors import InputError
 
 
@@ -23,12 +24,15 @@ def load_object(kind: str, path: str) -> Any:
     Raises:
         InputError: Unknown module or attribute, or the module fails.
     """
+    expected = f"{'an' if kind[0] in 'aeiou' else 'a'} {kind} of your own is named module:attribute"
+    if not isinstance(path, str):
+        raise InputError(f"{expected}, got {shown(path)}")
     module, _, attribute = path.partition(":")
     if module.endswith(".py"):
         name = module.removesuffix(".py").replace("/", ".")
         raise InputError(f"a module is named without .py, as in {name}:{attribute or 'NAME'}; got {path!r}")
     if not module or not attribute:
-        raise InputError(f"a {kind} of your own is named module:attribute, got {path!r}")
+        raise InputError(f"{expected}, got {path!r}")
     found = load_module(kind, module, path)
     try:
         for name in attribute.split("."):

@@ -1,7 +1,7 @@
 """The pictures of docs/guides/viewer.md and the README: `python -m tools.page_pictures` (chromium, playwright).
 
 A comparison's folder comes first: `python -m tools.page_pictures results/compare-ur5`. Without a graphics card a
-picture takes some seconds.
+picture takes some seconds. `docs/images/view.webp` is that of `--only film --simple`.
 """
 
 from __future__ import annotations
@@ -38,16 +38,21 @@ QUALITY = 85
 #: Films: width and height in pixels, frames per second of the target's, and seconds that the last frame stays. The
 #: target's is WebP, for its many ghosts make a GIF three times as large; the other is a GIF of so many colours.
 FILM, FPS, LAST, COLOURS = (960, 600), 16, 2, 128
+#: viser also draws once a second, which takes all of a processor that needs longer than that for a frame.
+NO_HEARTBEAT = """const every = window.setInterval;
+    window.setInterval = (call, ms, ...rest) => (ms === 1000 ? 0 : every(call, ms, ...rest));"""
 #: For the film the scene has as many pixels as the film.
 FASTER = "?fixedDpr=0.8"
-#: Where the target goes in the film, and in how many frames: over the table, into it, out of reach, and back; in the
-#: end frames that it stands still.
+#: Where the target goes in the film, and in how many frames: over the table, into it, out of reach, and back.
 WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 14), (0.5, 0.0, -0.24, 12), (0.94, 0.16, 0.05, 14), (0.5, 0.1, 0.0, 12)]
+#: Frames that the target or the pointer stands still.
 STILL = 8
-#: Goal and box of the film of a motion, its speed [%], and its frames per second.
-MOTION, SPEED, MOTION_FPS = ("-0.4, 0.3, 0.3, 3.14, 0, 0", "-0.2,-0.2,0.4,0.1,0.1,0.8"), 50, 12.5
+#: Which rows of the list the pointer goes to then, each in so many frames; the last one is clicked.
+ROWS = [(1, 10), (2, 5), (3, 5)]
+#: Goal and box of the film of a motion, its speed [%], and its frames per second; a GIF has hundredths of a second.
+MOTION, SPEED, MOTION_FPS = ("-0.4, 0.3, 0.3, 3.14, 0, 0", "-0.2,-0.2,0.4,0.1,0.1,0.8"), 50, 100 / 6
 #: Where it is scrubbed to on the chart, as parts of the time, each in so many frames.
-SCRUBBED = [(1.0, 1), (0.4, 8), (0.5, 2)]
+SCRUBBED = [(1.0, 1), (0.4, 14), (0.5, 5)]
 #: A mouse pointer, which pictures of a tab leave out.
 POINTER = """() => {
     const arrow = '<svg width="22" height="30" viewBox="0 0 22 30"><path d="M1 1v22l5.5-5 3.5 9 4-1.6-3.6-8.7 7.6-.6z" '
@@ -69,13 +74,19 @@ class Camera:
     """
 
     def __init__(self, browser: Any, server: Server, ask: str = "", size: tuple[int, int] = (WIDTH, HEIGHT)) -> None:
-        self.tab = browser.new_context(viewport={"width": size[0], "height": size[1]}).new_page()
+        context = browser.new_context(viewport={"width": size[0], "height": size[1]})
+        context.add_init_script(NO_HEARTBEAT)
+        self.tab = context.new_page()
         self.tab.set_default_timeout(PATIENCE)
         self.tab.goto(f"{server.address}/{ask}")
         self.tab.wait_for_selector(".kinreach-verdict")
         self.page = next(iter(server.pages.values()))
         for close in self.tab.query_selector_all(".mantine-Notification-closeButton"):
             close.click()
+
+    def without_shadows(self) -> None:
+        """Leave out shadows: without a graphics card they take three quarters of the time of a frame."""
+        self.page.client.scene.configure_default_lights(cast_shadow=False)
 
     def take(self) -> Image.Image:
         """What is in the window."""
@@ -106,13 +117,20 @@ def self_motion(browser: Any, *, simple: bool) -> None:
 
 
 def film(camera: Camera, target: TargetPanel) -> None:
-    """A target that is dragged, and what is said of it."""
-    tab, frames = camera.tab, []
+    """A target that is dragged, what is said of it, and a posture that is chosen from the list."""
+    tab, frames, at = camera.tab, [], np.zeros(2)
+    camera.without_shadows()
     tab.evaluate(POINTER)
 
     def take(x: float, y: float, times: int = 1) -> None:
         tab.evaluate(PLACE, [x, y])
         frames.extend([camera.take().resize(FILM, Image.Resampling.LANCZOS)] * times)
+        at[:] = x, y
+
+    def go(x: float, y: float, count: int) -> None:
+        start = at.copy()
+        for share in np.linspace(0, 1, count + 1)[1:-1]:
+            take(*(start + share * share * (3 - 2 * share) * ((x, y) - start)))
 
     for start, end in pairwise([WAY[0], *WAY]):
         for share in np.linspace(0, 1, end[3] + 1)[1:]:
@@ -120,9 +138,20 @@ def film(camera: Camera, target: TargetPanel) -> None:
             position = (1 - eased) * np.array(start[:3]) + eased * np.array(end[:3])
             target.move(placement(position.tolist(), (np.pi, 0, 0)))
             take(*on_screen(camera.page.client.camera, position, WIDTH, HEIGHT), STILL if share == 1 else 1)
-    frames.extend(frames[-1:] * LAST * FPS)
+    rows = tab.locator(".kinreach-postures .kr-entry")
+    for row, count in ROWS:
+        box = rows.nth(row).bounding_box()
+        middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        go(*middle, count)
+        target.pointed = -1
+        rows.nth(row).hover()
+        camera.wait_for(lambda: target.pointed >= 0)
+        take(*middle, STILL)
+    rows.nth(row).click()
+    camera.wait_for(lambda: "kept" in tab.inner_text(".kinreach-postures"))
+    take(*middle, LAST * FPS)
     first, *rest = frames
-    film = {"append_images": rest, "duration": round(1000 / FPS), "loop": 0, "quality": 80, "method": 4}
+    film: dict[str, Any] = {"append_images": rest, "duration": round(1000 / FPS), "loop": 0, "quality": 80, "method": 4}
     first.save(IMAGES / "view.webp", save_all=True, **film)
 
 
@@ -132,10 +161,11 @@ def motion(browser: Any, *, simple: bool) -> None:
     camera = Camera(browser, server, FASTER, FILM)
     panel: Any = camera.page.show("Move")
     tab, frames = camera.tab, []
+    camera.without_shadows()
     tab.evaluate(POINTER)
 
     def take(seconds: float = 1 / MOTION_FPS) -> None:
-        frames.extend([camera.take()] * round(MOTION_FPS * seconds))
+        frames.extend([camera.take()] * max(1, round(MOTION_FPS * seconds)))
 
     def point(x: float, y: float) -> None:
         tab.evaluate(PLACE, [x, y])

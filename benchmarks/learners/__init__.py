@@ -21,6 +21,9 @@ from benchmarks.learners.button_exploration import (
     button_report_demonstrated_press,
     button_report_imitated,
 )
+from benchmarks.learners.distilled import (
+    distilled_moving_late,
+)
 from benchmarks.learners.off_policy import (
     ddpg_multi,
     ddpg_single,
@@ -52,8 +55,11 @@ from benchmarks.learners.variants import (
     ppo_lift_single,
     ppo_moving_delay,
     ppo_moving_delay_08,
+    ppo_moving_hidden,
     ppo_moving_noise,
     ppo_moving_noise_10,
+    ppo_moving_steered_late,
+    ppo_moving_tuned_late,
     ppo_multi_ending,
     space_ranked,
 )
@@ -73,6 +79,7 @@ __all__ = [
     "button_report_press",
     "ddpg_multi",
     "ddpg_single",
+    "distilled_moving_late",
     "gradient_moving_down",
     "gradient_moving_late",
     "ik_net",
@@ -82,8 +89,11 @@ __all__ = [
     "ppo_lift_single",
     "ppo_moving_delay",
     "ppo_moving_delay_08",
+    "ppo_moving_hidden",
     "ppo_moving_noise",
     "ppo_moving_noise_10",
+    "ppo_moving_steered_late",
+    "ppo_moving_tuned_late",
     "ppo_multi_ending",
     "sac_multi",
     "sac_single",

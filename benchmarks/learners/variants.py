@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from kinreach._checks import Floats
 from kinreach._registration import LIFT
 from kinreach.baselines import Recipe, get_recipe, register_recipe
 from kinreach.baselines.expert import GRIPPER
@@ -59,6 +61,9 @@ ppo_moving_delay_08 = _moving_in_world(
 ppo_moving_noise_10 = _moving_in_world(
     "ppo-moving-noise-10", "balls at 0.4 m/s alone that are seen with 10 mm of noise", speeds=(0.4,), noise=0.01
 )
+ppo_moving_hidden = _moving_in_world(
+    "ppo-moving-hidden", "balls that no camera sees in a strip of 0.2 m", speeds=(0.4, 0.8, 1.2), hidden=0.2
+)
 gradient_moving_down = register_recipe(
     replace(
         get_recipe("gradient-moving"),
@@ -73,6 +78,46 @@ gradient_moving_late = register_recipe(
         name="gradient-moving-late",
         summary="As gradient-moving-clear, for balls that are seen 200 ms late.",
         options={**get_recipe("gradient-moving-clear").options, "delay": 0.2},
+    )
+)
+_LATE, _PPO = get_recipe("gradient-moving-late"), get_recipe("ppo-moving")
+ppo_moving_steered_late = register_recipe(
+    replace(
+        _PPO,
+        name="ppo-moving-steered-late",
+        summary="PPO with the observations and actions of gradient-moving-late; collisions are ignored.",
+        options={"sights": 20, "delay": 0.2, "speeds": (0.4, 0.8, 1.2), "collisions": False},
+        networks=_LATE.networks,
+        settings={
+            **_PPO.settings,
+            "low": _LATE.settings["low"],
+            "high": _LATE.settings["high"],
+            "gamma": 0.97,
+            "exploration": {"first": 0.5, "last": 0.05, "until": 0.8},
+        },
+    )
+)
+
+
+def touches(rewards: Floats, info: Mapping[str, Any]) -> Floats:
+    """A training reward: 1 for a touch that counts."""
+    touched: Floats = info["reward_terms"]["touch"]
+    return touched
+
+
+ppo_moving_tuned_late = register_recipe(
+    replace(
+        ppo_moving_steered_late,
+        name="ppo-moving-tuned-late",
+        summary="As ppo-moving-steered-late, to begin with a policy of gradient-moving-late; touches alone count.",
+        reward="benchmarks.learners.variants:touches",
+        steps=2_000_000,
+        settings={
+            **ppo_moving_steered_late.settings,
+            "gamma": 0.99,
+            "exploration": {"first": 0.03, "last": 0.03, "until": 1.0},
+            "adaptive": {"first": 1e-4, "target_kl": 0.005, "decay": 0.5},
+        },
     )
 )
 ppo_lift_single = register_recipe(

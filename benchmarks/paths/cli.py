@@ -203,8 +203,8 @@ def _parts(rows: Sequence[dict[str, Any]], picture: str, command: str) -> Iterat
         f"and the same proof for each motion, on the first {RIVALS} problems of each kind, {RIVALS_PATIENCE:g} s of "
         "wall time each. *RRTConnect, as kinreach* is OMPL's with the settings of `plan_path`: its steps and "
         "distances, a coarse search, the shortening, and the proof at the end. What is left between the two are the "
-        "trees: `plan_path` always grows the smaller one, which is the one in the narrow place, after 3000 steps grows "
-        "postures next to obstacles only towards what is near, has no calls between "
+        "trees: `plan_path` always grows the smaller one, which is the one in the narrow place. After 3000 steps it "
+        "grows postures next to obstacles only towards what is near. It has no calls between "
         "C++ and Python, and looks for a nearer way. *Each alone* is `plan_path` to one free solution after the other, "
         f"with 3 s of wall time each, on the first {EACH} problems of each kind. PRM* was not tried: "
         "from Python, OMPL's did not return. Nor was VAMP, which needs a compiler; its authors report some 0.1 ms, "
@@ -213,8 +213,8 @@ def _parts(rows: Sequence[dict[str, Any]], picture: str, command: str) -> Iterat
     yield (
         "kinreach's planner was tuned: its longest step on a quarter of VAMP's problems and on other cages than those "
         "of the table. Its search step and its number of shortcuts were chosen on the first 24 problems of each kind "
-        f"here; how long it looks for a nearer way, on the first 70, and 80 scenes of `Obstacles-v0`; what is near, on "
-        "the cages 1, 7, 57 and 88. OMPL's planners "
+        "here. How long it looks for a nearer way was chosen on the first 70, and on 80 scenes of `Obstacles-v0`. "
+        "What is near was chosen on the cages 1, 7, 57 and 88. OMPL's planners "
         f"were not tuned, and ran on problems below {RIVALS} only."
     )
     lines = []

@@ -3,6 +3,8 @@
     python -m benchmarks.studies.commitment                                # models and PPO
     python -m benchmarks.studies.commitment --trainings results/train/gradient-moving-clear    # and a learner
     python -m benchmarks.studies.commitment --trainings ... --methods network interception@3   # only these
+    python -m benchmarks.studies.commitment --delays 0.05 --hidden 0.2 --balls 201   # a strip that no camera sees
+    python -m benchmarks.studies.commitment --times ...                    # how long each takes; with --figure, drawn
 
 A world has a delay of the sights, a speed of the ball and a strength of the arm. Its place on the axis is the time that
 the arm needs to make up for what the ball rolls unseen, over the time that the ball is above the table: at 0 the arm
@@ -19,32 +21,32 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.studies.moving_ball import RULES, make_world
+from benchmarks.studies.moving_ball import RULES, Timed, make_world
 from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
 from kinreach._checks import check_count
 from kinreach._files import make_writable, replacing
-from kinreach.baselines import load_policy
+from kinreach.baselines import LearnedPolicy, load_policy
 from kinreach.baselines._loop import as_policy, rollout
 from kinreach.cli import Parser, finish
 from kinreach.compare._methods.interception import Interception
-from kinreach.compare._methods.scenarios import ActFirst, Scenarios
+from kinreach.compare._methods.scenarios import Scenarios
 from kinreach.compare._task import get_task
 from kinreach.envs.moving import travel_times
 from kinreach.errors import InputError
-from kinreach.plots._style import new_figure
+from kinreach.plots._style import new_figure, plain_ticks
 from kinreach.robots import THESIS_ARM, get_arm
 
 PROG = "python -m benchmarks.studies.commitment"
 #: Delays [s], speeds [m/s] and strengths of the arm.
 DELAYS, SPEEDS, STRENGTHS = (0.05, 0.1, 0.2), (0.4, 0.8, 1.2), (1.0, 0.7)
-#: Planners that may decide in every so many frames.
-SLOW: dict[str, Any] = {"interception": Interception, "scenarios": Scenarios}
+#: Planners that may decide in every so many frames, and after a policy.
+PLANNERS: dict[str, Any] = {"interception": Interception, "scenarios": Scenarios}
 #: Methods of the task, and with trainings the network alone and before the planner.
-METHODS, NETWORK, FIRST = ("interception", "scenarios", "ppo"), "network", "network-then-interception"
-#: Seed of the balls, which nothing was chosen with.
-SEED = 5252
+METHODS, NETWORK, FIRST = ("interception", "scenarios", "ppo"), "network", "network-then-"
+#: Seed of the balls, which nothing was chosen with, and balls whose frames are timed.
+SEED, TIMED = 5252, 12
 
 
 def lateness(delay: float, speed: float, strength: float = 1.0) -> float:
@@ -65,65 +67,102 @@ def touched(method: str, file: str, world: Mapping[str, Any], *, balls: int, see
     """Return which balls a method touches, or a policy's file alone or before the planner."""
 
     def played() -> list[bool]:
-        task, env = get_task("moving"), make_world(world)
-        policy: Any
-        if method == FIRST:
-            policy = ActFirst(env, load_policy(file))
-        else:
-            policy = load_policy(file) if method == NETWORK else _planner(method, env)
-        return [bool(trial["reached"]) for trial in rollout(env, as_policy(policy), task.resets(balls, seed, env))]
+        env = make_world(world)
+        resets = get_task("moving").resets(balls, seed, env)
+        return [bool(trial["reached"]) for trial in rollout(env, as_policy(_made(method, file, env)), resets)]
 
     return kept(out, {"method": method, "file": file, **world, "balls": balls, "seed": seed}, played)
 
 
-def _planner(method: str, env: Any) -> Any:
-    """Make a method of the task, which may decide in every so many frames, as `interception@3`."""
+def frame_time(method: str, file: str, world: Mapping[str, Any], *, seed: int) -> float:
+    """Return the mean processor time of a frame [s], over `TIMED` balls after one that warms up."""
+    env = make_world(world)
+    timed = Timed(as_policy(_made(method, file, env)))
+    for balls in (1, TIMED):
+        timed.decisions.clear()
+        list(rollout(env, timed, get_task("moving").resets(balls, seed, env)))
+    return 1e-3 * float(np.mean(timed.decisions))
+
+
+def _made(method: str, file: str, env: Any) -> Any:
+    if method == NETWORK:
+        return load_policy(file)
+    return _planner(method.removeprefix(FIRST), env, load_policy(file) if file else None)
+
+
+def _planner(method: str, env: Any, first: LearnedPolicy | None = None) -> Any:
+    """Make a method of the task; a planner may decide in every so many frames, as `interception@3`, after a policy."""
     name, at, every = method.partition("@")
-    if not at:
+    if not at and first is None:
         return get_task("moving").methods[name].make(env)
-    if name not in SLOW or not every.isdecimal():
-        raise InputError(f"--methods: NAME@FRAMES with one of {', '.join(SLOW)}, got {method!r}")
-    return SLOW[name](env, every=int(every))
+    if name not in PLANNERS or not (every.isdecimal() or not at):
+        raise InputError(f"--methods: NAME@FRAMES with one of {', '.join(PLANNERS)}, got {method!r}")
+    return PLANNERS[name](env, every=int(every) if at else 1, first=first)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe for rolling balls")
-    parser.add_argument("--methods", nargs="+", help=f"of the task, {NETWORK}, {FIRST} (default: three, and these two)")
+    parser.add_argument(
+        "--methods", nargs="+", help=f"of the task, {NETWORK}, {FIRST}PLANNER (default: three, the network and two)"
+    )
     parser.add_argument("--delays", type=float, nargs="+", default=DELAYS, help="[s] (default: three)")
     parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS, help="[m/s] (default: three)")
     parser.add_argument("--strengths", type=float, nargs="+", default=STRENGTHS, help="of the arm (default: two)")
+    parser.add_argument("--hidden", type=float, help="width of the strip that no camera sees [m] (default: none)")
     parser.add_argument("--rule", choices=RULES, default="ignored", help="on collisions (default: %(default)s)")
     parser.add_argument("--balls", type=int, default=96, help="in each cell (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=SEED, help="of the balls (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("results/commitment"), help="where finished cells are kept")
+    parser.add_argument("--times", action="store_true", help="processor time of a frame, for --figure too")
     parser.add_argument("--figure", type=Path, help="where the shares are drawn against the axis")
     arguments = parser.parse_args(argv)
     balls = check_count("--balls", arguments.balls)
     seed = check_count("--seed", arguments.seed, least=0)
     make_writable(arguments.out)
     found = sorted(arguments.trainings.glob(f"seed-*/{POLICY}")) if arguments.trainings else []
-    learned = {name: [str(file) for file in found] for name in (NETWORK, FIRST)}
-    files = {name: learned.get(name, [""]) for name in arguments.methods or (*METHODS, *(learned if found else ()))}
+    learned = (NETWORK, *(FIRST + name for name in PLANNERS)) if found else ()
+    files = {
+        name: [str(file) for file in found] if name == NETWORK or name.startswith(FIRST) else [""]
+        for name in arguments.methods or (*METHODS, *learned)
+    }
     if not all(files.values()):
-        raise InputError(f"{NETWORK} and {FIRST} need --trainings with finished trainings, seed-0/{POLICY} and others")
+        raise InputError(
+            f"{NETWORK} and {FIRST}... need --trainings with finished trainings, seed-0/{POLICY} and others"
+        )
     worlds = sorted(
         (lateness(delay, speed, strength), delay, speed, strength)
         for delay in arguments.delays
         for speed in arguments.speeds
         for strength in arguments.strengths
     )
+    hidden = {} if arguments.hidden is None else {"hidden": arguments.hidden}
+
+    def options(delay: float, speed: float, strength: float) -> dict[str, Any]:
+        return {"delay": delay, "speeds": (speed,), "strength": strength, **RULES[arguments.rule], **hidden}
+
+    if arguments.times:
+        first = options(*worlds[0][1:])
+        times = {name: frame_time(name, own[0], first, seed=seed) for name, own in files.items()}
+        print(head("method", "ms a frame"))
+        for name, seconds in times.items():
+            print(line(f"`{name}`", f"{1e3 * seconds:.2g}"))
+        if arguments.figure is None:
+            return 0
     print(head("axis", "delay, ms", "speed, m/s", "strength", *(f"`{name}`" for name in files)))
     cells: dict[str, list[np.ndarray]] = {name: [] for name in files}
     for axis, delay, speed, strength in worlds:
-        world = {"delay": delay, "speeds": (speed,), "strength": strength, **RULES[arguments.rule]}
+        world = options(delay, speed, strength)
         for name, own in files.items():
             rows = [touched(name, file, world, balls=balls, seed=seed, out=arguments.out) for file in own]
             cells[name].append(np.array(rows))
         shares = (with_interval(cells[name][-1], unit=100, decimals=1) for name in files)
         print(line(f"{axis:.2f}", f"{1e3 * delay:g}", f"{speed:g}", f"{strength:g}", *shares), flush=True)
-    if arguments.figure is not None:
+    if arguments.times:
+        titles = [f"{speed:g} m/s, {1e3 * delay:g} ms late" for _, delay, speed, _ in worlds]
+        draw_times(cells, times, titles, arguments.figure)
+    elif arguments.figure is not None:
         draw(cells, [world[0] for world in worlds], arguments.figure)
     return 0
 
@@ -136,16 +175,53 @@ def draw(cells: Mapping[str, list[np.ndarray]], places: list[float], file: Path)
         note=f"{first.shape[1]} balls a world · bars: 95 % intervals over trainings and balls",
     )  # fmt: skip
     for index, (name, worlds) in enumerate(cells.items()):
-        shares = np.array([100.0 * world.mean() for world in worlds])
-        bounds = 100.0 * np.array([trainings_interval(world) for world in worlds]).T
+        shares, errors = _with_errors(worlds)
         shift = 0.004 * max(places) * (index - len(cells) / 2.0)
-        errors = np.maximum(np.abs(bounds - shares), 0.0)
         axes.errorbar(np.array(places) + shift, shares, yerr=errors, fmt="o-", ms=4, lw=1.2, label=name)
     axes.set_ylim(0.0, 102.0)
     axes.set_xlim(0.0, 1.05 * max(places))
     axes.set_xlabel("time to make up for what is unseen / time of the ball above the table")
     axes.set_ylabel("balls touched [%]")
     axes.legend(frameon=False)
+    _saved(figure, file)
+
+
+def draw_times(
+    cells: Mapping[str, list[np.ndarray]], times: Mapping[str, float], worlds: list[str], file: Path
+) -> None:
+    """Draw the share of touched balls against the processor time of a frame [s], a panel for each world."""
+    first = next(iter(cells.values()))[0]
+    figure, panels = new_figure(
+        "Balls touched, by the time of a decision", size=(3.0 * len(worlds) + 0.6, 3.4), columns=len(worlds),
+        note=f"{first.shape[1]} balls a world · bars: 95 % intervals over trainings and balls · planners on a line: "
+        "deciding in every, every third, tenth or thirtieth frame",
+    )  # fmt: skip
+    families: dict[str, list[str]] = {}
+    for name in cells:
+        families.setdefault(name.partition("@")[0], []).append(name)
+    for index, (world, panel) in enumerate(zip(worlds, panels, strict=True)):
+        for family, names in families.items():
+            shares, errors = _with_errors([cells[name][index] for name in names])
+            taken = [1e3 * times[name] for name in names]
+            panel.errorbar(taken, shares, yerr=errors, fmt="o-", ms=5, lw=1.2, label=family)
+        panel.set_xscale("log")
+        panel.set_ylim(0.0, 102.0)
+        panel.set_title(world, fontsize=10)
+        panel.set_xlabel("processor time of a frame [ms]")
+        plain_ticks(panel.xaxis)
+    panels[0].set_ylabel("balls touched [%]")
+    panels[-1].legend(frameon=False, fontsize=8)
+    _saved(figure, file)
+
+
+def _with_errors(found: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return shares of touched balls [%], and how far their intervals go down and up, shape (2, n)."""
+    shares = np.array([100.0 * each.mean() for each in found])
+    bounds = 100.0 * np.array([trainings_interval(each) for each in found]).T
+    return shares, np.maximum(np.abs(bounds - shares), 0.0)
+
+
+def _saved(figure: Any, file: Path) -> None:
     with replacing(file) as temporary:
         figure.savefig(temporary, format="png")
 

@@ -17,7 +17,6 @@ it prints a table and draws the curves.
 from __future__ import annotations
 
 import argparse
-import csv
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -33,16 +32,16 @@ from stable_baselines3 import SAC, HerReplayBuffer
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecNormalize
 
 import kinreach  # noqa: F401 (registers the environments)
+from benchmarks.studies.reached_curves import draw, numbers_of, rows_of, write_rows
 from benchmarks.studies.tables import head, line, spread
 from kinreach._checks import check_count
 from kinreach._engines import load_extra
-from kinreach._files import make_writable, replacing
+from kinreach._files import make_writable
 from kinreach.baselines import SB3VecEnv
 from kinreach.cli import Parser, finish
 from kinreach.envs.inside import lift_task
 from kinreach.kinematics import ArmKinematics
 from kinreach.plots._colours import own_colour
-from kinreach.plots._style import key, label_ends, new_figure
 from kinreach.robots import THESIS_ARM, ArmDescription
 
 PROG = "python -m benchmarks.studies.hindsight"
@@ -51,7 +50,6 @@ NUM_ENVS, TEST_GOALS, TEST_SEED = 8, 50, 10_000
 MOST_STEPS, MOST_PUSHING = 25, 60
 #: Where pushes begin, 10 cm above the middle of the table [m].
 START = (0.475, 0.0, -0.1)
-COLUMNS = ("steps", "reached %", "distance mm", "processor s")
 #: Chosen on seed 100; eight updates to eight actions.
 SETTINGS: Mapping[str, Any] = {
     "batch_size": 128,
@@ -171,14 +169,6 @@ def tested(model: SAC, env: VecNormalize) -> tuple[float, float]:
     return 100 * float(reached.mean()), 1000 * float(np.median(distance))
 
 
-def rows_of(curve: Path) -> list[list[str]]:
-    """Return the rows of a curve, with the names of its columns."""
-    if not curve.exists():
-        return [list(COLUMNS)]
-    with curve.open(newline="", encoding="utf-8") as file:
-        return list(csv.reader(file))
-
-
 def train(contender: Contender, folder: Path, seed: int, steps: int | None, every: int | None) -> None:
     """Train one seed, or go on with it, and write its curve; without numbers those of the contender."""
     steps, every = steps or contender.steps, every or contender.every
@@ -208,34 +198,20 @@ def train(contender: Contender, folder: Path, seed: int, steps: int | None, ever
         model.save(saved)
         env.save(str(scales))
         model.save_replay_buffer(buffer)
-        with replacing(curve) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows(rows)
+        write_rows(curve, rows)
         print(f"{contender.title}, seed {seed}: {', '.join(rows[-1])}", flush=True)
     env.close()
     test.close()
 
 
-def draw(curves: Mapping[str, list[np.ndarray[Any, Any]]], file: Path) -> None:
-    """Draw goals reached against actions: thin the seeds, thick their mean."""
-    note = f"{PROG}; SAC with HER, sparse rewards, {TEST_GOALS} goals; thin: seeds"
+def draw_all(curves: Mapping[str, list[np.ndarray[Any, Any]]], file: Path) -> None:
+    """Draw goals reached against actions."""
     verbs = " and ".join(dict.fromkeys(CONTENDERS[name].verb for name in curves))
-    figure, (axes,) = new_figure(f"{verbs} by hindsight", size=(7.6, 4.0), note=note)
     names = ("random", "ppo-single", "ranked-single", "closed-form")
     colours = {CONTENDERS[name].title: own_colour(like) for name, like in zip(CONTENDERS, names, strict=False)}
-    ends = {}
-    for name, seeds in curves.items():
-        title = CONTENDERS[name].title
-        for one in seeds:
-            axes.plot(one[:, 0], one[:, 1], color=colours[title], lw=0.7, alpha=0.5)
-        rows = min(map(len, seeds))
-        middle = np.mean([one[:rows] for one in seeds], axis=0)
-        axes.plot(middle[:, 0], middle[:, 1], color=colours[title], lw=2.0)
-        ends[title] = middle[-1, :2]
-    axes.set(ylim=(-3, 103), xlabel="actions")
-    key(axes, "goals reached [%]")
-    label_ends(axes, ends, colours)
-    with replacing(file) as temporary:
-        figure.savefig(temporary, format="png")
+    note = f"{PROG}; SAC with HER, sparse rewards, {TEST_GOALS} goals; thin: seeds"
+    titled = {CONTENDERS[name].title: seeds for name, seeds in curves.items()}
+    draw(titled, colours, file, title=f"{verbs} by hindsight", note=note)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -261,10 +237,7 @@ def main(argv: list[str] | None = None) -> int:
         for name in given.only:
             train(CONTENDERS[name], given.out / name / f"seed-{seed}", seed, given.steps, given.every)
     curves = {
-        name: [
-            np.array(rows_of(given.out / name / f"seed-{seed}" / "curve.csv")[1:], dtype=float)
-            for seed in range(given.seeds)
-        ]
+        name: [numbers_of(given.out / name / f"seed-{seed}" / "curve.csv") for seed in range(given.seeds)]
         for name in given.only
     }
     print(head("environment", "reached when within", "reached at the end, %", "distance, mm", "processor, s"))
@@ -280,7 +253,7 @@ def main(argv: list[str] | None = None) -> int:
             )
         )
     if given.figure is not None:
-        draw(curves, given.figure)
+        draw_all(curves, given.figure)
     return 0
 
 

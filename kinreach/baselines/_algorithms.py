@@ -13,18 +13,22 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
+from gymnasium.spaces import Box
 from gymnasium.vector import VectorEnv
 from numpy.typing import ArrayLike
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from kinreach._checks import STEP_LIMIT, check_known, shown
+from kinreach._objects import load_object, place_of
 from kinreach._registration import LIFT, MOVING, SPACE
 from kinreach.baselines._adaptive_ppo import AdaptivePPO, LateCollisionsPPO
 from kinreach.baselines._batch import first_observations
 from kinreach.baselines._descent import AnalyticGradient, MovingGradient, RandomArmGradient
 from kinreach.baselines._episode_gradient import EpisodeGradient
+from kinreach.baselines._imitation import AnsweredVecEnv, Imitation
 from kinreach.baselines._looks import Looks, LooksVecEnv
 from kinreach.baselines._networks import (
     ACTIVATIONS,
@@ -43,7 +47,7 @@ from kinreach.baselines._sb3_export import actor_network, averaged_actor
 from kinreach.baselines._steering import PLACES as MIN_SIGHTS
 from kinreach.baselines._vec_envs import SB3VecEnv
 from kinreach.envs.inside import ButtonOptions, SpaceTask, button_task, lift_task, moving, reach_task
-from kinreach.errors import InputError
+from kinreach.errors import InputError, KinreachError
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 
 #: Angular frequencies of the waves of normalised observations.
@@ -66,6 +70,8 @@ def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
         if looks is None:
             raise InputError(f"{recipe.algorithm} does not learn from looks; ranked PPO does")
         policy |= {"features_extractor_class": LookFeatures, "features_extractor_kwargs": {"looks": looks}}
+    elif networks.features == "steering":
+        policy |= _steering(recipe, settings)
     elif networks.features != "raw":
         policy |= {"features_extractor_class": ObservationFeatures, "features_extractor_kwargs": _features(recipe)}
     if "adam" in settings:
@@ -77,6 +83,8 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
     """Return the arguments of PPO: `minibatches` give the batch size, and the actor may have a `PostureHead`."""
     arguments = mlp_arguments(recipe, env, planned)
     networks, policy = recipe.networks, arguments["policy_kwargs"]
+    if networks.features == "steering":
+        arguments["policy"] = SteeringPolicy
     if networks.std != 1.0:
         policy["log_std_init"] = math.log(networks.std)
     if networks.posture:
@@ -141,14 +149,19 @@ def simulator_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[st
 
 
 def episode_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Return the arguments of an actor that steers; `low` and `high` are bounds of its targets [rad]."""
-    if recipe.environment != MOVING or recipe.options.get("sights", 1) < MIN_SIGHTS:
-        raise InputError(f"gradients of whole episodes are for {MOVING} with {MIN_SIGHTS} sights or more")
-    arguments = simulator_arguments(recipe, env, planned)
-    seen = {name: arguments.pop(name) for name in ("low", "high")}
-    seen |= {"sights": recipe.options["sights"], "delay": recipe.options.get("delay", moving.DELAY)}
-    arguments["policy_kwargs"] |= {"features_extractor_class": SteeringFeatures, "features_extractor_kwargs": seen}
-    return {**arguments, "policy": SteeringPolicy}
+    """Return the arguments of an actor that steers."""
+    if recipe.networks.features != "steering":
+        raise InputError(
+            f"gradients of whole episodes are for the features 'steering', not {recipe.networks.features!r}"
+        )
+    return simulator_arguments(recipe, env, planned)
+
+
+def imitation_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of an actor; `expert` is an argument of the environments."""
+    arguments = actor_arguments(recipe, env, planned)
+    del arguments["expert"]
+    return arguments
 
 
 def late_collisions_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
@@ -159,6 +172,15 @@ def _simulation(env: SB3VecEnv) -> dict[str, Any]:
     return {"world": env.get_attr("unwrapped", 0)[0].episodes}
 
 
+def _steering(recipe: Recipe, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a policy that steers; its settings `low` and `high` are bounds of the targets [rad]."""
+    if recipe.environment != MOVING or recipe.options.get("sights", 1) < MIN_SIGHTS:
+        raise InputError(f"features 'steering' are for {MOVING} with {MIN_SIGHTS} sights or more")
+    seen = {name: settings.pop(name) for name in ("low", "high")}
+    seen |= {"sights": recipe.options["sights"], "delay": recipe.options.get("delay", moving.DELAY)}
+    return {"features_extractor_class": SteeringFeatures, "features_extractor_kwargs": seen}
+
+
 def _features(recipe: Recipe) -> dict[str, Any]:
     """Return the constants of the normalisation, and the waves.
 
@@ -166,14 +188,15 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     begin upright and almost at rest. What does not vary is only shifted.
     """
     kind = recipe.networks.features
-    check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms", "grasps"))
+    known = ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms", "grasps", "objects")
+    check_known("features", kind, known)
     if kind == "button":
         options = ButtonOptions(**{name: recipe.options[name] for name in recipe.options if name != STEP_LIMIT})
         # cosines and sines, two positions [m], joint velocities [rad/s], difference of the positions [m], push state
         scale: tuple[float, ...] = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
         frame = (*scale, *(button_task.CONTROL_LIMIT,) * button_task.JOINTS * options.controls)
         return {"mean": [0.0] * len(frame) * options.frames, "scale": frame * options.frames}
-    home = get_arm(THESIS_ARM).home
+    home = _arm(recipe).home
     if kind == "sights":
         # a ball [m], the age of its sight [s], joint angles [rad] and speeds [rad/s]; of earlier sights the way to the
         # last [m], which is the longer the earlier they are
@@ -192,6 +215,15 @@ def _features(recipe: Recipe) -> dict[str, Any]:
         mean = (0.475, 0.0, -0.175, 0.0, 0.025, 0.0, 0.0, 0.0, *home, 0.05, *(0.0,) * 3)
         scale = (0.1, 0.18, 0.05, 0.5, 0.01, 1.0, 1.0, 1.0, *(0.5,) * 6, 0.02, *(0.05,) * 3)
         return {"mean": mean, "scale": scale}
+    if kind == "objects":
+        # joint angles [rad], the opening, tip and object [m], the object's rotation, the goal [m]; and from the tip to
+        # the object and on to the goal, on a scale of decimetres and of centimetres
+        middle, reach, turned = (0.475, 0.0, -0.2), (0.1, 0.15, 0.1), (0.0,) * 6
+        mean = (*home, 0.05, *middle, *middle, *turned, *middle)
+        scale = (*(0.3,) * len(home), 0.025, *reach, *reach, *(0.7,) * 6, *reach)
+        tip, thing, goal = (np.eye(len(mean))[-first:][:3] for first in (15, 12, 3))
+        ways = np.vstack([thing - tip, goal - thing])
+        return {"mean": mean, "scale": scale, "differences": np.vstack([10.0 * ways, 100.0 * ways]).tolist()}
     observations = first_observations(recipe.environment, recipe.options, seed=1)
     if kind == "goal waves":
         observations = observations[:, _fixed(recipe)]
@@ -208,6 +240,27 @@ def step_by_step(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: Traini
 def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
     """Return a batch in which a step limit terminates an episode, as in PPO2."""
     return SB3VecEnv(batch, reward=reward, bootstrap=False)
+
+
+def answered(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> AnsweredVecEnv:
+    """Return a batch in which the setting `expert` answers: `module:Class`, made of one such environment."""
+    name, actions = recipe.settings["expert"], batch.single_action_space
+    if not isinstance(actions, Box):
+        raise InputError(f"{recipe.algorithm} needs actions that are vectors, got {actions} of {recipe.environment}")
+    kind: Any = load_object("expert", name)
+    options = {name: value for name, value in recipe.options.items() if (name, value) != ("backend", "warp")}
+    env = gym.make(recipe.environment, **options)
+    try:
+        expert = kind(env)
+    except KinreachError:
+        raise
+    except Exception as why:  # of the user's class
+        raise InputError(
+            f"the expert {name} cannot be made of an environment: {type(why).__name__}: {why}{place_of(why)}"
+        ) from why
+    if not callable(getattr(expert, "act", None)):
+        raise InputError(f"the expert {name} has no method act(rows), got {shown(expert)}")
+    return AnsweredVecEnv(batch, expert=expert, reward=reward)
 
 
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
@@ -301,4 +354,7 @@ register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments,
 register_algorithm(Algorithm("AnalyticGradient", AnalyticGradient, arguments=analytic_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("MovingGradient", MovingGradient, arguments=simulator_arguments))
 register_algorithm(Algorithm("EpisodeGradient", EpisodeGradient, exporter=averaged_actor, arguments=episode_arguments))
+register_algorithm(
+    Algorithm("Imitation", Imitation, exporter=averaged_actor, arguments=imitation_arguments, vec_env=answered)
+)
 register_algorithm(Algorithm("RandomArmGradient", RandomArmGradient, arguments=simulator_arguments))

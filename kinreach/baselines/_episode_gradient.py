@@ -8,7 +8,6 @@ least distance of tip and ball. It looks `BEYOND` the first touch: a loss that e
 
 from __future__ import annotations
 
-import copy
 import math
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ import numpy as np
 import torch
 
 from kinreach._checks import Floats
+from kinreach.baselines._averaged import AveragedActor
 from kinreach.baselines._descent import SimulatorGradient, feeler_depth
 from kinreach.baselines.expert import GRIPPER, table_top
 from kinreach.envs.inside import Ids, moving
@@ -38,8 +38,10 @@ SOFT, LEAST_SOFT = 0.03, 0.004
 CLEARANCE, WITHIN = 0.004, 0.2
 #: Weight of a joint near its bounds, and of depths of the gripper: logarithmic with this scale [m], and linear.
 FOLDED, DEPTH_SCALE, DEEP, DEPTH = 2.0, 0.004, 0.25, 5.0
-#: Updates in which the learning rate grows, and over how many weights are averaged.
-WARM, AVERAGED = 20, 150
+#: Updates in which the learning rate grows.
+WARM = 20
+#: Of float32, below which two speeds are the same.
+EPS = 1e-5
 
 
 class Balls(NamedTuple):
@@ -62,11 +64,8 @@ def drawn_balls(world: moving.MovingEpisodes, rng: np.random.Generator, count: i
     return Balls(rolls, moving.last_part(rolls, world.area))
 
 
-class EpisodeGradient(SimulatorGradient):
+class EpisodeGradient(AveragedActor, SimulatorGradient):
     """Analytic gradient of whole episodes with a rolling ball.
-
-    Attributes:
-        average: The policy with the mean of its weights over the last updates, which is exported.
 
     Args:
         balls: In an update.
@@ -77,14 +76,6 @@ class EpisodeGradient(SimulatorGradient):
     def __init__(self, *args: Any, balls: int, **kwargs: Any) -> None:
         self.balls = balls
         super().__init__(*args, **kwargs)
-
-    def _setup_model(self) -> None:
-        super()._setup_model()
-        self.average = copy.deepcopy(self.policy)
-
-    def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
-        modules, variables = super()._get_torch_save_params()
-        return [*modules, "average"], variables
 
     def train(self) -> None:
         """Update the actor once, on the episodes of new balls."""
@@ -100,10 +91,7 @@ class EpisodeGradient(SimulatorGradient):
         torch.nn.utils.clip_grad_norm_(self.policy.parameters(), self.max_grad_norm)
         optimizer.step()
         self._n_updates += 1
-        with torch.no_grad():
-            share = 1.0 / min(self._n_updates + 1, AVERAGED)
-            for mean, new in zip(self.average.parameters(), self.policy.parameters(), strict=True):
-                mean.lerp_(new, share)
+        self._average()
         self.logger.record("train/loss", loss.item())
         self._explore()
 
@@ -113,45 +101,40 @@ class EpisodeGradient(SimulatorGradient):
         frames = (balls.rolls.shape[1] - 1) // parts
         observed = self._observed(balls, rng, frames)
         nominal = {"speed": float(world.speed_limit), "acceleration": float(world.acceleration_limit)}
-        strength = torch.as_tensor(world.strength[self._worlds(n)], dtype=torch.float32)
-        # a share of one as a tensor would round the limits
+        strength = world.strength[self._worlds(n)].astype(np.float32)
+        # a share of one as an array would round the limits
         limits: dict[str, Any] = nominal if (strength == 1.0).all() else {k: strength * v for k, v in nominal.items()}
         q = torch.as_tensor(world.home, dtype=torch.float32).expand(n, 6)
         v, tip = torch.zeros(n, 6), world.chain.fk(q)[:, :3, 3]
         least = table_top(world.arm) + CLEARANCE
         feelers, (low, high) = torch.tensor(GRIPPER, dtype=torch.float32), self._bounds()
-        tips, depths, folds = [], [], []
+        postures, folds = [], []
         for frame in range(frames):
             x = torch.cat(
                 [observed[frame][:, : moving.ANGLES.start], q, v, observed[frame][:, moving.ANGLES.start :]], 1
             )
-            distribution: Any = self.policy.get_distribution(x)
-            target, postures = math.pi * distribution.distribution.mean, []
-            for part in range(1, parts + 1):
-                q, v = moving.moved(q, v, target, 1.0 / (moving.FRAMES * parts), **limits)
-                if part in POSTURES:
-                    postures.append(q)
-            T = world.chain.fk(torch.cat(postures))
-            middle, end = T[:, :3, 3].split(n)
-            tips.append(torch.stack([tip, middle, end], 1))
-            depths.append(feeler_depth(T, feelers, least).view(len(POSTURES), n).T)
+            target = math.pi * self.policy.means(x)  # type: ignore[operator]
+            middle, q, v = _Moved.apply(q, v, target, limits)  # type: ignore[no-untyped-call]
+            postures += [middle, q]
             folds.append(((q - high).clamp(min=0.0) + (low - q).clamp(min=0.0)).sum(1))
-            tip = end
-        along = (_PARABOLA @ torch.stack(tips, 1)).flatten(1, 2)  # the tip in all parts of all frames
-        return self._loss(along, torch.stack(depths, 1), torch.stack(folds, 1), balls)
+        T = world.chain.fk(torch.stack(postures, 1).flatten(0, 1))
+        depths = feeler_depth(T, feelers, least).view(n, frames, len(POSTURES))
+        tips = torch.cat([tip[:, None], T[:, :3, 3].view(n, -1, 3)], 1)
+        thirds = torch.stack([tips[:, :-2:2], tips[:, 1:-1:2], tips[:, 2::2]], 2)
+        along = (_PARABOLA @ thirds).flatten(1, 2)  # the tip in all parts of all frames
+        return self._loss(along, depths, torch.stack(folds, 1), balls)
 
     def _worlds(self, count: int) -> Ids:
         """Return environments, whose delays, noise and strength the episodes with as many balls have."""
-        return np.arange(count) % len(self.world.taken)
+        return np.arange(count) % len(self.world.due)
 
     def _observed(self, balls: Balls, rng: np.random.Generator, frames: int) -> list[torch.Tensor]:
         """Return observations without joints, for every frame."""
         world, n = self.world, len(balls.rolls)
         rows = self._worlds(n)
-        taken = world.taken[rows, : frames + 1]
-        sights = np.full((n, frames + 1, 3), world.height)
-        sights[:, :, :2] = balls.rolls[np.arange(n)[:, None], np.minimum(taken, balls.ends[:, None])]
-        sights += rng.normal(0.0, world.noise[rows, None, None], sights.shape)
+        rolls = np.dstack([balls.rolls, np.full(balls.rolls.shape[:2], world.height)])
+        noise = rng.normal(0.0, world.noise[rows, None, None], (n, frames + 1, 3))
+        sights, taken = world.seen(world.due[rows, : frames + 1], rolls, balls.ends, noise)
         ages = (np.arange(frames + 1) * moving.PARTS - taken) / (moving.FRAMES * moving.PARTS)
         observed = []
         for frame in range(frames):
@@ -197,6 +180,43 @@ class EpisodeGradient(SimulatorGradient):
         deep = DEEP * torch.log1p(depth / DEPTH_SCALE) + DEPTH * depth.clamp(max=1.0)
         clear = min(1.0, 0.2 + self.progress / 0.3) * (deep + FOLDED * (folds * before).sum(1))
         return (missed - touch + clear).mean()
+
+
+class _Moved(torch.autograd.Function):
+    """`moving.moved` for all parts of a frame, with its gradient by hand: three times as fast.
+
+    From angles, speeds and targets, shape (n, 6), and the limits, to the angles in the middle of the frame, and the
+    angles and speeds at its end.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, *state: Any) -> Any:
+        q, v, target = (part.detach().numpy() for part in state[:3])
+        dt, acceleration = 1.0 / (moving.FRAMES * moving.PARTS), state[3]["acceleration"]
+        brake, passed, ctx.slopes = acceleration * dt, [], []
+        for _ in range(moving.PARTS):
+            way, before = target - q, v
+            q, v = moving.moved(q, v, target, dt, **state[3])
+            # of the speed by the way: none where the joint accelerates as it can, or is as fast as it may be
+            free = np.abs(v - before) < (1.0 - EPS) * brake
+            slope = np.where(np.abs(way) < 0.5 * brake * dt, 1.0 / dt, acceleration / (np.abs(v) + brake / 2.0))
+            ctx.slopes.append((free, np.where(free & (np.abs(v) < (1.0 - EPS) * state[3]["speed"]), slope, 0.0)))
+            passed.append(q)
+        ctx.dt = dt
+        return *(torch.from_numpy(passed[part - 1]) for part in POSTURES), torch.from_numpy(v)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Any) -> Any:
+        middle, by_q, by_v = (grad.numpy() for grad in grads)
+        by_target = np.zeros_like(by_q)
+        for part in range(moving.PARTS, 0, -1):
+            if part == POSTURES[0]:
+                by_q = by_q + middle
+            free, slope = ctx.slopes[part - 1]
+            by_v = by_v + ctx.dt * by_q
+            along = slope * by_v
+            by_q, by_v, by_target = by_q - along, np.where(free, 0.0, by_v), by_target + along
+        return *(torch.from_numpy(np.asarray(by, np.float32)) for by in (by_q, by_v, by_target)), None
 
 
 def _parabolas() -> torch.Tensor:

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from kinreach.baselines._eyes import MIDDLE, Eye
 from kinreach.baselines._looks import Looks
+from kinreach.baselines._policy_file import CLIP
 from kinreach.baselines._steering import FEATURES, Steering, sight_fits
 
 #: Activations of hidden layers by the name that recipes and policy files use.
@@ -31,10 +32,10 @@ FIRST_GAIN = 0.3
 
 
 class ObservationFeatures(BaseFeaturesExtractor):
-    """Observations normalised by constants, and waves of them.
+    """Observations normalised by constants, waves of them, and differences.
 
-    The features are z = (x - mean) / scale, and sin(w z), cos(w z) for every w; x has as many of the first observations
-    as there are means.
+    The features are z = (x - mean) / scale, and sin(w z), cos(w z) for every w, and D x clipped to plus and minus
+    `CLIP`, with the `differences` D; x has as many of the first observations as there are means.
     """
 
     def __init__(
@@ -44,21 +45,29 @@ class ObservationFeatures(BaseFeaturesExtractor):
         mean: Sequence[float],
         scale: Sequence[float],
         waves: Sequence[float] = (),
+        differences: Sequence[Sequence[float]] = (),
     ) -> None:
-        super().__init__(space, len(mean) * (1 + 2 * len(waves)))
+        super().__init__(space, len(mean) * (1 + 2 * len(waves)) + len(differences))
         self.mean: Tensor
         self.scale: Tensor
         self.waves: Tensor
         self.register_buffer("mean", torch.tensor(mean, dtype=torch.float32))
         self.register_buffer("scale", torch.tensor(scale, dtype=torch.float32))
         self.register_buffer("waves", torch.tensor(waves, dtype=torch.float32))
+        self.differences: Tensor | None
+        given = torch.tensor(differences, dtype=torch.float32) if len(differences) else None
+        self.register_buffer("differences", given)
 
     def forward(self, observations: Tensor) -> Tensor:
-        z = (observations[:, : len(self.mean)] - self.mean) / self.scale
-        if not len(self.waves):
-            return z
-        angles = (z[:, :, None] * self.waves).flatten(1)
-        return torch.cat([z, angles.sin(), angles.cos()], dim=1)
+        x = observations[:, : len(self.mean)]
+        z = (x - self.mean) / self.scale
+        groups = [z]
+        if len(self.waves):
+            angles = (z[:, :, None] * self.waves).flatten(1)
+            groups += [angles.sin(), angles.cos()]
+        if self.differences is not None:
+            groups.append((x @ self.differences.T).clamp(-CLIP, CLIP))
+        return torch.cat(groups, dim=1)
 
 
 class TorchEye(nn.Module):
@@ -170,7 +179,10 @@ class SteeringFeatures(BaseFeaturesExtractor):
 
 
 class SteeringPolicy(ActorCriticPolicy):
-    """stable-baselines3's policy whose outputs are shares of the motion that joints can make in a frame."""
+    """stable-baselines3's policy whose outputs are shares of the motion that joints can make in a frame.
+
+    The standard deviation is one of shares, too.
+    """
 
     features_extractor: SteeringFeatures
 
@@ -184,8 +196,17 @@ class SteeringPolicy(ActorCriticPolicy):
         actions = distribution.get_actions(deterministic=deterministic)
         return actions, self.predict_values(obs), distribution.log_prob(actions)
 
+    def evaluate_actions(self, obs: Any, actions: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        distribution: Any = self.get_distribution(obs)
+        return self.predict_values(obs), distribution.log_prob(actions), distribution.entropy()
+
     def get_distribution(self, obs: Any) -> Any:
+        spread: Tensor = self.features_extractor.steering.spread(obs.float())
+        return self.action_dist.proba_distribution(self.means(obs), self.log_std + spread.log())
+
+    def means(self, obs: Any) -> Tensor:
+        """Return the actions without noise."""
         given = obs.float()
         hidden = self.mlp_extractor.forward_actor(self.features_extractor(given))
-        mean = self.features_extractor.steering.actions(given, torch.tanh(self.action_net(hidden)))
-        return self.action_dist.proba_distribution(mean, self.log_std)
+        means: Tensor = self.features_extractor.steering.actions(given, torch.tanh(self.action_net(hidden)))
+        return means

@@ -21,7 +21,7 @@ from kinreach._engines import load_extra
 from kinreach._files import replacing
 from kinreach.baselines._eyes import MIDDLE, Eye
 from kinreach.baselines._policies import SLACK, LearnedPolicy
-from kinreach.baselines._policy_file import Network
+from kinreach.baselines._policy_file import CLIP, Network
 from kinreach.baselines._steering import AHEAD, FIRST_FRAMES, FORECASTING, PLACES, TINY, WINDOWS, Steering, table_middle
 from kinreach.baselines.random_arms import ur5
 from kinreach.envs.inside import moving
@@ -162,6 +162,9 @@ def _outputs(graph: _Graph, network: Network, observation: str) -> str:
         angles = graph("Reshape", each, [0, network.mean.size * network.waves.size])
         cosines = graph("Sin", graph("Add", angles, np.pi / 2.0))
         h = graph("Concat", h, graph("Sin", angles), cosines, axis=1)
+    if network.differences is not None:
+        differences = graph("MatMul", first, network.differences.T)
+        h = graph("Concat", h, graph("Min", graph("Max", differences, -CLIP), CLIP), axis=1)
     for index, (weight, bias) in enumerate(network.layers):
         h = graph("Add", graph("MatMul", h, weight.T), bias)
         h = _activated(graph, h, network.activation if index < len(network.layers) - 1 else network.output)

@@ -4,7 +4,7 @@ A policy file is a safetensors file without code. Its header's `kinreach` entry 
 of `PolicyCard`; its tensors are `mean`, `scale`, `waves`, `gain`, `shift`, then `layer0.weight`, `layer0.bias`,
 `layer1.weight` ..., `low` and `high` if actions are not in [-1, 1], and for each camera of a policy that sees
 `eye0.layer0.weight`, `eye0.layer0.bias` ..., `eye0.strides` and `eye0.sharpness`. One that steers to a rolling ball
-has `steering.fits`, `steering.low` and `steering.high`.
+has `steering.fits`, `steering.low` and `steering.high`, one with features that are differences has `differences`.
 """
 
 from __future__ import annotations
@@ -31,8 +31,12 @@ Array = NDArray[Any]
 
 #: The policy in the folder of a run.
 POLICY_FILE = "policy.safetensors"
+#: Tensors that not all policies have.
+OPTIONAL = {"low", "high", "differences"}
 #: Tensors of a policy that steers.
 STEERING = ("fits", "low", "high")
+#: Features that are differences are clipped to plus and minus this.
+CLIP = 3.0
 #: Names that options of environments had in the cards of version 0.3.
 RENAMED: Mapping[str, str] = {"max_steps": STEP_LIMIT}
 
@@ -59,7 +63,8 @@ class Network:
 
     With eyes, x has their outputs for the cameras' pictures, one after the other. With z = (x - mean) / scale
     over the first observations, the features are z, then sin(w z) and cos(w z), in both the waves of one observation
-    side by side. With a steering, x has its features of an observation, and y its actions from these outputs.
+    side by side, then D x clipped to plus and minus `CLIP`. With a steering, x has its features of an observation, and
+    y its actions from these outputs.
 
     Attributes:
         mean, scale: Constants of the normalisation, shape (n,); only the first n observations are used.
@@ -71,6 +76,7 @@ class Network:
         low, high: Bounds of an action, shape (m,); None for -1 and 1.
         eyes: One for each camera, by name; none where observations are vectors.
         steering: Of a policy for a rolling ball whose outputs are shares of the possible motion; else None.
+        differences: D, such as places relative to others, shape (d, n).
     """
 
     mean: Array
@@ -85,6 +91,7 @@ class Network:
     high: Array | None = None
     eyes: Sequence[Eye] = ()
     steering: Steering | None = None
+    differences: Array | None = None
 
     @property
     def inputs(self) -> int:
@@ -102,10 +109,13 @@ class Network:
         return np.asarray(actions.reshape(*x.shape[:-1], -1))
 
     def _outputs(self, x: Array) -> Array:
-        h = (x[..., : len(self.mean)] - self.mean) / self.scale
+        x = x[..., : len(self.mean)]
+        h = (x - self.mean) / self.scale
         if len(self.waves):
             angles = (h[..., :, None] * self.waves).reshape(*h.shape[:-1], -1)
             h = np.concatenate([h, np.sin(angles), np.cos(angles)], axis=-1)
+        if self.differences is not None:
+            h = np.concatenate([h, np.clip(x @ self.differences.T, -CLIP, CLIP)], axis=-1)
         activation = ACTIVATIONS[self.activation]
         for weight, bias in self.layers[:-1]:
             h = activation(h @ weight.T + bias)
@@ -160,6 +170,8 @@ def save_policy(path: str | Path, card: PolicyCard, network: Network) -> None:
     tensors = {name: getattr(network, name) for name in ("mean", "scale", "waves", "gain", "shift")}
     if network.low is not None and network.high is not None:
         tensors |= {"low": network.low, "high": network.high}
+    if network.differences is not None:
+        tensors["differences"] = network.differences
     for index, (weight, bias) in enumerate(network.layers):
         tensors |= {f"layer{index}.weight": weight, f"layer{index}.bias": bias}
     for number, eye in enumerate(network.eyes):
@@ -235,18 +247,22 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
     tensors = {name: value for name, value in tensors.items() if not name.startswith(("eye", "steering."))}
     count = sum(name.endswith(".weight") for name in tensors)
     names = {f"layer{i}.{part}" for i in range(count) for part in ("weight", "bias")}
-    expected = {"mean", "scale", "waves", "gain", "shift"} | names | ({"low", "high"} & set(tensors))
+    expected = {"mean", "scale", "waves", "gain", "shift"} | names | (OPTIONAL & set(tensors))
     if count == 0 or set(tensors) != expected:
         raise InputError(f"its tensors must be {sorted(expected)}, got {sorted(tensors)}")
     doubles = {name: value.astype(np.float64) for name, value in tensors.items()}
     layers = [(doubles[f"layer{i}.weight"], doubles[f"layer{i}.bias"]) for i in range(count)]
     mean, scale, waves, gain, shift = (doubles[name] for name in ("mean", "scale", "waves", "gain", "shift"))
-    low, high = doubles.get("low"), doubles.get("high")
+    low, high, differences = (doubles.get(name) for name in ("low", "high", "differences"))
     if eyes and mean.size != sum(eye.places for eye in eyes):
         raise InputError(f"mean must have a number for each output of the eyes, got {mean.size}")
     if steering is not None and (mean.size, gain.size, low is None) != (FEATURES, moving.JOINTS, True):
         raise InputError(f"a steering has {FEATURES} features and {moving.JOINTS} outputs, and bounds of its own")
     width = mean.size * (1 + 2 * waves.size)
+    if differences is not None:
+        if differences.ndim != 2 or differences.shape[1] != mean.size or steering is not None:
+            raise InputError(f"differences must have {mean.size} columns, and no steering beside it")
+        width += len(differences)
     for index, (weight, bias) in enumerate(layers):
         if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
             raise InputError(f"layer {index} must take {width} numbers, got weight {weight.shape}, bias {bias.shape}")
@@ -259,7 +275,8 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
         raise InputError("low and high must both be there, or neither")
     if low is not None and high is not None and not (low.shape == high.shape == (width,) and (low < high).all()):
         raise InputError(f"low and high must have {width} numbers, low below high")
-    return Network(mean, scale, waves, layers, card.activation, card.output, gain, shift, low, high, eyes, steering)
+    constants = mean, scale, waves, layers, card.activation, card.output, gain, shift, low, high
+    return Network(*constants, eyes, steering, differences)
 
 
 def _steering(tensors: Mapping[str, np.ndarray[Any, Any]]) -> Steering | None:

@@ -11,7 +11,7 @@ import numpy as np
 from kinreach._checks import check_known
 from kinreach._objects import load_object
 from kinreach.baselines.expert import GRIPPER, table_top, tool_down_postures
-from kinreach.envs.inside import STEP_S, lift_task, moving
+from kinreach.envs.inside import lift_task, moving
 from kinreach.kinematics import Arm3Kinematics, URKinematics
 from kinreach.robots import THESIS_ARM
 
@@ -47,17 +47,6 @@ def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
 def grasp(rewards: Array, info: Mapping[str, Any]) -> Array:
     """Return the dense reward, plus 5 if the fingers close around the object."""
     return dense(rewards, info) + 5.0 * info["held"]
-
-
-def moved(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the reward of bringing an object to a place: for coming nearer to it, holding it, and for its way.
-
-    A second costs the distance of tip and object [m] and twice that of object and goal, and pays 0.5 while the object
-    touches both fingers. Success pays 10, a collision costs 3.
-    """
-    away = np.linalg.norm(info["tip"] - info["position"], axis=1)
-    second = 0.5 * info["gripped"] - away - 2.0 * info["distance"]
-    return np.asarray(STEP_S * second + 10.0 * info["is_success"] - 3.0 * info["impossible"])
 
 
 def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
@@ -182,7 +171,6 @@ REWARDS: dict[str, TrainingReward] = {
     "dense": dense,
     "grasp": grasp,
     "grasp-guided": grasp_guided,
-    "moved": moved,
     "scaled": scaled,
     "guided": guided,
     "level": level,

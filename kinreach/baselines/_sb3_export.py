@@ -33,6 +33,8 @@ Array = NDArray[Any]
 #: How far an exported actor may be from the model's own, which computes in single precision.
 EXPORT_TOLERANCE = 1e-3
 _SAMPLES = 64
+#: What `ObservationFeatures` and networks have around the layers.
+FEATURE_CONSTANTS = ("mean", "scale", "waves", "differences")
 #: Actors: prefix of the hidden layers, name of the last layer if it has another, and function behind it.
 ACTORS = (
     ("mlp_extractor.policy_net.", "action_net", "linear"),  # PPO and A2C
@@ -115,6 +117,8 @@ def _normalised(network: Network, normalize: VecNormalize) -> Network:
         raise InputError(f"normalize must be a VecNormalize of stable-baselines3, got {shown(given)}")
     if not normalize.norm_obs:
         return network
+    if network.differences is not None:
+        raise InputError("a network with differences takes observations as they are, not with VecNormalize")
     statistics: Any = normalize.obs_rms
     count = len(network.mean)
     if isinstance(statistics, dict) or statistics.mean.shape != (count,):
@@ -144,8 +148,9 @@ def actor_network(model: BaseAlgorithm, policy: Any = None) -> Network:
     )
     features = _features_extractor(policy)
     if isinstance(features, ObservationFeatures):
-        constants = {name: getattr(features, name).numpy() for name in ("mean", "scale", "waves")}
-        network = replace(network, **constants)
+        constants = {name: getattr(features, name) for name in FEATURE_CONSTANTS}
+        found = {name: constant.numpy() for name, constant in constants.items() if constant is not None}
+        network = replace(network, **found)
     elif isinstance(features, LookFeatures):
         network = replace(network, eyes=[eye.exported() for eye in features.eyes])
     elif isinstance(features, SteeringFeatures):
@@ -201,7 +206,7 @@ def set_actor(model: BaseAlgorithm, policy: Any, network: Network) -> None:
     if _sizes(now) != _sizes(network):
         raise InputError(f"its network is {_sizes(network)}, that of the recipe is {_sizes(now)}")
     features: Any = _features_extractor(policy)
-    constants = {name: getattr(features, name) for name in ("mean", "scale", "waves") if hasattr(features, name)}
+    constants = {name: each for name in FEATURE_CONSTANTS if (each := getattr(features, name, None)) is not None}
     head = getattr(policy, "action_net", None)
     if isinstance(head, PostureHead):
         constants |= {"gain": head.gain, "shift": head.shift}
@@ -216,7 +221,7 @@ def set_actor(model: BaseAlgorithm, policy: Any, network: Network) -> None:
             for copy in copies:
                 tensors[copy].copy_(torch.as_tensor(value))
     now = actor_network(model, policy)
-    for name in ("mean", "scale", "waves", "gain", "shift", "low", "high"):
+    for name in (*FEATURE_CONSTANTS, "gain", "shift", "low", "high"):
         mine, its = getattr(now, name), getattr(network, name)
         if (mine is None) != (its is None) or (mine is not None and not np.allclose(mine, its, rtol=1e-5, atol=1e-6)):
             raise InputError(f"{name} around the layers of its network is not that of the recipe, and is fixed there")
@@ -230,7 +235,8 @@ def _features_extractor(policy: Any) -> Any:
 def _sizes(network: Network) -> str:
     """Return the numbers of inputs and outputs of a network's layers, such as "13-64-64-6, tanh"; eyes first."""
     waves = f" with {len(network.waves)} waves" if len(network.waves) else ""
-    widths = [f"{len(network.mean)}{waves}", *(len(bias) for _, bias in network.layers)]
+    others = "" if network.differences is None else f" and {len(network.differences)} differences"
+    widths = [f"{len(network.mean)}{waves}{others}", *(len(bias) for _, bias in network.layers)]
     eyes = "".join(f"{'-'.join(str(len(bias)) for _, bias in eye.layers)} channels, " for eye in network.eyes)
     steers = ", of one that steers" if network.steering is not None else ""
     return f"{eyes}{'-'.join(map(str, widths))}, {network.activation}, {network.output}{steers}"

@@ -105,10 +105,18 @@ class Steering:
 
     def actions(self, x: Any, share: Any) -> Any:
         """Return actions, shape (n, 6), from shares of the possible motion, likewise, and observations."""
-        arm: Any = ur5().arm
-        limits = {"speed": arm.speed_limit, "acceleration": arm.acceleration_limit}
-        targets = moving.steered(x[:, moving.ANGLES], x[:, moving.RATES], share, **limits)
+        targets = moving.steered(x[:, moving.ANGLES], x[:, moving.RATES], share, **self._limits)
         return namespace(x).clip(targets, like(x, self.low), like(x, self.high)) / math.pi
+
+    def spread(self, x: Any) -> Any:
+        """Return by how much actions grow with a share, shape (n, 6), after observations."""
+        down, up = moving.motion_range(x[:, moving.ANGLES], x[:, moving.RATES], **self._limits)
+        return (up - down) / (2.0 * math.pi)
+
+    @property
+    def _limits(self) -> dict[str, Any]:
+        arm = ur5().arm
+        return {"speed": arm.speed_limit, "acceleration": arm.acceleration_limit}
 
 
 @cache

@@ -77,7 +77,7 @@ class SB3VecEnv(VecEnv):
         told = last_step(info)
         rewards = self._rewarded(rewards, {**info, **told, "observation": last_seen})
         for rows in last_seen.values() if isinstance(last_seen, dict) else [last_seen]:
-            _check_finite("an observation", rows)
+            check_finite("an observation", rows)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if self._has_goals:
             kept = {name: told[name] for name in GOAL_KEYS if name in told}
@@ -94,7 +94,7 @@ class SB3VecEnv(VecEnv):
 
     def _rewarded(self, rewards: Any, info: Mapping[str, Any]) -> Array:
         given = np.asarray(rewards)
-        _check_finite("the environment's reward", given)
+        check_finite("the environment's reward", given)
         try:
             seen = np.asarray(self._reward(given, info))
         except Exception as error:  # of the user's function
@@ -103,7 +103,7 @@ class SB3VecEnv(VecEnv):
             ) from error
         if seen.shape != given.shape:
             raise TrainingError(f"the training reward must have shape {given.shape}, got {seen.shape}")
-        _check_finite("the training reward", seen)
+        check_finite("the training reward", seen)
         return seen
 
     def close(self) -> None:
@@ -150,6 +150,7 @@ def _row(observations: Any, index: int) -> Any:
     return observations[index]
 
 
-def _check_finite(what: str, values: Array) -> None:
+def check_finite(what: str, values: Array) -> None:
+    """Raise a `TrainingError` that names the first number that is not finite."""
     if values.dtype.kind == "f" and not np.isfinite(values).all():
         raise TrainingError(f"{what} became {values[~np.isfinite(values)][0]:g}")

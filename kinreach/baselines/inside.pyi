@@ -9,3 +9,6 @@ from ._policies import policy_version as policy_version
 from ._policies import pretrained_names as pretrained_names
 from ._policy_file import run_name as run_name
 from ._solver_policy import SolverPolicy as SolverPolicy
+from ._tabletop_scripts import PickAndPlaceScript as PickAndPlaceScript
+from ._tabletop_scripts import PushScript as PushScript
+from ._tabletop_scripts import TabletopScript as TabletopScript

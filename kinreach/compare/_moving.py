@@ -16,7 +16,7 @@ from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import origin
 from kinreach.compare._methods.interception import FirstSight, Interception, LastSight
 from kinreach.compare._methods.resolve import policy_method
-from kinreach.compare._methods.scenarios import ActFirst, Scenarios
+from kinreach.compare._methods.scenarios import Scenarios
 from kinreach.compare._task import CONTROLLER, Method, Replay, Task, of_reached, resets_in_turn
 from kinreach.envs.inside import moving as ball
 from kinreach.kinematics import ArmKinematics
@@ -119,6 +119,10 @@ def _notes(results: Mapping[str, Any]) -> list[str]:
     return [f"No goal is left for balls at {left} m/s: give at least {len(speeds) * paths}."] if left else []
 
 
+def _act_first(env: gym.Env[Any, Any]) -> Any:
+    return Interception(env, first=_LEARNED.make(env))
+
+
 MOVING_TASK = Task(
     name="moving",
     title="A UR5 and a rolling ball",
@@ -131,7 +135,7 @@ MOVING_TASK = Task(
         "last-sight": Method(LastSight, CONTROLLER),
         "interception": Method(Interception, CONTROLLER),
         "scenarios": Method(Scenarios, CONTROLLER),
-        "act-first": Method(lambda env: ActFirst(env, _LEARNED.make(env)), CONTROLLER, versions=_LEARNED.versions),
+        "act-first": Method(_act_first, CONTROLLER, versions=_LEARNED.versions),
         "gradient-moving": policy_method("gradient-moving", MOVING),
         "gradient-moving-clear": _LEARNED,
         "ppo": policy_method("ppo-moving", MOVING),

@@ -24,7 +24,7 @@ from kinreach.errors import InputError, NoDynamicsError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription
 from kinreach.sim import ArmSimulation
-from kinreach.sim.inside import FPS, Scene
+from kinreach.sim.inside import FPS, WARP, Scene
 from kinreach.vision.inside import GoalMeasurement
 
 #: The environments of episodes with a count of one.
@@ -98,6 +98,10 @@ class SingleEnv(WithModel, gym.Env[Any, Any], EzPickle):
     def __init__(self, **options: Any) -> None:
         EzPickle.__init__(self, **options)
         self.options = self._checked(options)
+        if getattr(self.options, "backend", None) == WARP:
+            raise InputError(
+                'backend="warp" is of native batches: gym.make_vec(..., vectorization_mode="vector_entry_point")'
+            )
         self.episodes = self._new_episodes(self.options)
         self.action_space = self.episodes.action_space
         self.observation_space = in_dtype(self.episodes.observation_space, self.options.dtype)

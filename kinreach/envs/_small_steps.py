@@ -10,7 +10,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.envs._batch import Ids
 from kinreach.envs._reach.reach_task import held_in_limits, joint_limits
-from kinreach.envs._tip_control import JOINTS, SMALL_STEP, TipControl
+from kinreach.envs._tip_control import JOINTS, SMALL_STEP, TipControl, shortened
 from kinreach.robots import ArmDescription
 
 #: Period [s]; largest change of a joint [rad] and of the opening [m] in one of them.
@@ -53,11 +53,8 @@ class SmallSteps:
         return found
 
     def action_for(self, q: Floats, target: Floats) -> Floats:
-        """Return the changes in [-1, 1] from a posture straight towards another [rad], both of shape (n,)."""
-        if self._tip is not None:
-            return self._tip.action_for(q, target)
-        changes = (target - q) / STEP_ANGLE
-        return np.asarray(changes / max(1.0, float(np.abs(changes).max())))
+        """Return the changes in [-1, 1] from postures straight towards others [rad], both of shape (k, n)."""
+        return shortened((target - q) / STEP_ANGLE) if self._tip is None else self._tip.action_for(q, target)
 
     def info(self, rows: Any) -> dict[str, Floats]:
         """Return the parts of the ways that tips were sent, from 0 to 1; nothing where actions change joints."""

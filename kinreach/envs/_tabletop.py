@@ -6,7 +6,7 @@ import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -17,7 +17,7 @@ from kinreach._checks import Floats, as_array, as_floats, check_count, check_fla
 from kinreach._objects import load_object
 from kinreach.envs._batch import Episodes, Flags, Ids, NativeVectorEnv, Outcome, RowStreams, told_terms
 from kinreach.envs._goals import DENSE, REWARD_NAMES, SPARSE, GoalMethods, Told, goal_dict
-from kinreach.envs._lift.lift_task import check_objects, grasping_arm, table_of
+from kinreach.envs._lift.lift_task import check_objects, grasping_arm, grasping_batch, table_of
 from kinreach.envs._options import EnvOptions, check_box_actions, in_dtype, option_rows
 from kinreach.envs._randomise import Randomisation, Ranges, about_randomise, check_randomise, drawn_of
 from kinreach.envs._reach.reach_task import CAMERA_RANGE, GOAL_RANGE, joint_limits, seen_joints
@@ -27,8 +27,19 @@ from kinreach.envs._tip_control import CONTROLS, JOINTS, SMALL_STEP, about_contr
 from kinreach.errors import InputError, UnknownOptionError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import THESIS_ARM, ArmDescription, BoxRegion, Gripper
-from kinreach.sim import ArmSimulation, BatchSimulation
-from kinreach.sim.inside import BALL, BALL_GROUP, BEYOND_LIMIT, BOUNDS, CUBE, SHAPES, Grasping, Objects
+from kinreach.sim import ArmSimulation
+from kinreach.sim.inside import (
+    BALL,
+    BALL_GROUP,
+    BEYOND_LIMIT,
+    BOUNDS,
+    CUBE,
+    MUJOCO,
+    SHAPES,
+    WARP,
+    Grasping,
+    Objects,
+)
 
 #: Of the ball that marks a goal, beside objects that may be red.
 GOAL_COLOUR = (0.10, 0.70, 0.20, 0.6)
@@ -170,9 +181,9 @@ class TabletopOptions(EnvOptions):
         goal_env: Whether observations have the goals apart, for hindsight experience replay.
         reward: `"dense"`, the task's own, or `"sparse"`: 0 for success, else -1.
         control: What actions change: `"joints"`, or the `"position"` or `"pose"` of the tip.
+        backend: `"mujoco"`, in native batches also `"warp"`.
     """
 
-    backend: ClassVar[str] = "mujoco"
     task: type[TabletopTask] | str
     arguments: Mapping[str, Any]
     limit: int = 100
@@ -180,13 +191,15 @@ class TabletopOptions(EnvOptions):
     reward: str = DENSE
     control: str = field(default=JOINTS, metadata=about_control(*SMALL_STEP))
     randomise: Ranges | None = field(default=None, metadata=about_randomise(BOUNDS))
+    backend: str = MUJOCO
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_flag("goal_env", self.goal_env)
         check_known("reward", self.reward, REWARD_NAMES)
         check_known("control", self.control, CONTROLS)
-        check_randomise(self.randomise, bounds=BOUNDS)
+        check_known("backend", self.backend, (MUJOCO, WARP))
+        check_randomise(self.randomise, backend=self.backend, bounds=BOUNDS)
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> TabletopOptions:
@@ -448,7 +461,8 @@ class TabletopEnv(GoalMethods, ArmEnv):
             `payload`, `friction`, `damping`, `gears` and `encoder_noise`; `info` has `drawn_NAME`.
         **options: `goal_env`; `reward`, `"dense"` or `"sparse"` (0 for success, else -1); `control`, `"joints"`,
             `"position"` or `"pose"`; `info`, `dtype`, `render_mode`, `render_camera`, `render_width` and
-            `render_height`, as every environment has them; and arguments of the task's class.
+            `render_height`, as every environment has them; `backend`, `"mujoco"`, or in native batches `"warp"`; and
+            arguments of the task's class.
 
     Raises:
         InputError: A task, or options, that cannot be.
@@ -495,6 +509,7 @@ class TabletopVectorEnv(GoalMethods, NativeVectorEnv):
     """A batch of `TabletopEnv`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
     Arguments are as of `NativeVectorEnv`; the options have `task`, the class or `"module:Class"`, and its arguments.
+    With `backend="warp"` the `device` is Warp's too.
     """
 
     @property
@@ -508,6 +523,5 @@ class TabletopVectorEnv(GoalMethods, NativeVectorEnv):
 
     def _new_episodes(self, options: TabletopOptions, threads: int, device: str | None) -> TabletopEpisodes:
         setup = _Setup(options)
-        drawn = drawn_of(options.randomise)
-        arms = BatchSimulation(setup.arm, self.num_envs, threads=threads, objects=1, drawn=drawn)
-        return TabletopEpisodes(options, setup, Grasping(arms))
+        world = grasping_batch(setup.arm, self.num_envs, options, objects=1, threads=threads, device=device)
+        return TabletopEpisodes(options, setup, world)

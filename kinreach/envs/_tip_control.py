@@ -34,6 +34,11 @@ HALVINGS = 6
 ALONE = 8
 
 
+def shortened(changes: Floats) -> Floats:
+    """Return changes, shape (..., n), shortened along the way until all are in [-1, 1]."""
+    return np.asarray(changes / np.maximum(1.0, np.abs(changes).max(axis=-1, keepdims=True)))
+
+
 def about_control(step: float, turn: float) -> dict[str, str | None]:
     """Metadata of the option, with the changes by an action of 1 [m], [rad]."""
     return about(
@@ -107,12 +112,12 @@ class TipControl:
         return found, share
 
     def action_for(self, q: Floats, target: Floats) -> Floats:
-        """Return the action from a posture straight towards the tip's pose in another [rad], both of shape (n,)."""
-        now, then = self._poses(np.array([q, target]))
-        change = (then[:3, 3] - now[:3, 3]) / self._step
+        """Return the actions from postures straight towards the tips' poses in others [rad], both of shape (k, n)."""
+        now, then = self._poses(q), self._poses(target)
+        change = (then[:, :3, 3] - now[:, :3, 3]) / self._step
         if self._turns:
-            change = np.append(change, vectors_of(then[:3, :3] @ now[:3, :3].T) / self._turn)
-        return np.asarray(change / max(1.0, float(np.abs(change).max())))
+            change = np.hstack([change, vectors_of(then[:, :3, :3] @ now[:, :3, :3].swapaxes(1, 2)) / self._turn])
+        return shortened(change)
 
     def _on_way(self, start: Floats, actions: Floats, held: Floats, rows: Any, part: Floats) -> Floats:
         """Return poses at parts of the ways of some arms, shape (m, 4, 4)."""

@@ -40,6 +40,8 @@ RADIUS, SIDEWAYS, HOLD = 0.12, 1.0, 0.25
 SPEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)
 #: How far inside the table area a path begins [m].
 INSIDE = 0.02
+#: Widest strip that may be hidden: every ball comes out of it [m].
+MAX_HIDDEN = 0.2
 #: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds, and sights before.
 BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
 JOINTS = 6
@@ -117,6 +119,7 @@ class MovingOptions(EnvOptions):
     paths: tuple[str, ...] = field(default=tuple(PATHS), metadata=about(f"one of them an episode: {', '.join(PATHS)}"))
     delay: float = field(default=DELAY, metadata=about("age of what the cameras report [s]"))
     noise: float = field(default=NOISE, metadata=about("median error of a sight [m]"))
+    hidden: float = field(default=0.0, metadata=about("width of the strip along y = 0 that the cameras do not see [m]"))
     sights: int = field(default=1, metadata=about("how many of the last sights are observed", flag=None))
     collisions: bool = field(
         default=True, metadata=about("a collision ends the episode; without, the arm moves through the table")
@@ -136,6 +139,7 @@ class MovingOptions(EnvOptions):
         for name, what in (("delay", "delay [s]"), ("noise", "noise [m]"), ("strength", "strength")):
             least, most = DRAWN[name]
             check_number(what, getattr(self, name), least=least, most=most)
+        check_number("hidden [m]", self.hidden, least=0.0, most=MAX_HIDDEN)
         check_count("sights", self.sights, most=round(SECONDS * FRAMES))
         check_flag("collisions", self.collisions)
         check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
@@ -199,7 +203,8 @@ class MovingEpisodes(Episodes):
         frames: Frames so far, shape (count,).
         q, v: Joint angles [rad] and speeds [rad/s], shape (count, 6).
         area: Least and greatest place of a ball on the table [m], each shape (2,).
-        taken: Part of a frame in which the sight of each frame was taken, shape (count, FRAMES * SECONDS + 1).
+        due: Part of a frame in which the sight of each frame is taken if the cameras see the ball then, shape
+            (count, FRAMES * SECONDS + 1).
         noise: Standard deviation of a coordinate of a sight [m], shape (count,).
         strength: The arms' limits of speed and acceleration, as a share of `speed_limit` and `acceleration_limit`,
             shape (count, 1).
@@ -225,12 +230,12 @@ class MovingEpisodes(Episodes):
         frames = round(SECONDS * FRAMES)
         self._times = np.arange(frames * PARTS + 1) / (FRAMES * PARTS)
         self._drawn = Randomisation(options.randomise, count, None, sizes=dict.fromkeys(DRAWN, 1))
-        self.taken, self.noise = np.empty((count, frames + 1), dtype=np.intp), np.empty(count)
+        self.due, self.noise = np.empty((count, frames + 1), dtype=np.intp), np.empty(count)
         self.strength = np.empty((count, 1))
         self._set_drawn(np.arange(count))
         self._rngs = [np.random.default_rng() for _ in range(count)]
         self.rolls = np.empty((count, len(self._times), 3))
-        self._sights = np.empty((count, frames + 1, 3))
+        self._sights, self._taken = np.empty((count, frames + 1, 3)), np.empty_like(self.due)
         self._ends, self.frames = np.empty(count, dtype=np.intp), np.empty(count, dtype=np.intp)
         self.q, self.v = np.empty((count, 6)), np.empty((count, 6))
         self._speeds, self._paths = np.empty(count), np.empty(count, dtype=object)
@@ -247,7 +252,7 @@ class MovingEpisodes(Episodes):
             self._drawn.values(name, ids, getattr(self.options, name)) for name in ("delay", "noise", "strength")
         )
         late = np.round(delay * FRAMES * PARTS).astype(np.intp)
-        self.taken[ids] = np.maximum(np.arange(self.taken.shape[1]) * PARTS - late, 0)
+        self.due[ids] = np.maximum(np.arange(self.due.shape[1]) * PARTS - late, 0)
         self.noise[ids], self.strength[ids] = noise[:, 0] / MEDIAN_LENGTH, strength
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> MovingStart:
@@ -272,10 +277,27 @@ class MovingEpisodes(Episodes):
             end = int(last_part(places, self.area))
             self.rolls[index, :, :2], self.rolls[index, :, 2] = places, self.height
             noise = rng.normal(0.0, self.noise[index], self._sights.shape[1:])
-            self._sights[index] = self.rolls[index, np.minimum(self.taken[index], end)] + noise
+            self._sights[index], self._taken[index] = self.seen(self.due[index], self.rolls[index], end, noise)
             self._ends[index], self._speeds[index], self._paths[index] = end, speed, path
         self.frames[ids], self.q[ids], self.v[ids], self._nearest[ids] = 0, self.home, 0.0, np.inf
         self._reasons[ids] = ""
+
+    def seen(self, due: Ids, rolls: Floats, ends: Any, noise: Floats) -> tuple[Floats, Ids]:
+        """Return what the cameras report in each frame [m], and the parts of a frame in which they saw it.
+
+        While a ball is hidden they report the last sight again. The first place of a ball is always seen.
+
+        Args:
+            due: As the attribute, shape (..., frames).
+            rolls: Where balls are at each part [m], shape (..., parts, 3).
+            ends: The part from which on they are gone, shape (...).
+            noise: Of the sights [m], shape (..., frames, 3).
+        """
+        places = np.take_along_axis(rolls, np.minimum(due, np.asarray(ends)[..., None])[..., None], axis=-2)
+        visible = (np.abs(places[..., 1]) >= self.options.hidden / 2.0) | (due == 0)
+        last = np.maximum.accumulate(np.where(visible, np.arange(due.shape[-1]), 0), axis=-1)
+        sights = np.take_along_axis(places + noise, last[..., None], axis=-2)
+        return sights, np.take_along_axis(due, last, axis=-1)
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
         """Simulate one frame in all environments, or where `acting` is True."""
@@ -328,7 +350,7 @@ class MovingEpisodes(Episodes):
         """Return the observations of all environments."""
         everyone, frames = np.arange(len(self.frames)), self.frames
         seen = self._sights[everyone, frames]
-        age = (frames * PARTS - self.taken[everyone, frames]) / (FRAMES * PARTS)
+        age = (frames * PARTS - self._taken[everyone, frames]) / (FRAMES * PARTS)
         before = np.maximum(frames[:, None] - np.arange(1, self.options.sights), 0)
         moved_by = self._sights[everyone[:, None], before] - seen[:, None]
         return np.concatenate([seen, age[:, None], self.q, self.v, moved_by.reshape(len(seen), -1)], axis=1)
@@ -494,15 +516,12 @@ def pushed(q: Any, v: Any, side: float, time: Any, *, speed: Any, acceleration: 
     return q + (v + end) / 2.0 * ramp + end * (time - ramp), end
 
 
-def steered(q: Any, v: Any, share: Any, *, speed: float, acceleration: float) -> Any:
-    """Return the targets at which joints move by a share of what they can in the next frame.
-
-    With -1 a joint accelerates downwards all the frame, with 1 upwards; in between the target is. Arrays or tensors.
+def motion_range(q: Any, v: Any, *, speed: float, acceleration: float) -> tuple[Any, Any]:
+    """Return the targets at which joints accelerate downwards, and upwards, all the next frame. Arrays or tensors.
 
     Args:
         q: Angles now [rad], shape (..., n).
         v: Speeds now [rad/s], likewise.
-        share: From -1 to 1, likewise.
         speed: Limit [rad/s].
         acceleration: Limit [rad/s^2].
     """
@@ -512,7 +531,16 @@ def steered(q: Any, v: Any, share: Any, *, speed: float, acceleration: float) ->
         there, end = pushed(q, v, side, frame, speed=speed, acceleration=acceleration)
         stop = end * (xp.abs(end) + brake) / (2.0 * acceleration)
         ends.append(there + BEYOND_STOP * stop + LEAST_WAY * side)
-    return ends[0] + (ends[1] - ends[0]) * (share + 1.0) / 2.0
+    return ends[0], ends[1]
+
+
+def steered(q: Any, v: Any, share: Any, *, speed: float, acceleration: float) -> Any:
+    """Return the targets at which joints move by a share of what they can in the next frame, from -1 to 1.
+
+    The other arguments are as of `motion_range`, whose targets are those of the shares -1 and 1.
+    """
+    down, up = motion_range(q, v, speed=speed, acceleration=acceleration)
+    return down + (up - down) * (share + 1.0) / 2.0
 
 
 def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: Any, acceleration: Any) -> Floats:

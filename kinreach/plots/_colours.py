@@ -27,7 +27,7 @@ RULES = {
     "#F2A35E": ("ppo-*multi", "ppo-*-clear", "correction-joints"),
     "#D55E00": ("ppo", "ppo-*", "button", "policy-informed"),
     "#2FBF94": ("ranked-multi", "ranked-*-range", "space-multi", "gradient-*-clear", "policy-tuned"),
-    "#00674C": ("ranked-*", "panda-*", "space-*", "gradient-*", "policy"),
+    "#00674C": ("ranked-*", "panda-*", "space-*", "gradient-*", "imitated-*", "policy"),
     "#009E73": ("ddpg-*", "button-dqn*"),
     "#E69F00": ("sb3-*", "policy-again", "button-report-demonstrated-frames"),
 }

@@ -31,7 +31,7 @@ SINGLE_MARKS = {"thesis: above 0": (20_000, 0.0), "thesis: about 2": (50_000, 2.
 MULTI_REWARD, MULTI_MOST = 126.79, (30_000, 40_000)
 #: Longest training in which these steps can be seen.
 MAX_MARKED = 1_000_000
-#: Lowest reward that is drawn of single-step: below it are postures that the first episodes leave.
+#: Lowest reward that is drawn of single-step if all seeds end above it: below are postures of the first episodes.
 LOWEST = -6.0
 
 
@@ -199,7 +199,10 @@ def _marks(axes: Axes, single: bool, last: float) -> None:
                       textcoords="offset points", fontsize=8.5, color=INK, path_effects=HALO)  # fmt: skip
         return
     shown = {text: (x, y) for text, (x, y) in SINGLE_MARKS.items() if x <= last}
-    axes.set_ylim(min([max(low, LOWEST), *(y - 0.5 for _, y in shown.values())]), max(high, 4.0))
+    drawn = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines]
+    ends = np.concatenate([y[np.isfinite(y)][-1:] for y in drawn])
+    lowest = max(low, LOWEST) if np.all(ends > LOWEST) else low
+    axes.set_ylim(min([lowest, *(y - 0.5 for _, y in shown.values())]), max(high, 4.0))
     left, right = axes.get_xlim()
     for text, (x, y) in shown.items():
         place, align = ((9, -12), "left") if x < left + (right - left) / 6 else ((-9, 5), "right")

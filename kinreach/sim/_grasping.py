@@ -11,11 +11,11 @@ from kinreach._checks import Floats
 from kinreach.errors import InputError
 from kinreach.robots import Gripper
 from kinreach.robots.inside import JawGripper
-from kinreach.sim._controller import JointController, pairs_in_contact, touches
+from kinreach.sim._controller import JointController
 from kinreach.sim._engine import mujoco
 from kinreach.sim._free_objects import BODY_FIELDS, GEOM_FIELDS, OBJECT, OBJECTS, Objects
 from kinreach.sim._imperfections import encoder_errors
-from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, as_index, rows_and_columns
+from kinreach.sim._plants import Ids, Plant, as_index, rows_and_columns
 from kinreach.sim._setpoints import CONTROL_PERIOD
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
@@ -64,9 +64,8 @@ class Grasping:
         self.controller: JointController = simulation.controller
         self.gripper: Gripper | JawGripper = arm.gripper
         self.objects = len(self.controller.objects)
-        plant: Any = simulation._plant
-        self._plant: SinglePlant | BatchPlant = plant
-        self.count = len(plant.qpos)
+        self._plant: Plant = simulation._plant
+        self.count = len(self._plant.qpos)
         joints = arm.gripper.joints
         self._fingers = [int(model.jnt_bodyid[model.joint(name).id]) for name in joints]
         if len(joints) == 1:  # the other jaw is part of the link that carries this one
@@ -75,6 +74,10 @@ class Grasping:
         self._servos = as_index([model.actuator(name).id for name in joints])
         self._all_servos = np.arange(model.nu)
         self._object = model.body(OBJECT).id
+        names = [model.body(body).name for body in range(model.nbody)]
+        self._stands, self._free = (
+            np.array([name in some for name in names]) for some in (self.controller.obstacles, self.controller.objects)
+        )
         self._rows = [
             slice(*(int(model.joint(name).qposadr[0]) + k for k in (0, 7))) for name in OBJECTS[: self.objects]
         ]
@@ -89,10 +92,7 @@ class Grasping:
     def reset(self, ids: Ids, q: Floats) -> None:
         """Put arms at rest into postures [rad], shape (k, n), the gripper open as at the start."""
         controller, plant = self.controller, self._plant
-        if isinstance(plant, BatchPlant):
-            plant.home(ids)
-        else:
-            mujoco.mj_resetDataKeyframe(plant.model, plant.data, plant.model.key("home").id)
+        plant.home(ids)
         controller.joints.put(plant.qpos, ids, q)
         plant.ctrl[rows_and_columns(ids, controller.ctrl)] = q
 
@@ -203,20 +203,15 @@ class Grasping:
 
     def grasp(self, ids: Ids) -> Grasp:
         """Return the state of some grippers and objects."""
-        gripped, held, collides = (np.zeros(len(ids), dtype=np.bool_) for _ in range(3))
-        palm = set(self._fingers)
-        for row, index in enumerate(ids):
-            model = self._plant.model_of(index)
-            data = self.controller.posed(model, self._plant.qpos[index])
-            touching = {sum(pair) - self._object for pair in pairs_in_contact(model, data) if self._object in pair}
-            gripped[row] = palm <= touching
-            held[row] = gripped[row] and not any(
-                model.body(body).name in self.controller.obstacles for body in touching - palm
-            )
-            collides[row] = any(
-                touch.depth > TOUCHED and touch.other not in self.controller.objects
-                for touch in touches(model, data, self.controller.obstacles)
-            )
+        rows, bodies, depths = self._plant.contacts(ids, self.controller.posed)
+        own = (bodies == self._object).any(axis=1)
+        touching = np.zeros((len(ids), len(self._stands)), dtype=np.bool_)
+        touching[rows[own], bodies[own].sum(axis=1) - self._object] = True
+        gripped = np.asarray(touching[:, self._fingers].all(axis=1))
+        held = gripped & ~(touching & self._stands).any(axis=1)
+        of_links = ~(self._free[bodies].any(axis=1) | self._stands[bodies].all(axis=1))
+        collides = np.zeros(len(ids), dtype=np.bool_)
+        collides[rows[of_links & (depths > TOUCHED)]] = True
         place, rotation = (values[ids] for values in self.pose())
         below = self._kinds[0].of(ids).lowest(rotation)
         opening = self.gripper.openings(self._plant.qpos[rows_and_columns(ids, self._finger_qpos)])

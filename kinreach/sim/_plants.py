@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from copy import copy
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,20 @@ _UNSTABLE = [
 _NUMBER = 1
 
 
+class Contacts(NamedTuple):
+    """Contacts in k simulations; every array has a row for each contact.
+
+    Attributes:
+        rows: In which of the simulations, from 0 to k - 1.
+        bodies: Ids of both bodies, shape (contacts, 2).
+        depths: How far they are in each other [m].
+    """
+
+    rows: NDArray[np.intp]
+    bodies: NDArray[np.intp]
+    depths: Floats
+
+
 class Plant(Protocol):
     """Simulations of one model; row i of every array belongs to simulation i.
 
@@ -46,6 +61,10 @@ class Plant(Protocol):
     @property
     def time(self) -> Floats:
         """Simulated time [s], shape (count,)."""
+        ...
+
+    def home(self, ids: Ids) -> None:
+        """Put some into the scene's keyframe, at time 0."""
         ...
 
     def states(self, ids: Ids) -> Floats:
@@ -68,6 +87,18 @@ class Plant(Protocol):
         """Return the model (`mujoco.MjModel`) of one, to read; valid until the next call."""
         ...
 
+    def contacts(self, ids: Ids, posed: Callable[[Any, Floats], Any]) -> Contacts:
+        """Return the contacts of some in their present postures; `posed` is as of `JointController`."""
+        ...
+
+    def own(self, name: str) -> NDArray[Any]:
+        """Return a field of the model, live, with a row for each simulation; from now on each has its own."""
+        ...
+
+    def update(self, ids: Ids) -> None:
+        """Compute what follows from the fields of the models that were written."""
+        ...
+
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
         """Simulate some forward while their servos get one setpoint after the other.
 
@@ -78,6 +109,18 @@ class Plant(Protocol):
             substeps: Timesteps between two setpoints.
         """
         ...
+
+
+def _contacts(plant: Plant, ids: Ids, posed: Callable[[Any, Floats], Any]) -> Contacts:
+    counts, bodies, depths = [], [np.empty((0, 2), dtype=np.intp)], [np.empty(0)]
+    for index in ids:
+        model = plant.model_of(index)
+        data = posed(model, plant.qpos[index])
+        counts.append(data.ncon)
+        if data.ncon:  # making MuJoCo's list of contacts, even of none, takes longer than a step
+            bodies.append(model.geom_bodyid[data.contact.geom])
+            depths.append(-data.contact.dist)
+    return Contacts(np.repeat(np.arange(len(ids)), counts), np.concatenate(bodies), np.concatenate(depths))
 
 
 class SinglePlant:
@@ -102,6 +145,9 @@ class SinglePlant:
     def time(self) -> Floats:
         return np.array([self.data.time])
 
+    def home(self, ids: Ids) -> None:
+        mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("home").id)
+
     def states(self, ids: Ids) -> Floats:
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, self.data, state, _STATE)
@@ -121,13 +167,14 @@ class SinglePlant:
     def model_of(self, index: int) -> Any:
         return self.model
 
+    def contacts(self, ids: Ids, posed: Callable[[Any, Floats], Any]) -> Contacts:
+        return _contacts(self, ids, posed)
+
     def own(self, name: str) -> NDArray[Any]:
-        """Return a field of the model, live, with a row for the simulation; the model must be its own."""
         field: NDArray[Any] = getattr(self.model, name)
         return field[None]
 
     def update(self, ids: Ids) -> None:
-        """Compute what follows from the fields of the model that were written."""
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
@@ -138,7 +185,34 @@ class SinglePlant:
                 self.watch()
 
 
-class BatchPlant:
+class ManyPlant(ABC):
+    """Many simulations of a model, in some of whose fields each may have its own values."""
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        self._fields: dict[str, NDArray[Any]] = {}
+        self._one: Any = None
+
+    @abstractmethod
+    def _expanded(self, name: str) -> NDArray[Any]:
+        """Return a field of the model with a row for each simulation, live."""
+
+    def own(self, name: str) -> NDArray[Any]:
+        if name not in self._fields:
+            self._fields[name] = self._expanded(name)
+        return self._fields[name]
+
+    def model_of(self, index: int) -> Any:
+        if not self._fields:
+            return self.model
+        if self._one is None:
+            self._one = copy(self.model)
+        for name, rows in self._fields.items():
+            getattr(self._one, name)[:] = rows[index]
+        return self._one
+
+
+class BatchPlant(ManyPlant):
     """Many simulations, stepped by MuJoCo's batch.
 
     Attributes:
@@ -146,12 +220,10 @@ class BatchPlant:
     """
 
     def __init__(self, model: Any, batch: Any) -> None:
-        self.model = model
+        super().__init__(model)
         self.batch = batch
         self.mocap: Floats = batch.bind("mocap_pos")
         self._home = model.key("home").id
-        self._fields: dict[str, NDArray[Any]] = {}
-        self._one: Any = None
         self.qpos: Floats = batch.bind("qpos")
         self.qvel: Floats = batch.bind("qvel")
         self.ctrl: Floats = batch.bind("ctrl")
@@ -163,7 +235,6 @@ class BatchPlant:
         return self._time
 
     def home(self, ids: Ids) -> None:
-        """Put some into the scene's keyframe, at time 0."""
         self.batch.reset(ids=ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE)
 
     def states(self, ids: Ids) -> Floats:
@@ -180,23 +251,14 @@ class BatchPlant:
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
         return self.batch.warning[ids][:, _UNSTABLE, _NUMBER].any(axis=1)
 
-    def model_of(self, index: int) -> Any:
-        if not self._fields:
-            return self.model
-        if self._one is None:
-            self._one = copy(self.model)
-        for name, rows in self._fields.items():
-            getattr(self._one, name)[:] = rows[index]
-        return self._one
+    def contacts(self, ids: Ids, posed: Callable[[Any, Floats], Any]) -> Contacts:
+        return _contacts(self, ids, posed)
 
-    def own(self, name: str) -> NDArray[Any]:
-        """Return a field of the model, live, with a row for each simulation; from now on each has its own."""
-        if name not in self._fields:
-            self._fields[name] = self.batch.expand(name)
-        return self._fields[name]
+    def _expanded(self, name: str) -> NDArray[Any]:
+        rows: NDArray[Any] = self.batch.expand(name)
+        return rows
 
     def update(self, ids: Ids) -> None:
-        """Compute what follows from the fields of the models that were written."""
         self.batch.set_const(ids)
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:

@@ -186,7 +186,6 @@ def _spoil(spec: Any, arm: ArmDescription, imperfections: Imperfections) -> None
     if imperfections.payload > 0:
         load = spec.body(arm.tips[arm.default_tip]).add_body(name=PAYLOAD, gravcomp=0.0)
         load.add_geom(
-            name=PAYLOAD,
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
             size=[0.02, 0, 0],
             **{**DRAWN_ONLY, "mass": imperfections.payload, "group": HIDDEN_GROUP},

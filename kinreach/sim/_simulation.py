@@ -242,7 +242,7 @@ class BatchSimulation:
         imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
         backend: `"mujoco"`, or `"warp"`.
         device: Of Warp, such as `"cuda:0"` or `"cpu"`; a GPU where there is one if None.
-        objects: As of `ArmSimulation`; not with Warp.
+        objects: As of `ArmSimulation`; with Warp of one shape in all simulations.
         drawn: As of `ArmSimulation`; not with Warp.
 
     Attributes:
@@ -274,7 +274,7 @@ class BatchSimulation:
         drawn: Collection[str] = (),
     ) -> None:
         check_known("backend", backend, (MUJOCO, WARP))
-        check_count("objects", objects, least=0, most=len(OBJECTS) if backend == MUJOCO else 0)
+        check_count("objects", objects, least=0, most=len(OBJECTS))
         if drawn and backend == WARP:
             raise InputError(f"simulations with backend={WARP!r} have one model: nothing can be drawn for each")
         if device is not None and backend != WARP:

@@ -39,6 +39,7 @@ from ._scene import BALL_GROUP as BALL_GROUP
 from ._scene import build_scene as build_scene
 from ._setpoints import TrapezoidalProfile as TrapezoidalProfile
 from ._setpoints import servo_response as servo_response
+from ._simulation import MUJOCO as MUJOCO
 from ._simulation import WARP as WARP
 from ._visuals import DRAWN_ONLY as DRAWN_ONLY
 from ._visuals import MAX_HEIGHT as MAX_HEIGHT

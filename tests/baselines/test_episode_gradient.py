@@ -46,11 +46,13 @@ def test_balls_are_those_of_the_environment(trainee):
     assert 10 < left < 60
 
 
-@pytest.mark.parametrize("drawn", [None, {"noise": (0, 1e-3), "delay": (0, 0.2), "strength": (0.5, 1)}])
-def test_an_episode_is_that_of_the_environment(trainee, monkeypatch, drawn):
+@pytest.mark.parametrize(
+    "options", [{}, {"randomise": {"noise": (0, 1e-3), "delay": (0, 0.2), "strength": (0.5, 1)}}, {"hidden": 0.2}]
+)
+def test_an_episode_is_that_of_the_environment(trainee, monkeypatch, options):
     """By the exported actor in `kinreach/Moving-v0` with the same balls and sights: the tip goes the same way."""
     model, rng, count = trainee.model, np.random.default_rng(0), 12
-    world = moving.MovingEpisodes(replace(model.world.options, collisions=False, randomise=drawn), count)
+    world = moving.MovingEpisodes(replace(model.world.options, collisions=False, **options), count)
     world.begin(np.arange(count))
     monkeypatch.setattr(model, "world", world)
     balls = drawn_balls(world, rng, count, 30)
@@ -59,9 +61,9 @@ def test_an_episode_is_that_of_the_environment(trainee, monkeypatch, drawn):
     model.episodes(balls, np.random.default_rng(5))
     actor = averaged_actor(model)
     world.rolls[:, : balls.rolls.shape[1], :2] = balls.rolls
-    taken = np.minimum(world.taken[:, :31], balls.ends[:, None])
-    sights = np.concatenate([balls.rolls[np.arange(count)[:, None], taken], np.full((count, 31, 1), world.height)], 2)
-    world._sights[:, :31] = sights + np.random.default_rng(5).normal(0.0, world.noise[:, None, None], sights.shape)
+    rolls = np.dstack([balls.rolls, np.full(balls.rolls.shape[:2], world.height)])
+    noise = np.random.default_rng(5).normal(0.0, world.noise[:, None, None], (count, 31, 3))
+    world._sights[:, :31], world._taken[:, :31] = world.seen(world.due[:, :31], rolls, balls.ends, noise)
     for frame in range(30):
         world.step(np.clip(actor(world.observe()), -1.0, 1.0))
         tip = world.chain.positions(world.q)
@@ -112,7 +114,7 @@ def test_a_graze_is_worse_than_a_meeting(trainee):
 
 @pytest.mark.slow
 def test_a_resumed_training_is_the_same(tmp_path):
-    recipe = replace(SMALL, steps=48)
+    recipe = replace(SMALL, steps=48, settings={**SMALL.settings, "balls": 4})
     whole = train(recipe, tmp_path / "whole", seed=1)
 
     class StopError(Exception):
@@ -130,13 +132,65 @@ def test_a_resumed_training_is_the_same(tmp_path):
             np.testing.assert_array_equal(part, same)
 
 
+def test_each_update_records_the_loss_of_its_episodes():
+    trainee, compared = build(replace(SMALL, settings={**SMALL.settings, "balls": 2}), 0, steps=400), 0
+    model = trainee.model
+    model.set_logger(configure(None, []))
+    for update in range(2):
+        np.random.seed(update)
+        rng = np.random.default_rng(np.random.randint(2**31))
+        with torch.no_grad():
+            loss = model.episodes(drawn_balls(model.world, rng, model.balls, _episode_gradient.FRAMES), rng)
+        np.random.seed(update)
+        model.train()
+        assert model.logger.name_to_value["train/loss"] == pytest.approx(loss.item(), rel=1e-6)
+        compared += 1
+    trainee.env.close()
+    assert compared == 2
+
+
+@pytest.mark.parametrize("weak", [False, True])
+def test_a_frame_has_the_gradient_that_torch_finds_for_its_parts(weak):
+    """Joints that are steered, that accelerate as they can and that are as fast as they may be, weak arms too."""
+    rng, n = np.random.default_rng(7), 3000
+    share = rng.uniform(0.5, 1.0, (n, 1)).astype(np.float32) if weak else 1.0
+    limits = {"speed": np.pi * share, "acceleration": 10.0 * share}
+    q, v = rng.uniform(-1.0, 1.0, (n, 6)), np.pi * share * np.clip(rng.uniform(-1.5, 1.5, (n, 6)), -1.0, 1.0)
+    stopping = v * np.abs(v) / (2.0 * 10.0 * share)
+    near = stopping + rng.choice([0.0, 1e-4, 1e-2], (n, 6)) * rng.normal(size=(n, 6))
+    start = [q, v, q + np.where(rng.random((n, 6)) < 0.7, near, 1.0)]
+    weights = torch.as_tensor(rng.normal(size=(3, n, 6)), dtype=torch.float32)
+    results = []
+    for by_parts in (True, False):
+        state = [torch.tensor(part, dtype=torch.float32, requires_grad=True) for part in start]
+        if by_parts:
+            at, speed, target = state
+            bounds = {name: torch.as_tensor(bound) for name, bound in limits.items()}
+            passed = []
+            for _ in range(moving.PARTS):
+                at, speed = moving.moved(at, speed, target, 1.0 / (moving.FRAMES * moving.PARTS), **bounds)
+                passed.append(at)
+            ends = [passed[moving.PARTS // 2 - 1], at, speed]
+        else:
+            ends = _episode_gradient._Moved.apply(*state, limits)
+        gradients = torch.autograd.grad(
+            sum((end * weight).sum() for end, weight in zip(ends, weights, strict=True)), state
+        )
+        results.append([part.detach().numpy() for part in (*ends, *gradients)])
+    steered = np.abs(results[0][5]) > 1e-6
+    assert 0.2 < steered.mean() < 0.8
+    for theirs, ours in zip(*results, strict=True):
+        # where a limit is just met, either side is right
+        assert (np.abs(theirs - ours) > 1e-3 * (1.0 + np.abs(theirs))).sum() <= 5
+
+
 @pytest.mark.slow
 def test_the_loss_falls(monkeypatch):
     monkeypatch.setattr(_episode_gradient, "EVERY", 10**9)  # all episodes are equally long
     trainee = build(replace(SMALL, settings={**SMALL.settings, "balls": 32}), 0, steps=400)
     model, losses = trainee.model, []
     model.set_logger(configure(None, []))
-    for update in range(50):
+    for update in range(100):
         model.num_timesteps = 4 * update
         model.train()
         losses.append(model.logger.name_to_value["train/loss"])

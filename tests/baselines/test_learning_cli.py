@@ -7,6 +7,7 @@ import shutil
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -323,3 +324,23 @@ def test_an_engine_and_its_address_are_passed_on(monkeypatch, tmp_path):
     command = ["train", "ranked-single", "--out", str(tmp_path)]
     assert main(command) == main([*command, "--engine", "ray", "--address", "h:1"]) == 2
     assert asked == [("serial", None), ("ray", "h:1")]
+
+
+def test_the_command_that_goes_on_has_the_arguments_of_the_interrupted_one():
+    """Whichever were given; read again they are the same, with --resume."""
+    rng, seen = np.random.default_rng(0), []
+    parser = train_cli._parser("train")
+    choices = {
+        "--seed": "7", "--seeds": "3", "--steps": "640", "--threads": "2", "--engine": "processes",
+        "--picture": "a.png", "--from": "ppo-single", "--export": None,
+    }  # fmt: skip
+    for _ in range(40):
+        given = [name for name in choices if rng.random() < 0.5]
+        words = [word for name in given for word in (name, choices[name]) if word is not None]
+        arguments = parser.parse_args(["ppo-multi", *words, "--out", "there"])
+        again = train_cli._again(arguments)
+        assert vars(parser.parse_args(again)) == vars(arguments) | {"resume": True}
+        assert again.count("--resume") == 1
+        assert len(again) == len(words) + 4 + 2 * ("--seed" not in given)
+        seen += given
+    assert min(seen.count(name) for name in choices) >= 10

@@ -8,6 +8,7 @@ import pytest
 
 from kinreach.baselines import load_policy
 from kinreach.baselines._batch import make_batch
+from kinreach.baselines._eyes import Eye
 from kinreach.baselines._onnx_export import export_onnx
 from kinreach.baselines._policy_file import ACTIVATIONS, Network
 from kinreach.baselines.inside import LearnedPolicy, pretrained_names
@@ -75,6 +76,28 @@ def test_a_policy_that_sees_pictures(walks, tmp_path):
         assert_equal(policy, tmp_path / "policy.onnx", seen, count)
 
 
+@pytest.mark.parametrize("walks", [False, True])
+def test_a_policy_that_sees_small_pictures(walks, tmp_path):
+    """With convolutions of other sizes and strides than those of the package."""
+    policy, rng = load_policy("pixels-single"), np.random.default_rng(walks)
+    channels = policy.network.eyes[0].places // 2
+    eyes = []
+    for shapes, strides in ([(4, 3, 5, 5), (channels, 4, 3, 3)], [2, 1]), ([(channels, 3, 3, 3)], [3]):
+        layers = [
+            (rng.normal(size=shape) / np.sqrt(shape[1]) / shape[2], rng.normal(size=shape[0])) for shape in shapes
+        ]
+        eyes.append(Eye(layers, strides, 2000.0 if eyes else 2.0))
+    card = replace(policy.card, environment="kinreach/UR5MultiStep-v0") if walks else policy.card
+    policy = LearnedPolicy(card, replace(policy.network, eyes=eyes))
+    export_onnx(policy, tmp_path / "policy.onnx")
+    for count, size in ((6, (9, 14)), (3, (1, 1))):
+        seen = {
+            name: rng.integers(0, 256, size=(count, *size, 3), dtype=np.uint8) for name in ("front_rgb", "wrist_rgb")
+        }
+        seen["joints"] = rng.uniform(-3.0, 3.0, size=(count, 6))
+        assert_equal(policy, tmp_path / "policy.onnx", seen, count)
+
+
 def test_a_policy_that_walks_with_an_arm_of_other_limits(tmp_path):
     trained = load_policy("panda-single")
     policy = LearnedPolicy(replace(trained.card, environment="kinreach/UR5MultiStep-v0"), trained.network)
@@ -86,7 +109,7 @@ def test_a_policy_that_walks_with_an_arm_of_other_limits(tmp_path):
 @pytest.mark.parametrize("output", ["linear", "tanh"])
 def test_every_activation_with_bounds_and_more_observations_than_are_used(activation, output, tmp_path):
     rng = np.random.default_rng(1)
-    layers = [(rng.normal(size=(8, 12)), rng.normal(size=8)), (rng.normal(size=(2, 8)), rng.normal(size=2))]
+    layers = [(rng.normal(size=(8, 15)), rng.normal(size=8)), (rng.normal(size=(2, 8)), rng.normal(size=2))]
     network = Network(
         mean=rng.normal(size=4),
         scale=rng.uniform(0.5, 2.0, size=4),
@@ -98,6 +121,7 @@ def test_every_activation_with_bounds_and_more_observations_than_are_used(activa
         shift=np.array([0.1, -0.2]),
         low=np.array([-2.0, -0.25]),
         high=np.array([1.0, 0.25]),
+        differences=rng.normal(0.0, 2.0, (3, 4)),
     )
     card = replace(load_policy("ranked-single").card, environment="own/Task-v0", meaning="action")
     policy = LearnedPolicy(card, network)

@@ -17,6 +17,7 @@ from kinreach.baselines import VALIDATION, evaluate, get_recipe, load_policy, tr
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._eyes import MIDDLE
 from kinreach.baselines._looks import Looks
+from kinreach.baselines._models import build
 from kinreach.baselines._networks import TorchEye
 from kinreach.baselines._policy_file import read_policy, save_policy
 from kinreach.envs._reach.reach_task import SINGLE_STEP, ReachOptions, ReachTask
@@ -72,6 +73,14 @@ def test_eyes_find_where_something_is():
         across, down = eye.exported()(picture)[:2]
         assert across == pytest.approx(2 * (column / 4) / 11 - 1)
         assert down == pytest.approx(2 * (row / 4) / 7 - 1)
+
+
+def test_observations_of_a_training_are_the_numbers_of_its_looks(needs_gl):
+    trainee = build(small(), 0, steps=96)
+    space, seen = trainee.env.observation_space, np.concatenate([trainee.env.reset() for _ in range(20)])
+    trainee.env.close()
+    assert {*seen[:, 0]} == {*range(8)}
+    assert (space.low, space.high) == (0.0, 7.0)
 
 
 @pytest.mark.slow

@@ -24,12 +24,13 @@ CARD = PolicyCard(
 )
 
 
-def network(seed=0, inputs=6, hidden=(8, 8), outputs=6, waves=(0.5, 2.0)):
+def network(seed=0, inputs=6, hidden=(8, 8), outputs=6, waves=(0.5, 2.0), differences=0):
     rng = np.random.default_rng(seed)
-    sizes = [inputs * (1 + 2 * len(waves)), *hidden, outputs]
+    sizes = [inputs * (1 + 2 * len(waves)) + differences, *hidden, outputs]
     layers = [(rng.normal(size=(b, a)), rng.normal(size=b)) for a, b in itertools.pairwise(sizes)]
     vectors = rng.normal(size=inputs), rng.uniform(0.5, 2, inputs), np.array(waves)
-    return Network(*vectors, layers, "silu", "linear", rng.normal(size=outputs), rng.normal(size=outputs))
+    made = Network(*vectors, layers, "silu", "linear", rng.normal(size=outputs), rng.normal(size=outputs))
+    return replace(made, differences=rng.normal(0.0, 2.0, (differences, inputs)) if differences else None)
 
 
 @pytest.fixture
@@ -52,7 +53,7 @@ def test_round_trip(tmp_path):
     covered = 0
     for seed in range(30):
         rng = np.random.default_rng(seed)
-        made = network(seed, waves=tuple(rng.uniform(0.1, 3, rng.integers(0, 3))))
+        made = network(seed, waves=tuple(rng.uniform(0.1, 3, rng.integers(0, 3))), differences=seed % 3)
         made = replace(made, activation=str(rng.choice(list(ACTIVATIONS))), output=str(rng.choice(list(OUTPUTS))))
         card = replace(CARD, activation=made.activation, output=made.output, seed=seed, goal_seeds={"training": [seed]})
         save_policy(tmp_path / "p.safetensors", card, made)

@@ -14,12 +14,13 @@ import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.logs import log_names, logged_policies
-from kinreach._registration import BUTTON, MOVING, RANDOM_ARM
+from kinreach._registration import BUTTON, MOVING, PICK_AND_PLACE, PUSH, RANDOM_ARM
 from kinreach._statistics import wilson_interval
 from kinreach.baselines import HELD_OUT, evaluate, get_recipe, load_policy
 from kinreach.baselines.inside import pretrained_names
 from kinreach.cli import main
 from kinreach.errors import InputError
+from tests.policy_files import copy_policy
 
 CARDS = {name: load_policy(name).card for name in pretrained_names()}
 #: Those that the documentation's tables are about.
@@ -170,7 +171,7 @@ def test_policies_act_alike_in_single_precision(name):
         pytest.skip("sees pictures")
     plain = (
         {}
-        if policy.card.environment in (BUTTON, MOVING, RANDOM_ARM) or name == "ppo-lift-multi"
+        if policy.card.environment in (BUTTON, MOVING, RANDOM_ARM, PUSH, PICK_AND_PLACE) or name == "ppo-lift-multi"
         else {"backend": "kinematic"}
     )
     given = {**plain, **policy.needed_options, "dtype": "float64"}
@@ -187,3 +188,20 @@ def test_policies_act_alike_in_single_precision(name):
         seen = batch.step(doubles)[0]
     batch.close()
     assert compared == 2 * 32
+
+
+def test_results_are_recorded_in_each_file_under_the_command_that_makes_them(tmp_path, capsys):
+    files = [str(tmp_path / f"{name}.safetensors") for name in ("one", "two")]
+    for file, name in zip(files, ("ranked-single", "ppo-single"), strict=True):
+        copy_policy(name, file, results={"earlier": {"reached": 0.5}})
+    assert main(["evaluate", *files, "--goals", "3", "--backend", "kinematic", "--record"]) == 0
+    out, recorded = " ".join(capsys.readouterr().out.split()), []
+    for file in files:
+        found = dict(load_policy(file).card.results)
+        assert found.pop("earlier") == {"reached": 0.5}
+        ((command, summary),) = found.items()
+        assert command == f"kinreach evaluate {' '.join(files)} --goals 3 --backend kinematic"
+        assert summary["goals"] == 3
+        recorded.append(summary)
+    assert "Again: kinreach evaluate" in out
+    assert recorded[0] != recorded[1]

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +17,7 @@ stable_baselines3 = pytest.importorskip("stable_baselines3")
 sb3_contrib = pytest.importorskip("sb3_contrib")
 
 from kinreach.baselines import export_policy  # noqa: E402
-from kinreach.baselines._sb3_export import check_trainable  # noqa: E402
+from kinreach.baselines._sb3_export import _normalised, actor_network, check_trainable  # noqa: E402
 
 PENDULUM, CARTPOLE, REACH = "Pendulum-v1", "CartPole-v1", "kinreach/UR5SingleStep-v0"
 MODELS = [
@@ -120,6 +121,37 @@ def test_normalised_observations_are_those_of_the_environment_in_the_policy(name
             export_policy(loaded, path, environment=PENDULUM)
     assert main(["evaluate", str(tmp_path / "model.zip")]) == 2
     assert f"normalize=VecNormalize.load('{tmp_path / 'vecnormalize.pkl'}', venv)" in capsys.readouterr().err
+
+
+def test_statistics_of_observations_become_part_of_the_network(tmp_path):
+    """Of a model that is not trained, with statistics as a training would have left them."""
+    from stable_baselines3.common.env_util import make_vec_env
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    made, rng, path = model("PPO", PENDULUM), np.random.default_rng(0), tmp_path / "p.safetensors"
+    with torch.no_grad():
+        made.policy.action_net.weight.mul_(30.0)  # so that the statistics matter
+    normalize = VecNormalize(make_vec_env(PENDULUM), clip_obs=1e6, epsilon=0.01)
+    normalize.obs_rms.mean, normalize.obs_rms.var = rng.normal(size=3), rng.uniform(0.01, 4.0, 3)
+    observations = rng.uniform(-3.0, 3.0, (200, 3))
+    plain = made.predict(observations, deterministic=True)[0]
+    for norm_obs in (True, False):
+        normalize.norm_obs = norm_obs
+        expected = made.predict(normalize.normalize_obs(observations), deterministic=True)[0]
+        policy = export_policy(made, path, environment=PENDULUM, normalize=normalize)
+        np.testing.assert_allclose(policy.act(observations), expected, atol=1e-5)
+        assert (np.abs(expected - plain).max() > 0.01) == norm_obs
+    normalize.norm_obs = True
+    once = _normalised(actor_network(made), normalize)
+    twice = _normalised(once, normalize)
+    x = normalize.normalize_obs(normalize.normalize_obs(observations))
+    np.testing.assert_allclose(twice(observations), made.predict(x, deterministic=True)[0], atol=1e-5)
+    with pytest.raises(InputError, match="normalize must be of observations with 3 numbers"):
+        export_policy(made, path, environment=PENDULUM, normalize=VecNormalize(make_vec_env(CARTPOLE)))
+    with pytest.raises(InputError, match="must be a VecNormalize of stable-baselines3, got 3"):
+        _normalised(once, 3)
+    with pytest.raises(InputError, match="a network with differences takes observations as they are"):
+        _normalised(SimpleNamespace(differences=np.eye(3)), normalize)
 
 
 def test_only_vectors_and_numbers_from_0_are_trained():

@@ -3,6 +3,7 @@
 import json
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -110,6 +111,69 @@ def test_files_of_a_training_come_back_as_they_were(tmp_path, monkeypatch):
         assert seeds._contents(folder) == parts | done
         compared += len(parts) + len(done)
     assert compared == 100
+
+
+def test_finished_seeds_come_first_and_the_others_as_an_engine_trains_them(recipe, tmp_path, monkeypatch):
+    """What came from a job is written, counted and told at once; the run is yielded when its file came."""
+    folders = {seed: tmp_path / f"seed-{seed}" for seed in (3, 4, 5, 6)}
+    asked = []
+
+    def kept_run(folder, identity, **how):
+        asked.append((folder, identity["seed"], how))
+        return f"run of {folder.name}" if folder in (folders[4], folders[6]) or (folder / seeds.RUN).exists() else None
+
+    def trained(function, jobs, *, threads):
+        assert (function, threads) == (seeds.train_here, 2)
+        assert [(job.name, job.recipe.steps, job.identity["seed"], job.checkpoint) for job in jobs] == [
+            (recipe.name, STEPS, seed, content) for seed, content in ((3, b"half"), (5, None))
+        ]
+        yield 1, seeds.Kept(10, {"a": b"1"}, ("slow",))
+        assert seeds._contents(folders[5]) == {"a": b"1"}
+        yield 0, seeds.Kept(4, {"b": b"2"}, ())
+        assert seeds._contents(folders[3]) == {seeds.CHECKPOINT: b"half", POLICY_FILE: b"old", "b": b"2"}
+        yield 1, seeds.Kept(20, {"a": b"1", seeds.RUN: b"{}"}, ("done", "well"))
+
+    monkeypatch.setattr(seeds, "kept_run", kept_run)
+    monkeypatch.setattr(seeds, "read_checkpoint", lambda path, identity: asked.append((path.parent, identity["seed"])))
+    for seed in (3, 5):
+        folders[seed].mkdir()
+        (folders[seed] / POLICY_FILE).write_bytes(b"old")  # stays until a training that goes on has a newer one
+    (folders[3] / seeds.CHECKPOINT).write_bytes(b"half")
+    shown, notices = [], []
+    found = list(
+        seeds.train_seeds(recipe.name, folders, SimpleNamespace(map=trained), steps=None, resume=True, fresh=False,
+                          start=None, threads=2, export=True, notice=notices.append,
+                          progress=lambda done, planned: shown.append((done, planned)))
+    )  # fmt: skip
+    assert found == ["run of seed-4", "run of seed-6", "run of seed-5"]
+    assert shown == [(2 * STEPS + done, 4 * STEPS) for done in (10, 14, 24)]
+    assert notices == ["slow", "done", "well"]
+    how = {"resume": True, "fresh": False, "export": True}
+    first = [(folders[3], 3, how), (folders[3], 3), (folders[4], 4, how), (folders[5], 5, how), (folders[6], 6, how)]
+    assert asked == [*first, (folders[5], 5, {})]
+
+
+@pytest.mark.parametrize("checkpoint", [None, b"half"])
+def test_a_job_yields_its_files_and_notices_after_each_segment(recipe, monkeypatch, checkpoint):
+    job = seeds.Training(recipe.name, recipe, {"seed": 3}, None, True, checkpoint)
+    begin = {} if checkpoint is None else {seeds.CHECKPOINT: b"half"}
+
+    def segments(made, folder, identity, *, resume, begins, export, notice):
+        assert (made, identity, resume, begins, export) == (recipe, {"seed": 3}, True, None, True)
+        assert seeds._contents(folder) == begin
+        for steps in (5, 9):
+            notice(f"after {steps}")
+            (folder / f"file-{steps}").write_bytes(bytes([steps]))
+            yield SimpleNamespace(card=SimpleNamespace(steps=steps))
+        notice("over")
+        (folder / seeds.RUN).write_bytes(b"{}")
+
+    monkeypatch.setattr(seeds, "segments", segments)
+    first, second, last = seeds.train_here(job)
+    one, both = begin | {"file-5": b"\5"}, begin | {"file-5": b"\5", "file-9": b"\t"}
+    assert first == (5, one, ("after 5",))
+    assert second == (9, both, ("after 9",))
+    assert last == (9, both | {seeds.RUN: b"{}"}, ("over",))
 
 
 def test_refused_seeds_leave_no_folder(recipe, tmp_path):

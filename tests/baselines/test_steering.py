@@ -47,9 +47,9 @@ def episodes(count=12, **options):
     return world
 
 
-def after_a_frame(q, v, target):
+def after_a_frame(q, v, target, limits=LIMITS):
     for _ in range(moving.PARTS):
-        q, v = moving.moved(q, v, target, PART, **LIMITS)
+        q, v = moving.moved(q, v, target, PART, **limits)
     return q, v
 
 
@@ -155,3 +155,73 @@ def test_as_onnx_it_answers_the_same(tmp_path):
         np.testing.assert_allclose(session.run(["action"], {"observation": x})[0], actions, atol=1e-9)
         world.step(actions)
     assert np.ptp(world.q, axis=0).max() > 0.01
+
+
+def ppo_recipe():
+    from kinreach.baselines import get_recipe
+
+    ppo, gradient = get_recipe("ppo-moving"), get_recipe("gradient-moving-clear")
+    bounds = {name: gradient.settings[name] for name in ("low", "high")}
+    return replace(
+        ppo, num_envs=8, options={"sights": SIGHTS}, networks=gradient.networks, settings={**ppo.settings, **bounds}
+    )
+
+
+def test_ppo_explores_in_shares_of_the_possible_motion():
+    """The spread of its actions is that of shares, times what a share moves; both of its ways tell the same density."""
+    pytest.importorskip("stable_baselines3")
+    import torch
+
+    from kinreach.baselines._models import build
+
+    trainee, world = build(ppo_recipe(), 0, steps=1000), episodes(40, collisions=False)
+    rng = np.random.default_rng(2)
+    for _ in range(15):
+        world.step(rng.uniform(-1.0, 1.0, (40, 6)))
+    x, policy = torch.as_tensor(world.observe(), dtype=torch.float32), trainee.model.policy
+    with torch.no_grad():
+        means, spread = policy.means(x), policy.features_extractor.steering.spread(x)
+        drawn = torch.stack([policy(x)[0] for _ in range(400)])
+        actions, values, told = policy(x)
+        again, density, entropy = policy.evaluate_actions(x, actions)
+    shares = ((drawn - means) / spread).numpy()
+    first = trainee.model.exploration.first
+    np.testing.assert_allclose(shares.std(axis=(0, 1)), first, rtol=0.03)
+    assert abs(shares.mean()) < 0.02 * first
+    assert spread.min() < 0.5 * spread.max()
+    np.testing.assert_array_equal(again, values)
+    np.testing.assert_allclose(density, told, rtol=1e-6)
+    off = ((actions - means) / spread / first).numpy()
+    expected = -(off**2) / 2 - np.log(first * spread.numpy()) - np.log(2 * np.pi) / 2
+    np.testing.assert_allclose(told, expected.sum(axis=1), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(entropy, (np.log(first * spread.numpy()) + 1.4189385).sum(axis=1), rtol=1e-4, atol=1e-4)
+    trainee.env.close()
+
+
+def test_ppo_goes_on_from_a_policy_of_the_gradient():
+    pytest.importorskip("stable_baselines3")
+    from kinreach.baselines import load_policy
+    from kinreach.baselines._models import build
+
+    start, world = load_policy("gradient-moving-clear"), episodes(40, collisions=False)
+    trainee = build(ppo_recipe(), 0, steps=1000, start=start)
+    for _ in range(10):
+        x = world.observe()
+        np.testing.assert_allclose(trainee.network(x), start.act(x), atol=1e-5)
+        world.step(start.act(x))
+    trainee.env.close()
+
+
+def test_what_does_not_steer_is_refused():
+    pytest.importorskip("stable_baselines3")
+    from kinreach.baselines import get_recipe
+    from kinreach.baselines._models import build
+
+    recipe = ppo_recipe()
+    with pytest.raises(InputError, match=r"are for kinreach/Moving-v0 with 12 sights or more"):
+        build(replace(recipe, options={"sights": 11}), 0, steps=1000)
+    with pytest.raises(InputError, match="needs the setting 'low'"):
+        build(replace(recipe, settings=get_recipe("ppo-moving").settings), 0, steps=1000)
+    gradient = get_recipe("gradient-moving-clear")
+    with pytest.raises(InputError, match="are for the features 'steering', not 'raw'"):
+        build(replace(gradient, networks=replace(gradient.networks, features="raw")), 0, steps=1000)

@@ -14,6 +14,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from kinreach._registration import MULTI
 from kinreach._statistics import wilson_interval
 from kinreach.baselines import _evaluation as evaluation
+from kinreach.baselines import _training as training
 from kinreach.baselines import evaluate, get_recipe, load_policy, read_curve, train
 from kinreach.baselines._learning_curve import COLUMNS
 from kinreach.baselines._models import build
@@ -248,3 +249,12 @@ def test_trainings_stay_on_the_processor(monkeypatch):
     trainee = build(small("ppo-multi"), 0, steps=768)
     assert trainee.model.device == torch.device("cpu")
     trainee.env.close()
+
+
+def test_a_run_that_cannot_be_read_is_no_shorter_one():
+    identity = {"seed": 3, "recipe": {"name": "a", "steps": 100}}
+    for steps, shorter in ((60, True), (99, True), (100, False), (101, False), ("60", False), (None, False)):
+        assert training._is_shorter({**identity, "recipe": {"name": "a", "steps": steps}}, identity) is shorter
+    for run in ({}, {"recipe": {}}, {"recipe": None}, {"recipe": 3, "seed": 3}):
+        assert training._is_shorter(run, identity) is False
+    assert training._is_shorter({**identity, "recipe": {"name": "b", "steps": 60}}, identity) is False

@@ -44,7 +44,46 @@ def test_the_table_is_resumed_and_drawn(tmp_path, capsys, monkeypatch):
     assert figure.stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("method", ["network", "network-then-interception"])
+def test_frames_are_timed(tmp_path, capsys, monkeypatch):
+    """By a clock that only deciding moves."""
+    clock = [0.0]
+    runs = tmp_path / "seed-0"
+    runs.mkdir()
+    (runs / POLICY).write_bytes((PRETRAINED / "gradient-moving.safetensors").read_bytes())
+    act = commitment.LearnedPolicy.act
+
+    def slow(self, observation):
+        clock[0] += 0.25
+        return act(self, observation)
+
+    monkeypatch.setattr(commitment.LearnedPolicy, "act", slow)
+    monkeypatch.setattr("time.process_time", lambda: clock[0])
+    monkeypatch.setattr(commitment, "TIMED", 2)
+    arguments = ["--times", "--methods", "network", "last-sight", "--trainings", str(tmp_path), "--speeds", "0.8"]
+    assert commitment.main([*arguments, "--out", str(tmp_path / "cells")]) == 0
+    assert capsys.readouterr().out.splitlines()[2:] == ["| `network` | 2.5e+02 |", "| `last-sight` | 0 |"]
+
+
+def test_shares_are_drawn_against_times(tmp_path, capsys, monkeypatch, texts):
+    """A panel for each world, a line for the planners of one kind, at the times that were measured."""
+    drawn = []
+    monkeypatch.setattr(commitment, "touched", lambda method, *others, **more: [method == "interception", True])
+    monkeypatch.setattr(
+        commitment, "frame_time", lambda method, *others, **more: 0.02 if method.endswith("n") else 0.004
+    )
+    monkeypatch.setattr(commitment, "_saved", lambda figure, file: drawn.append(figure))
+    arguments = ["--times", "--methods", "interception", "interception@3", "ppo", "--delays", "0.2", "--strengths", "1"]
+    assert commitment.main([*arguments, "--speeds", "0.4", "0.8", "--figure", str(tmp_path / "f.png")]) == 0
+    (figure,) = drawn
+    assert {"0.4 m/s, 200 ms late", "0.8 m/s, 200 ms late", "interception", "ppo"} <= {*texts(figure)}
+    for panel in figure.axes:
+        lines = [
+            line.get_xydata().tolist() for line in panel.lines if len(line.get_xdata()) and line.get_marker() == "o"
+        ]
+        assert lines == [[[20.0, 100.0], [4.0, 50.0]], [[4.0, 50.0]]]
+
+
+@pytest.mark.parametrize("method", ["network", "network-then-interception", "network-then-scenarios"])
 def test_a_network_needs_trainings_that_ended(tmp_path, method):
     for given in ([], ["--trainings", str(tmp_path)]):
         with pytest.raises(InputError, match=r"need --trainings with finished trainings, seed-0/policy\.safetensors"):

@@ -9,32 +9,43 @@ from kinreach.cli import finish
 from kinreach.errors import InputError
 
 pytest.importorskip("mujoco_warp")
+NAMES = ["UR5SingleStep", "UR5MultiStep", "Lift", "Push", "PickAndPlace"]
 
 
 @pytest.mark.slow
 def test_few_worlds_agree_and_are_measured(capsys):
-    assert many_worlds.main(["--device", "cpu", "--worlds", "2", "3", "--minutes", "60"]) == 0
+    assert many_worlds.main(["--device", "cpu", "--worlds", "1", "2", "--minutes", "60", "--training", "0"]) == 0
     said = capsys.readouterr().out
-    agreed = re.findall(r"^\| kinreach/UR5\w+Step-v0 \| 2 \| 2 \| (\S+) \|$", said, re.MULTILINE)
-    assert len(agreed) == 2
-    assert all(0.0 < float(apart) <= many_worlds.TOLERANCE for apart in agreed)
-    rows = re.findall(r"^\| kinreach/(\w+)-v0 \| ([23]) \| ([\d.]+) \| ([\d.]+|-) \|$", said, re.MULTILINE)
-    assert len(rows) == 6
-    assert {(name, warp == "-") for name, _, _, warp in rows} == {
-        ("UR5SingleStep", False),
-        ("UR5MultiStep", False),
-        ("Lift", True),
-    }
-    assert "agreement within 1e-05 rad: yes" in said
+    agreed = re.findall(r"^\| kinreach/(\w+)-v0 \| 1 \| 1 \| 1 \| (\S+) \| (\S+) \|$", said, re.MULTILINE)
+    assert [name for name, *_ in agreed] == NAMES
+    assert all(0.0 < float(apart) <= many_worlds.OF_SCRIPTS for _, apart, _ in agreed)
+    assert [objects == "-" for *_, objects in agreed] == [True, True, False, False, False]
+    rows = re.findall(r"^\| kinreach/(\w+)-v0 \| ([12]) \| [\d.]+ \| [\d.]+ \|$", said, re.MULTILINE)
+    assert rows == [(name, worlds) for worlds in "12" for name in NAMES]
+    assert "agreement, joints within 1e-05 rad, with scripts 0.0001: yes" in said
+    assert "training" not in said
 
 
 def test_what_there_is_no_time_for_is_listed_and_a_disagreement_fails(monkeypatch, capsys):
-    monkeypatch.setattr(many_worlds, "agreement", lambda name, count, *_: (count - 1, 0.0))
-    monkeypatch.setattr(many_worlds, "rate", lambda *_: pytest.fail("it measures"))
-    assert many_worlds.main(["--device", "cpu", "--worlds", "64", "8192", "--minutes", "0"]) == 1
+    monkeypatch.setattr(many_worlds, "agreement", lambda name, count, *_: (count - 1, 0, 0.0, 0.0))
+    for name in ("rate", "trained"):
+        monkeypatch.setattr(many_worlds, name, lambda *_: pytest.fail("it measures"))
+    options = ["--device", "cpu", "--worlds", "64", "8192", "--minutes", "0"]
+    assert many_worlds.main(options) == 1
     said = capsys.readouterr().out
-    assert said.count("out of time: kinreach/") == 10
-    assert "agreement within 1e-05 rad: no" in said
+    assert said.count("out of time: kinreach/") == 20
+    assert said.count("out of time: training, ") == 2
+    assert "with scripts 0.0001: no" in said
+    assert many_worlds.main([*options, "--tasks", "lift", "push"]) == 1
+    said = capsys.readouterr().out
+    assert re.findall(r"^\| kinreach/(\w+)-v0 \| 64 \| 63", said, re.MULTILINE) == ["Lift", "Push"]
+    assert "training" not in said
+
+
+def test_a_training_ends_with_a_share_and_a_time():
+    found = re.fullmatch(r"(\d+) after \d+ s", many_worlds.trained("mujoco", 3200))
+    assert found is not None
+    assert 0 <= int(found[1]) <= 100
 
 
 def test_another_device_is_refused_in_a_line(capsys):

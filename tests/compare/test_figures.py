@@ -5,7 +5,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from kinreach.compare._curves import draw_looks, draw_pressed
-from kinreach.compare._figures import SMALLEST_PART_MM, draw_budget, draw_map
+from kinreach.compare._figures import SMALLEST_PART_MM, draw_budget, draw_map, draw_strip_grid
 
 SETTINGS = {"goals": 40, "seed": 0, "command": "again"}
 
@@ -49,6 +49,33 @@ def test_a_method_that_looks_do_not_change_is_a_sentence(texts):
     assert dots == pytest.approx([5.0, 5.0, *2 * [5.0, 5.0 / 6]], rel=1e-3)  # a row a method: no looks before, and five
     assert [tick.get_text() for tick in second.get_yticklabels()] == ["flat", "steep", "as steep"]
     assert "open: 0 looks before · filled: 5" in second.get_title(loc="left")
+
+
+def test_strips_have_their_labels_and_what_is_in_them_in_numbers(texts):
+    rng, names = np.random.default_rng(0), ("a", "b", "never")
+    trials = [
+        {"method": name, "far": rng.uniform(1.0, 90.0), "count": int(rng.integers(0, 9))}
+        for name in names[:2]
+        for _ in range(30)
+    ]
+    strips = {"far [mm]": (lambda trial: trial["far"], False), "presses": (lambda trial: trial["count"], True)}
+    methods = [{"name": name, "colour": "#0072B2"} for name in names]
+    draw = draw_strip_grid("Episodes", strips, marks={"far [mm]": 50.0}, legend="dot: one goal")
+    figure = draw(trials, {"methods": methods, "settings": SETTINGS})
+    said = texts(figure)
+    assert [(axes.get_xlabel(), axes.get_xscale()) for axes in figure.axes] == [
+        *zip(strips, ("log", "symlog"), strict=True)
+    ]
+    for (label, (value, _)), axes in zip(strips.items(), figure.axes, strict=True):
+        assert [line.get_xdata()[0] for line in axes.lines if line.get_linestyle() == "--"] == [50.0] * (
+            label == "far [mm]"
+        )
+        for row, name in enumerate(names[:2]):
+            own = [value(trial) for trial in trials if trial["method"] == name]
+            (dots,) = (part for part in axes.collections if abs(part.get_offsets()[0, 1] - row) < 0.3)
+            np.testing.assert_array_equal(dots.get_offsets()[:, 0], own)
+            assert any(f"median {np.median(own):.3g} ·" in text for text in said)
+    assert said.count("none") == len(strips)
 
 
 @pytest.mark.slow

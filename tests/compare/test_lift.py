@@ -86,3 +86,33 @@ def test_the_picture_of_a_trial_has_the_object_where_it_ended():
         geom, ball = scene.model.geom("object"), scene.model.geom("ball")
         assert (geom.type[0], geom.size[0]) == (kind, pytest.approx(0.03))
         assert ball.group[0] == 3  # hidden
+
+
+def test_the_picture_of_causes_adds_up_to_all_objects():
+    """Beside each method's name its bars: the share that it lifts, then the causes one after the other."""
+    rng, bars = np.random.default_rng(0), 0
+    settings = {"goals": 40, "seed": 0, "command": "again", "options": {}}
+    for count in (1, 3):
+        shares = rng.dirichlet(np.ones(6), count)
+        methods = [
+            {"name": f"m{i}", "colour": "#0072B2", "reached": share[0],
+             "failed": dict(zip(("seen", "reached", "closed", "slipped", "dropped"), share[1:], strict=True))}
+            for i, share in enumerate(shares)
+        ]  # fmt: skip
+        figure = get_task("lift").figures["causes"]([], {"methods": methods, "settings": settings})
+        (axes,) = figure.axes
+        assert [label.get_text() for label in axes.get_yticklabels()] == [f"m{i}" for i in range(count)]
+        for i, share in enumerate(shares):
+            own = sorted((bar for bar in axes.patches if round(bar.get_y() + bar.get_height() / 2) == i), key=start)
+            assert [bar.get_width() for bar in own] == pytest.approx(100 * share)
+            assert [start(bar) for bar in own] == pytest.approx(100 * (share.cumsum() - share))
+            assert {round(bar.get_height(), 6) for bar in own} == {0.6}
+            assert own[0].get_facecolor() != own[1].get_facecolor()
+            bars += len(own)
+        low, high = sorted(axes.get_ylim())
+        assert all(low < bar.get_y() < bar.get_y() + bar.get_height() < high for bar in axes.patches)
+    assert bars == 24
+
+
+def start(bar):
+    return bar.get_x()

@@ -1,13 +1,16 @@
 """Methods as users have them: objects, classes, functions, modules, files."""
 
 import importlib
+import math
 import textwrap
 from dataclasses import replace
 from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from kinreach._provenance import digest
 from kinreach.baselines import load_policy
 from kinreach.baselines.inside import pretrained_names
 from kinreach.compare import Method, compare, get_task
@@ -227,3 +230,10 @@ def test_a_policy_of_another_arm_is_refused(tmp_path):
 def test_two_columns_of_one_key_are_refused(toy):
     with pytest.raises(InputError, match="different keys, got two with 'reached'"):
         replace(toy, columns=(*toy.columns, toy.columns[0]))
+
+
+def test_the_source_of_a_method_is_its_file_or_nothing_for_one_without(toy):
+    own, built_in = resolve_methods(toy, {"own": act, "built-in": math.sin}).values()
+    assert own.versions == {f"{__name__}:act": digest(Path(__file__).read_bytes())}
+    assert built_in.versions == {"math:sin": digest(b"")}
+    assert digest(b"") != digest(Path(__file__).read_bytes())

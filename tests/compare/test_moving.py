@@ -6,11 +6,12 @@ from contextlib import closing
 import gymnasium as gym
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from kinreach.baselines import rollout
 from kinreach.cli import EXIT_ERROR, main
 from kinreach.compare import compare, get_task
-from kinreach.envs.moving import moved, travel_times
+from kinreach.envs.moving import PATHS, moved, travel_times
 
 METHODS = ["interception", "last-sight", "first-sight", "gradient-moving"]
 
@@ -20,6 +21,29 @@ def results(request):
     options = {"speeds": (0.05, 0.6), "collisions": request.param}
     entries = compare("moving", METHODS, goals=12, options=options)["methods"]
     return request.param, {entry["name"]: entry for entry in entries}
+
+
+def test_paths_are_drawn_for_each_method_and_kind_with_what_became_of_the_ball(texts):
+    methods = [{"name": name, "colour": "#0072B2"} for name in ("near", "far")]
+    trials = [
+        {"method": name, "goal_index": index, "speed": 0.4, "path": path, "reached": name == "near"}
+        for name in ("near", "far")
+        for index, path in enumerate(PATHS)
+    ]
+
+    def replay(name, goal):
+        turns = np.linspace(0.0, 1.0, 5)
+        return [
+            {"goal": [0.4, 0.1 * t, 0.0], "q": [t, -1.5, 1.5, -1.5, -1.5, 0.0], "is_success": name == "near",
+             "distance": 0.0123} for t in turns
+        ]  # fmt: skip
+
+    settings = {"goals": len(PATHS), "seed": 0, "command": "again"}
+    figure = get_task("moving").paths(trials, {"methods": methods, "settings": settings}, replay)
+    said = texts(figure)
+    assert {f"{path}: {verdict}" for path in PATHS for verdict in ("touched", "missed by 12.3 mm")} <= {*said}
+    assert min(text.get_fontsize() for text in figure.findobj(Text) if text.get_text()) >= 7
+    assert len(figure.axes) == 2 * len(PATHS) == 6
 
 
 @pytest.mark.slow
@@ -114,3 +138,22 @@ def test_on_disk(tmp_path, capsys):
 def test_bad_input(arguments, said, tmp_path, capsys):
     assert main(["compare", "--task", "moving", *arguments, "--out", str(tmp_path)]) == EXIT_ERROR
     assert said in capsys.readouterr().err
+
+
+def test_who_plans_for_many_futures_leaves_the_way_to_the_likeliest():
+    """Where nothing can be touched it takes a better motion; its observations are those of `interception`."""
+    task, others = get_task("moving"), 0
+    options = {"collisions": False, "delay": 0.2, "speeds": (0.8,)}
+    with closing(gym.make(task.environment, **{**task.options, **options})) as env:
+        for seed in range(3):
+            planners = [task.methods[name].make(env) for name in ("interception", "scenarios")]
+            observation, info = env.reset(seed=seed)
+            over = False
+            for planner in planners:
+                planner.reset(observation, info)
+            while not over:
+                one, other = (planner.act(observation) for planner in planners)
+                others += bool(np.abs(one - other).max() > 1e-6)
+                observation, _, terminated, truncated, _ = env.step(one)
+                over = terminated or truncated
+    assert others > 3

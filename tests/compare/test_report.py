@@ -246,6 +246,23 @@ def test_what_cannot_be_drawn_is_said_and_a_mistake_is_raised(task, trials, resu
         write_report(tmp_path / "report.html", replace(task, scene=mistaken), trials, results, {})
 
 
+def test_what_is_under_failures_is_said_in_each_case(task, trials, results):
+    """In the words of what hinders, for tasks with a figure of paths, and where no failure is left to be drawn."""
+    black = np.zeros((9, 16, 3), dtype=np.uint8)
+    worst, good = Rendering(HOSTILE, "a failure", black), Rendering("lm", "a success", black, True)
+    every = {**results, "methods": [{**method, "reached": 1} for method in results["methods"]]}
+    with_paths = replace(task, paths=lambda *_: None)
+    for own, found, entries, said in (
+        (task, "no library", results, "no library"),
+        (task, [good], every, "None: every method reached every goal."),
+        (with_paths, [good], results, "How episodes go is shown by the paths above."),
+        (task, [worst], results, "The worst one opens this report."),
+        (task, [], results, "None is drawn."),
+        (task, [good, worst], results, "The worst failure of each method that has one."),
+    ):
+        assert said in Reader(report_html(own, trials, entries, {}, found)).text("p"), said
+
+
 @pytest.mark.parametrize("error", [InstallationError("no library"), DrawingError("no memory")])
 def test_without_pictures_a_sentence_says_why(error, task, trials, results, tmp_path, monkeypatch):
     def fails(*_):

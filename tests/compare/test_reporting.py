@@ -25,12 +25,15 @@ from kinreach.compare._runner import Comparison, notes, results_of
 from kinreach.compare._task import _OWN, SOLVER
 from kinreach.envs.moving import PATHS, SPEEDS
 from kinreach.envs.real_arm import BUDGETS
+from tests.cases import slow
 from tests.kept import KEEP
 
 KEPT = Path(__file__).parents[1] / "data" / "reports"
 #: Methods: how far their trials end from the goal [m], and the share of impossible ones.
 METHODS = {"near": (2e-4, 0.0), "mixed": (8e-3, 0.25), "far": (0.3, 0.1), "none$": (0.4, 1.0)}
 COUNT = 24
+#: Tasks whose report takes half a second.
+QUICK = ("lift", "moving", "obstacles", "push", "pick-and-place")
 
 
 def trials_of(name, distance, impossible):
@@ -149,8 +152,7 @@ def reported(task):
         yield from drawn(task.paths(trials, results, replayed))
 
 
-@pytest.mark.parametrize("name", _OWN)
-@pytest.mark.slow
+@pytest.mark.parametrize("name", [*QUICK, *slow(*(name for name in _OWN if name not in QUICK))])
 def test_reports_are_as_they_were(name, monkeypatch):
     monkeypatch.setattr(_runner, "summarise", partial(summarise, resamples=20))
     task = get_task(name)

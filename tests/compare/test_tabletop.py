@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from kinreach._registration import PICK_AND_PLACE, PUSH
+from kinreach.baselines.inside import PickAndPlaceScript, PushScript
 from kinreach.compare import compare, get_task
-from kinreach.compare._tabletop import PickAndPlaceScript, PushScript
 from tests.cases import slow
 
 SCRIPTS = {"push": (PUSH, PushScript), "pick-and-place": (PICK_AND_PLACE, PickAndPlaceScript)}
@@ -15,13 +15,20 @@ SCRIPTS = {"push": (PUSH, PushScript), "pick-and-place": (PICK_AND_PLACE, PickAn
 
 @pytest.mark.parametrize("task", ["pick-and-place", *slow("push")])
 def test_scripts_bring_objects_to_their_places(task):
-    found = compare(task, goals=1, seed=1, options={"max_episode_steps": 150})
+    found = compare(task, ["script", "random"], goals=1, seed=1, options={"max_episode_steps": 150})
     script, random = found["methods"]
     assert (script["name"], random["name"]) == ("script", "random")
     assert script["reached"] == 1.0
     assert random["reached"] == 0.0
     assert script["distance_mm"]["p95"] < 20.0 < random["distance_mm"]["median"]
     assert 20 < script["steps"]["median"] < 150
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", SCRIPTS)
+def test_what_learned_from_a_script_brings_objects_to_their_places(task):
+    (learned,) = compare(task, [f"imitated-{task}"], goals=40, seed=3)["methods"]
+    assert learned["reached"] >= 0.9
 
 
 def test_an_object_that_is_lost_is_grasped_again():

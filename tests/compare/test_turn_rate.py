@@ -128,6 +128,23 @@ def test_a_delay_that_is_not_the_believed_one_is_found(share):
     np.testing.assert_allclose(ahead, [0.4 + 0.5 * (9 / 30 + 0.2), 0.1], atol=2e-3)
 
 
+@pytest.mark.parametrize("after", [0, 5])
+def test_a_sight_that_is_reported_again_has_only_become_older(after):
+    """As for a ball that is hidden, at once or later."""
+    rng = np.random.default_rng(4)
+    places = np.array([0.4, 0.1]) + np.outer(np.arange(20) / 30.0, [0.3, 0.2]) + rng.normal(0.0, 1e-4, (20, 2))
+    kept, repeated = TurnRateFit(1e-4), TurnRateFit(1e-4)
+    for frame in range(20):
+        hidden = after < frame < after + 6
+        if not hidden:
+            kept.see(frame / 30.0, places[frame], 0.0 if frame == 0 else 0.02)
+        shown = after if hidden else frame
+        repeated.see(frame / 30.0, places[shown], (frame - shown) / 30.0 + (0.0 if shown == 0 else 0.02))
+        assert repeated.age == pytest.approx((frame - shown) / 30.0 + (0.0 if shown == 0 else 0.02))
+        assert repeated.seen == kept.seen
+    np.testing.assert_array_equal(repeated.forecast(np.array([0.1, 0.3])), kept.forecast(np.array([0.1, 0.3])))
+
+
 def test_a_single_sight_stays_where_it_is():
     fit = TurnRateFit(1e-4)
     fit.see(0.0, np.array([0.4, 0.1, 0.0]))

@@ -10,6 +10,7 @@ from PIL import Image
 
 from kinreach.baselines import load_policy
 from kinreach.cli import main
+from kinreach.demo import _cli
 from kinreach.demo._caption import FOUND, MISSED, REACHED, Caption, Moment
 from kinreach.plots._colours import own_colour
 from tests.policy_files import copy_policy
@@ -47,6 +48,20 @@ def test_it_prints_what_is_asked(capsys):
     for name in ("action", "observation", "reward"):
         assert len([line for line in lines if f" {name}: " in line]) == 12
     assert "12 steps, 3 episodes" in lines[-1]
+
+
+def test_an_environment_has_its_own_number_of_steps(monkeypatch, capsys):
+    found = {}
+
+    def run(env, policy, arguments, *_):
+        found[arguments.env] = arguments.steps
+        return 0, 0, arguments.steps
+
+    monkeypatch.setattr(_cli, "_run", run)
+    for name in ("single", "real-arm", "moving", "lift", "button"):
+        assert main(["demo", "--env", name]) == 0
+    assert found == {"single": 20, "real-arm": 6, "moving": 200, "lift": 5, "button": 10_000}
+    assert capsys.readouterr().out.count(" steps, ") == 5
 
 
 @pytest.mark.slow

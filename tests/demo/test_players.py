@@ -12,7 +12,6 @@ from kinreach.errors import InputError
 from kinreach.kinematics.inside import SOLVERS
 from kinreach.robots import get_arm
 from kinreach.view._episodes import EpisodeRequest
-from tests.cases import slow
 
 #: Beside the page's own: these episodes are watched by nobody.
 SHORT = {REAL_ARM: {"balls": 1, "budgets": (0, 5), "again": 0}, MOVING: {"speeds": (0.6,)}}
@@ -39,12 +38,8 @@ def test_all_methods_of_comparisons_are_offered():
     assert offered >= 25
 
 
-#: Without dynamics, the same tasks and players as with them.
-KINEMATIC = slow(*(name for name in playable_names() if "Kinematic" in name))
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*(name for name in playable_names() if "Kinematic" not in name), *KINEMATIC])
+@pytest.mark.parametrize("name", playable_names())
 def test_everybody_who_is_offered_plays(name):
     players = playable(name).players(get_arm("ur5-thesis"))
     assert len(players) == len(set(players)) >= 2

@@ -194,3 +194,25 @@ def test_what_it_says_names_flags(recording, capsys):
 def test_a_mistyped_file_is_not_only_called_a_robot(capsys):
     assert calibrate("no_such_folder/program") == 2
     assert "no_such_folder/program is no file here" in capsys.readouterr().err
+
+
+def test_a_log_without_a_tool_is_explained_with_the_tool_that_fits(recording, capsys):
+    rows = recording.read_text().splitlines()[:9]
+    recording.write_text("\n".join(" ".join(line.split()[:12]) for line in rows))
+    assert check("ur5e", "--calibration", CALIBRATION, "--log", recording) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].endswith(": 8 rows of robot_data.csv")
+    (tool,) = (line for line in said if line.startswith("calibrated   tool "))
+    six, rest = tool.removeprefix("calibrated   tool ").split(", found")
+    np.testing.assert_allclose([float(word) for word in six.split(",")], TCP, atol=1e-5)
+    assert rest == ": the recording has none"
+    assert sum(line.startswith("data sheet   ") for line in said) == 3
+
+
+def test_a_log_is_explained_by_a_data_sheet_alone(recording, capsys):
+    """There is one arm then, and no verdict."""
+    recording.write_text("\n".join(recording.read_text().splitlines()[:9]))
+    assert check("ur5e", "--log", recording) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "ur5e: 8 rows of robot_data.csv"
+    assert [line.split()[:2] for line in said[1:]] == [["arm", "position:"], ["arm", "orientation:"]]

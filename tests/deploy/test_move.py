@@ -11,6 +11,7 @@ import time
 from dataclasses import replace
 from functools import cache
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ import trimesh
 from kinreach.cli import main
 from kinreach.deploy import Program, SimulatedUR, URClient, _moving
 from kinreach.deploy._controller import FINISHED, Controller
-from kinreach.deploy._move_cli import Comparison
+from kinreach.deploy._move_cli import Comparison, _moved
 from kinreach.deploy._moving import MotionPlanner
 from kinreach.deploy._planning import plan
 from kinreach.deploy._program import motion_of
@@ -612,6 +613,23 @@ def test_a_recording_that_was_cut_says_so(robot, run):
     assert code == 0
     found = re.search(r"the recording is cut: (\d+) of (\d+) control cycles were not received", out)
     assert 0.02 < int(found[1]) / int(found[2]) < 0.2
+
+
+def test_cycles_that_are_missing_are_said_if_there_are_any(capsys):
+    received, rng = 200, np.random.default_rng(0)
+    q = rng.uniform(-1.0, 1.0, (received, 6))
+    trajectory = SimpleNamespace(t=np.arange(received) * 0.002, q=q, duration=0.4)
+    motion = SimpleNamespace(program=None, miss=lambda T: "0.00 mm")
+    for missing in (0, 1, 7):
+        done = SimpleNamespace(measured=trajectory, commanded=trajectory, missing=missing)
+        robot = SimpleNamespace(
+            run=lambda program, check, done=done: done, read=lambda: SimpleNamespace(tcp_pose=np.zeros(6))
+        )
+        assert _moved(robot, motion, None) == 0
+        out = capsys.readouterr().out
+        assert "moved    0.40 s; joints at most 0.0 mrad" in out
+        said = f"the recording is cut: {missing} of {received + missing} control cycles were not received"
+        assert (said in out) == ("recording" in out) == (missing > 0)
 
 
 @pytest.mark.slow

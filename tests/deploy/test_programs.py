@@ -9,14 +9,9 @@ from hypothesis import strategies as st
 
 import kinreach
 from kinreach.deploy import Move, Program, read_trajectory, write_trajectory
-from kinreach.deploy._controller import FINISHED, NOT_AT_START, Controller
-from kinreach.deploy._model import MAX_OFF, MAX_OFF_CALIBRATED, ModelCheck
-from kinreach.deploy._script_functions import FUNCTIONS
-from kinreach.deploy._script_tree import ScriptError, number_text
-from kinreach.deploy._urscript import parse
 from kinreach.errors import InputError, KinreachError
-from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
-from kinreach.robots import PUBLISHED_CALIBRATIONS, Tool, get_arm
+from kinreach.kinematics import ArmKinematics, Trajectory
+from kinreach.robots import Tool, get_arm
 from kinreach.robots.inside import JOINTS
 
 KIN = ArmKinematics.of("ur5e", tool=[0, 0.01, 0.15, 0.1, 0, 0], base="base")
@@ -48,19 +43,6 @@ sixes = st.tuples(*[finite] * 6)
 moves = st.builds(
     Move, st.sampled_from(["movej", "movel"]), sixes, st.floats(0.01, 1), st.floats(0.01, 5), st.floats(0, 0.1)
 )
-
-models = st.integers(1, 4).flatmap(lambda count: st.builds(
-    ModelCheck, st.tuples(*[sixes] * count), st.tuples(*[sixes] * count), st.sampled_from([MAX_OFF, MAX_OFF_CALIBRATED])
-))  # fmt: skip
-
-
-@settings(max_examples=30)
-@given(sixes, sixes, st.lists(moves, max_size=6), sixes, st.none() | st.floats(0, 50), st.tuples(*[finite] * 3),
-       st.none() | models, st.integers(0, 2**31 - 1))  # fmt: skip
-def test_moves_come_back_as_they_were(start, tcp, some, last, payload, centre, model, run):
-    settings = {} if payload is None else {"payload": payload, "centre_of_mass": centre}
-    program = Program(start, tcp, (*some, Move("movej", last, 0.5, 1.0)), model=model, **settings)
-    assert Program.parse(program.text_of_run(run)) == program
 
 
 @settings(max_examples=40)
@@ -199,75 +181,6 @@ def test_a_call_that_is_not_the_programs_changes_nothing():
     assert Program.parse(longer) == Program.parse(program.text)
 
 
-def test_functions_of_a_program_are_those_that_the_parser_knows():
-    texts = Program.of(KIN, HOME, swing(), payload=1.0).text + Program.of(
-        KIN, HOME, [Move("movel", pose_vector(KIN.fk(HOME)), 0.1, 1.0)]).text + Program.of(
-        KIN, HOME, [Move("movej", HOME, 0.1, 1.0)]).text  # fmt: skip
-    used = set(re.findall(r"(\w+)\(", re.sub(r"#.*|\"[^\"]*\"|^def.*", "", texts, flags=re.MULTILINE)))
-    assert len(used) > 12
-    assert used <= set(FUNCTIONS)
-
-
-@pytest.mark.parametrize("name", ["ur5e_a", "ur5_a"])
-@pytest.mark.slow
-def test_programs_move_a_calibrated_arm_as_they_say(name):
-    model = name[:-2]
-    arm = get_arm(model).calibrated(PUBLISHED_CALIBRATIONS[name]).with_tool([0, 0, 0.1, 0, 0, 0])
-    kin = ArmKinematics.of(arm, base="base")
-    home = np.array(arm.home)
-    goal = pose_vector(kin.fk(home) @ pose([0.05, 0.08, -0.1, 0, 0.1, 0]))
-    joint = kin.nearest(pose(goal), home).q
-    ways = {
-        "movej": [Move("movej", joint, 0.8, 1.4)],
-        "movel": [Move("movel", goal, 0.25, 1.2)],
-        "both": [Move("movel", goal, 0.25, 1.2, 0.01), Move("movej", home + 0.1, 0.8, 1.4)],
-        "servoj": swing(start=home),
-    }
-    ends = {"movej": joint, "movel": joint, "both": home + 0.1, "servoj": swing(start=home).q[-1]}
-    for way, motion in ways.items():
-        program = Program.of(kin, home, motion)
-        ur = Controller(arm)
-        done = ur.run(program.text)
-        assert (done.status, done.reason) == (FINISHED, ""), way
-        np.testing.assert_allclose(done.commanded.q[-1], ends[way], atol=1e-4)
-        assert pose_vector(ur.tcp) == pytest.approx(program.tcp)
-    rate = {"ur5e": 500, "ur5": 125}[model]  # the controllers' cycles
-    assert Program.of(kin, home, ways["servoj"]).trajectory.t[1] == pytest.approx(1 / rate)
-    assert Program.of(kin, home, ways["servoj"]).text.count("servoj") == rate + 1
-
-
-@pytest.mark.parametrize("motion", ["movej", "movel", "servoj"])
-@pytest.mark.slow
-def test_nothing_moves_where_the_arm_does_not_stand_at_the_start(motion):
-    """Where it moves, it goes to the start posture first, and from there as from the start posture itself."""
-    goal = HOME + 0.1
-    motions = {"movej": [Move("movej", goal, 0.5, 1.0)], "movel": [Move("movel", pose_vector(KIN.fk(goal)), 0.2, 1.0)],
-               "servoj": swing()}  # fmt: skip
-    program = Program.of(KIN, HOME, motions[motion])
-    ur = Controller(KIN.arm, q=HOME, log=(log := []).append)
-    tried, rng = ur.run(program.text).commanded.q, np.random.default_rng(5)
-    for joint in range(6):
-        for off, status in ((1.05, NOT_AT_START), (0.95, FINISHED))[: 1 + joint % 2]:
-            start = HOME.copy()
-            start[joint] += rng.choice([-1, 1]) * off * program.tolerance
-            log.clear()
-            ur.place(start)
-            done = ur.run(program.text)
-            assert done.status == status
-            if status == NOT_AT_START:
-                assert not done.commanded.qd.any()
-                np.testing.assert_allclose(done.measured.q, np.broadcast_to(start, done.measured.q.shape), atol=1e-3)
-                assert any("not at the start posture" in line for line in log)
-                continue
-            exact = np.flatnonzero((done.commanded.q == HOME).all(axis=1))[0]
-            assert 0 < exact < 0.2 / ur.cycle
-            to_start = done.commanded.q[: exact + 1, joint]
-            assert (np.diff(to_start) * np.sign(HOME[joint] - start[joint]) > 0.0).all()
-            np.testing.assert_allclose(
-                done.commanded.q[exact:][: len(tried)], tried[-len(done.commanded.q[exact:]) :], atol=1e-12
-            )
-
-
 @pytest.mark.parametrize(("motion", "reason"), [
     ([Move("movej", HOME + 0.1, 0.5, 1.0, 0.01)], "the last move must stop"),
     ([], "has moves or a trajectory"),
@@ -316,18 +229,6 @@ def test_the_tolerance_of_the_start_is_bounded(tolerance):
     wide = Program(HOME, (0,) * 6, (Move("movej", HOME, 1.0, 1.0),), tolerance=0.0025)
     assert wide.text.count("> 0.0025") == 6
     assert Program.parse(wide.text) == wide
-
-
-def test_defaults_are_those_of_universal_robots_manual():
-    for line, defaults in (
-        ("movej([0])", {"a": 1.4, "v": 1.05, "t": 0, "r": 0}),
-        ("movel([0])", {"a": 1.2, "v": 0.25, "t": 0, "r": 0}),
-        ("servoj([0])", {"a": 0, "v": 0, "t": 0.002, "lookahead_time": 0.1, "gain": 300}),
-        ('popup("a")', {"title": "Popup", "warning": False, "error": False, "blocking": False}),
-        ('textmsg("a")', {"s2": ""}),
-    ):
-        _, *given = parse(line).body[0].arguments.items()
-        assert {name: constant.value for name, constant in given} == defaults
 
 
 @pytest.mark.parametrize(("kind", "old", "new", "reason"), [
@@ -436,38 +337,3 @@ REFUSED = {
     "def f():\n  def g():\n    y = 1\n  end\n  z = y\nend": "name 'y' is not defined",
     "": "a statement is expected",
 }  # fmt: skip
-
-
-def test_levels_count_within_one_another_and_not_one_after_another():
-    part = "  x = [1, -2]\n  y = -x[1] - norm(-x[0])\n  if y > 1:\n    sleep(1)\n  else:\n    sleep(2)\n  end\n"
-    assert len(parse(f"def f():\n{60 * part}end\n").body) == 180
-
-
-@pytest.mark.parametrize("text", REFUSED)
-def test_other_urscript_is_refused_before_anything_moves(text):
-    with pytest.raises(ScriptError, match=REFUSED[text]) as refused:
-        parse(text)
-    assert str(refused.value).startswith(f"line {refused.value.line}")
-    ur = Controller(KIN.arm)
-    with pytest.raises(InputError):
-        ur.start(text)
-    ur.tick()
-    assert not ur.target_qd.any()
-
-
-@pytest.mark.slow
-@given(st.text(max_size=80) | st.lists(st.sampled_from(
-    ["def", " ", "f", "(", ")", ":", "\n", "end", "if", "else", "[", "]", "p", ",", "=", "-", ">", "or", "1", ".5",
-     "\"a\"", "movej", "norm", "True", "q", "#", "sleep"]), max_size=30).map("".join))  # fmt: skip
-def test_any_text_is_a_program_or_an_error_with_a_line(text):
-    script = error = None
-    try:
-        script = parse(text)
-    except ScriptError as refused:
-        error = refused
-    assert script.body or script.name if error is None else error.line >= 1
-
-
-@given(st.floats(allow_nan=False, allow_infinity=False))
-def test_numbers_are_written_as_they_are(value):
-    assert parse(f"x = {number_text(value)}").body[0].value.value == value

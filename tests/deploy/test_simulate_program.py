@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kinreach.cli import main
+from kinreach.deploy import SimulatedUR
 from kinreach.kinematics import URKinematics
 
 UP = "movej([0, -1.57, 1.57, -1.57, -1.57, 0], a=1.2, v=0.5)"
@@ -85,3 +86,21 @@ def test_other_files_and_times_are_refused(tried, capsys, tmp_path):
     assert "cannot read the program" in capsys.readouterr().err
     assert main(["check", str(tmp_path / "mine.script")]) == 2
     assert "simulate-ur --arm NAME --program" in capsys.readouterr().err
+
+
+def test_a_simulated_robot_is_as_its_flags_say(monkeypatch, free_address, capsys):
+    served = []
+    monkeypatch.setattr(SimulatedUR, "serve", lambda robot: served.append(robot))
+    rng = np.random.default_rng(0)
+    for speed in (0.5, 3.0):
+        address, q = free_address(), rng.uniform(-1.0, 1.0, 6).round(3)
+        rtde_port, script_port = rng.choice(np.arange(40000, 60000), 2, replace=False).tolist()
+        flags = {"--address": address, "--rtde-port": rtde_port, "--script-port": script_port, "--speed": speed}
+        given = [str(word) for flag in flags.items() for word in flag]
+        assert main(["simulate-ur", "--arm", "ur3e", f"--from={','.join(map(str, q))}", "--no-cell", *given]) == 0
+        robot = served[-1]
+        found = robot.address, robot.rtde_port, robot.script_port, robot.speed
+        assert found == (address, rtde_port, script_port, speed)
+        np.testing.assert_allclose(robot.controller.target_q, q, atol=1e-12)
+        assert f"{address}: RTDE {rtde_port}, script port {script_port}, " in capsys.readouterr().out
+    assert len(served) == 2

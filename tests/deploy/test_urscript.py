@@ -67,6 +67,7 @@ WORDS = {
     "textmsg(str_at(\"abc\", 1))\ntextmsg(to_str(1.5))\ntextmsg(to_num(\"2.5\") + 1)\ntextmsg(length([1, 2]))":
         ["b", "1.5", "3.5", "2"],
     "textmsg(1)\nhalt\ntextmsg(2)": ["1"],
+    "textmsg(str_find(\"abcab\", \"ab\"))\ntextmsg(str_find(\"abcab\", \"ab\", 1))": ["0", "3"],
     "def f(x):\n  if x > 1:\n    return\n  end\n  textmsg(x)\nend\nf(1)\nf(2)": ["1"],
 }  # fmt: skip
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -165,6 +166,8 @@ def test_clutter_is_seen_and_left_alone():
         observation, _ = env.reset(seed=seed)
         other = observation[18:21]
         assert np.linalg.norm(other - observation[:3]) >= 0.13
+        turned = env.unwrapped.scene.data.joint("other").qpos[3:]
+        np.testing.assert_allclose(turned, [1.0, 0.0, 0.0, 0.0], atol=1e-6)  # only the object lies in any direction
         observation, _, _, _, info = env.step(policy.act(observation))
         lifted += info["is_success"]
         body = env.unwrapped.scene.data.body("other").xpos
@@ -538,3 +541,36 @@ def test_a_grasp_is_a_posture_and_an_opening():
     for one in (task, narrow):
         for action, q, opening in zip(actions, *one.grasps(actions), strict=True):
             np.testing.assert_allclose(one.action_for(q, opening), action, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (
+            {"observation": "pixels", "randomise": {"camera": (0.0, 0.01)}},
+            "displaces what cameras measure; observation=",
+        ),
+        (
+            {
+                "arm": replace(
+                    get_arm("panda"),
+                    tips={"tool0": "panda_link8"},
+                    default_tip="tool0",
+                    workcell=get_arm("ur5-thesis").workcell,
+                )
+            },
+            "closed form, such as a UR; arm 'panda.*' has none",
+        ),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(options, said):
+    with pytest.raises(InputError, match=said):
+        make(**options)
+
+
+def test_without_cameras_nothing_was_measured():
+    env = make()
+    env.reset(seed=0)
+    assert env.unwrapped.measurement is None
+    env.unwrapped.episodes._camera = SimpleNamespace(last="a measurement")
+    assert env.unwrapped.measurement == "a measurement"

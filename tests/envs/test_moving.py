@@ -235,9 +235,36 @@ def test_earlier_sights_are_those_of_the_frames_before():
         observation = env.step(env.unwrapped.home / np.pi)[0]
 
 
+def test_a_hidden_ball_is_reported_where_it_was_last_seen():
+    """Every sight is that of a place outside of the strip, and as old as it says; the first sight is always one."""
+    env, bare = (make(hidden=hidden, noise=1e-9, collisions=False, dtype="float64") for hidden in (0.2, 0.0))
+    hidden, again = 0, 0
+    for seed in range(30):
+        reports = [env.reset(seed=seed)[0], bare.reset(seed=seed)[0]]
+        last = {0.0: reports[1][BALL]}  # by the time at which it was taken
+        for frame in range(1, 40):
+            ended = [one.step(env.unwrapped.home / np.pi) for one in (env, bare)]
+            if any(step[2] or step[3] for step in ended):
+                break
+            (seen, bare_seen), time = (step[0] for step in ended), frame / FRAMES
+            due = max(time - bare_seen[AGE], 0.0)
+            if due == 0.0 or abs(bare_seen[BALL][1]) >= 0.1:
+                np.testing.assert_array_equal(seen[: AGE + 1], bare_seen[: AGE + 1])
+                last[due] = bare_seen[BALL]
+                again += hidden > 0
+            else:
+                newest = max(last)
+                assert seen[AGE] == pytest.approx(time - newest)
+                np.testing.assert_array_equal(seen[BALL], last[newest])
+                hidden += 1
+    assert hidden > 150
+    assert again > 150
+
+
 @pytest.mark.parametrize(
     ("options", "error", "said"),
     [
+        ({"hidden": 0.3}, InputError, "hidden"),
         ({"speeds": (3.0,)}, InputError, "at most 2 m/s: the arm's tip is no faster, got 3"),
         ({"speeds": ()}, InputError, "at least one"),
         ({"paths": ("zigzag",)}, UnknownNameError, "zigzag"),

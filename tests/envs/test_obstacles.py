@@ -148,6 +148,23 @@ def test_the_verdict_is_the_checkers(env):
     assert free >= 5
 
 
+def test_each_posture_of_a_move_is_checked_once(env, monkeypatch):
+    checked, causes = [], CollisionChecker.causes
+
+    def counted(self, q):
+        checked.append(q)
+        return causes(self, q)
+
+    monkeypatch.setattr(CollisionChecker, "causes", counted)
+    for seed in range(3):
+        world, _ = begun(env, seed, clutter=0)
+        checked.clear()
+        env.step(world.action_for(world.home + 0.4 * FIRST))
+        postures = np.concatenate(checked)
+        assert len(checked) > 2
+        assert len(postures) == len(np.unique(postures, axis=0)) > 100
+
+
 def test_an_arm_that_is_sent_to_where_it_stands_ends_the_episode(env):
     world, _ = begun(env, 0)
     _, _, terminated, truncated, info = env.step(world.action_for(world.home))
@@ -264,3 +281,15 @@ def test_obstacles_can_be_observed():
     assert env.observation_space.shape == (153,)
     with pytest.raises(InputError, match="boxes must be true or false, got 'yes'"):
         gym.make(NAME, boxes="yes")
+
+
+def test_the_exact_verdict_is_that_of_the_arm_among_the_obstacles(env):
+    """Without the margin, which planners keep beside it; compared with a checker of the arm as it is described."""
+    world, _ = begun(env, 3, clutter=6)
+    exact = CollisionChecker(world.arm, margin=0.0)
+    q = world.home + np.random.default_rng(3).uniform(-1.0, 1.0, (150, 6))
+    found = [world.checker.free(posture) for posture in q]
+    assert found == [exact.free(posture) for posture in q]
+    kept = [world.clearance.free(posture) for posture in q]
+    assert all(one >= other for one, other in zip(found, kept, strict=True))
+    assert 0 < sum(kept) < sum(found) < 150

@@ -15,7 +15,7 @@ from kinreach.envs.inside import ObstaclesEnv
 from kinreach.envs.real_arm import MEDIAN_LENGTH
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
-from kinreach.sim._imperfections import OF_JOINTS
+from kinreach.sim.inside import OF_JOINTS
 from tests.cases import slow
 
 ARM = {"payload": (0.1, 0.5), "friction": (0.0, 0.05), "damping": (0.0, 0.02), "gears": (0.7, 1.3)}

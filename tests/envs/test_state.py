@@ -3,10 +3,12 @@
 import copy
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
+from kinreach.envs._state import put_back, saved
 from kinreach.errors import InputError
 
 IDS = sorted(name for name in gym.registry if name.startswith("kinreach/"))
@@ -175,3 +177,16 @@ def test_what_is_no_state_of_it_is_refused():
         InputError, match="the state is of an environment with other options: its model has other parts"
     ):
         arms[0].restore_state(arms[1].save_state())
+
+
+def test_data_of_a_model_with_other_joints_is_refused():
+    """That of one with as many is put back."""
+    text = "<mujoco><worldbody><body>{}<geom size='1'/></body></worldbody></mujoco>"
+    one, two = (mujoco.MjModel.from_xml_string(text.format("<joint/>" * count)) for count in (1, 2))
+    then = mujoco.MjData(two)
+    then.qpos[:] = [0.25, 0.5]
+    with pytest.raises(InputError, match="the state is of an environment with other options: its model has other joi"):
+        put_back(mujoco.MjData(one), saved(then))
+    now = mujoco.MjData(two)
+    assert put_back(now, saved(then)) is now
+    np.testing.assert_array_equal(now.qpos, [0.25, 0.5])

@@ -214,3 +214,51 @@ def test_the_goal_is_drawn(needs_gl):
     assert green[0] > 20
     assert green[1] == 0
     env.close()
+
+
+def test_a_task_that_cannot_be_made_says_why():
+    register_tabletop("mine/Wrong-v0", wrong(__init__=lambda self, height=0.05: None + height))
+    try:
+        with pytest.raises(InputError, match="cannot make the task: unsupported operand"):
+            one_step("mine/Wrong-v0")
+    finally:
+        del gym.registry["mine/Wrong-v0"]
+
+
+def test_rewards_of_a_task_with_terms_of_its_own_need_the_info_of_the_steps():
+    """And then are those of the steps: by the state that `info` says."""
+    touching = lambda self, state, goals: {**Lifted.reward_terms(self, state, goals), "touch": -2.0 * state.collides}  # noqa: E731
+    register_tabletop("mine/Lifted-v0", wrong(reward_terms=touching), max_episode_steps=5)
+    try:
+        env = gym.make("mine/Lifted-v0", disable_env_checker=True, goal_env=True, dtype="float64")
+        env.reset(seed=1)
+        compared, said = 0, []
+        for action in np.random.default_rng(2).uniform(-0.3, 0.3, (3, 7)):
+            seen, reward, _, _, info = env.step(action)
+            goals = seen["achieved_goal"], seen["desired_goal"]
+            paid = env.unwrapped.compute_reward(*goals, info)
+            assert paid == pytest.approx(reward, abs=1e-12)
+            assert reward == pytest.approx(
+                info["clearance"] - np.linalg.norm(np.subtract(info["tip"], info["position"])), abs=1e-9
+            )
+            compared += 1
+        for missing in ("tip", "position", "clearance"):
+            with pytest.raises(InputError, match=missing) as error:
+                env.unwrapped.compute_reward(*goals, {name: each for name, each in info.items() if name != missing})
+            said.append(str(error.value))
+        assert (compared, len(set(said))) == (3, 3)
+    finally:
+        del gym.registry["mine/Lifted-v0"]
+
+
+def test_a_simulation_that_diverges_is_put_back_and_ends_the_episode():
+    env = gym.make(ID, disable_env_checker=True)
+    env.reset(seed=0)
+    before = env.unwrapped.scene.q.copy()
+    env.unwrapped.scene.data.qvel[:] = 1e7
+    observation, _, ended, cut, _ = env.step(np.zeros(6, dtype=np.float32))
+    assert (ended, cut) == (False, True)
+    assert np.isfinite(observation).all()
+    np.testing.assert_allclose(env.unwrapped.scene.q, before, atol=1e-12)
+    env.reset(seed=1)
+    assert not env.step(np.zeros(6, dtype=np.float32))[3]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from kinreach._registration import PICK_AND_PLACE, PUSH
-from kinreach.compare._tabletop import PickAndPlaceScript, PushScript
+from kinreach.baselines.inside import PickAndPlaceScript, PushScript
 from kinreach.envs._reach.reach_task import joint_limits
 from kinreach.envs._tip_control import HALVINGS, MAX_TURN, MOVE, SMALL_STEP, TipControl
 from kinreach.errors import InputError, UnknownNameError

@@ -183,3 +183,12 @@ def test_an_arm_with_turned_frames_has_no_closed_form(tmp_path, turned, axis):
     with pytest.raises(InputError, match="turned"):
         Arm3Kinematics(arm=arm, tip="tip")
     assert type(ArmKinematics.of(arm)) is ArmKinematics
+
+
+def test_of_many_targets_those_out_of_reach_have_no_branch():
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 3))
+    many = KIN.nearest_batch(points, np.zeros(3))
+    branches = [KIN.nearest(point, np.zeros(3)).branch for point in points]
+    np.testing.assert_array_equal(many.branch, branches)
+    np.testing.assert_array_equal(many.branch == -1, ~many.success)
+    assert 20 < many.success.sum() < 180

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinreach.cli import EXIT_ERROR, main
-from kinreach.errors import InputError
+from kinreach.errors import InputError, InstallationError, NoShapesError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
 from kinreach.robots.inside import without_shapes
@@ -225,3 +226,25 @@ def test_what_five_axes_leave_of_orientations():
     assert 0.3 < np.median(found.left) < 2.5
     assert 0.0 < found.down < 1.0
     assert found.time > 0.0
+
+
+def test_an_arm_whose_shapes_are_missing_is_not_one_without_shapes(tmp_path):
+    bare = tmp_path / "bare.urdf"
+    bare.write_bytes(ET.tostring(without_shapes(get_arm("ur5e").robot, "visual", "collision")))
+    kin = ArmKinematics.from_urdf(bare)
+    assert check.collisions_of(kin) is None
+    kin.arm = replace(kin.arm, missing_shapes="a file of its shapes is not there")
+    with pytest.raises(NoShapesError, match="a file of its shapes is not there"):
+        check.collisions_of(kin)
+
+
+def test_a_solver_that_is_not_installed_is_not_compared(monkeypatch):
+    def missing(kin):
+        raise InstallationError("placo is not installed")
+
+    kin = URKinematics("ur5e")
+    names = [solver.name for solver in check.solvers_of(kin)]
+    assert names[0] == "closed-form"
+    assert {"lm", "qp"} < {*names}
+    monkeypatch.setattr(check, "QPSolver", missing)
+    assert [solver.name for solver in check.solvers_of(kin)] == [name for name in names if name != "qp"]

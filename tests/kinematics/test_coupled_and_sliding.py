@@ -18,7 +18,7 @@ from kinreach.kinematics import (
     plan_path,
     pose_vector,
 )
-from kinreach.kinematics.inside import new_solver
+from kinreach.kinematics.inside import new_solver, place_robot, placo_robot
 from kinreach.robots import ArmDescription, Box
 from tests.robots.peoples_files import arm, shape
 
@@ -337,3 +337,16 @@ def test_followers_that_cannot_be_within_their_limits(tmp_path):
     with pytest.raises(InputError, match="'j2m' mimics 'j2' times 0, and does not move; hold it with held="):
         written(tmp_path, chain(PALLETIZER[0], PALLETIZER[1], still))
     assert written(tmp_path, chain(PALLETIZER[0], PALLETIZER[1], still), held={"j2m": 0.5}).n == 2
+
+
+@pytest.mark.usefixtures("needs_placo")
+@pytest.mark.parametrize("joints", [PALLETIZER, COUPLED_WRIST, SCARA], ids=["palletizer", "coupled wrist", "scara"])
+def test_placos_robot_in_a_posture_has_its_tip_where_the_arm_has(joints, tmp_path):
+    """With the joints that follow others, and their offsets."""
+    kin, compared = written(tmp_path, chain(*joints)), 0
+    robot, tip = placo_robot(kin)
+    for q in np.random.default_rng(3).uniform(*kin.sampling_limits, (5, kin.n)):
+        place_robot(kin, robot, q)
+        np.testing.assert_allclose(robot.get_T_world_frame(tip), kin.T_world_base @ kin.fk(q), atol=1e-12)
+        compared += 1
+    assert compared == 5

@@ -5,9 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinreach._rotations import wrapped
-from kinreach.kinematics import URKinematics
+from kinreach.kinematics import ArmKinematics, URKinematics
 from kinreach.kinematics import _general_6r as general_6r
 from kinreach.kinematics._general_6r import Chain, General6R, first_of_each, miss, missed_by, newton
+from kinreach.kinematics._seven_axis.starts import HeldBetween
 from kinreach.kinematics._ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 
@@ -79,6 +80,22 @@ def test_an_ill_conditioned_pose_is_solved():
     (found,) = general.solve(T[None])
     assert apart(q, found) < 1e-7
     assert len(found) == 4
+
+
+def test_eigenvalues_that_lead_nowhere_are_counted_and_the_other_way_is_taken():
+    """Two axes of a Panda that can become parallel: around the ring one way, not the other."""
+    placements, rng = ArmKinematics.of("panda").chain.placements, np.random.default_rng(5)
+    counted = []
+    for joint in range(1, 6):
+        held = HeldBetween(joint, placements)
+        T = np.eye(4)
+        T[:3] = Chain(placements).fk(rng.uniform(-2.0, 2.0, (1, 7)))[0]
+        ways = [held._six(T, backwards=backwards) for backwards in (False, True)]
+        assert [six.tried(rng.uniform(-np.pi, np.pi, (20, 6))) for six in ways] == [1.0, 1.0]
+        counts = [six.spurious for six in ways]
+        assert held._backwards == (counts[0] > counts[1])
+        counted += counts
+    assert sum(map(bool, counted)) == 3
 
 
 def test_the_first_of_each_of_near_postures_is_kept(monkeypatch):

@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
+from benchmarks.ik_arms import arms
 from benchmarks.ik_arms.arms import singular_poses
 from benchmarks.ik_arms.random_arms import (
     CLASSES,
@@ -191,3 +192,45 @@ def test_check_says_which_class_an_arm_is_nearly_in(name, backwards, tmp_path, c
     assert kin.no_closed_form.startswith("arm 'arm' is singular in every posture: axes 3 and 4 (j3, j4) coincide;")
     placements[3] = motion(0.3, 0.2, 1e-6, 1e-6)
     assert "axes 3 and 4 (j3, j4) nearly coincide" in kinematics(tmp_path, placements).no_closed_form
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("name", ["right angles", "three parallel axes"])
+def test_the_axes_of_a_class_are_named_with_how_nearly(name, backwards, tmp_path):
+    rng = np.random.default_rng(18)
+    axes = {("right angles", False): "4, 5 and 6", ("right angles", True): "1, 2 and 3"}.get((name, backwards))
+    axes, what = (axes, "meet in a point") if axes else ("3, 4 and 5" if backwards else "2, 3 and 4", "parallel")
+    kin = kinematics(tmp_path, some_arm(rng, name, backwards=backwards))
+    assert re.fullmatch(rf"axes {axes} (are )?{what}", kin.special_axes)
+    assert kin.has_named_branches
+    kin = kinematics(tmp_path, some_arm(rng, name, backwards=backwards, off=1e-4))
+    assert re.fullmatch(rf"axes {axes} (are )?nearly {what}: poses differ by up to \S+ m or rad", kin.special_axes)
+    assert 1e-5 < float(re.search(r"up to (\S+) m", kin.special_axes)[1]) < 1e-2
+
+
+def test_an_arm_of_no_class_has_no_special_axes(tmp_path):
+    kin = kinematics(tmp_path, some_arm(np.random.default_rng(8), "no class"))
+    assert kin.special_axes == ""
+    assert not kin.has_named_branches
+
+
+def test_with_the_tip_almost_on_the_last_axis_a_stretched_elbow_leaves_that_joint_free(tmp_path, monkeypatch):
+    """The other joints then cannot make up for it, but the pose turned by as much has the posture."""
+    monkeypatch.setattr(arms, "CASES", {"elbow": arms.CASES["elbow"]})
+    goals, kept = 0, 0
+    for name in list(CLASSES)[:2]:
+        rng = np.random.default_rng(len(name))
+        placements = some_arm(rng, name)
+        placements[6] = motion(0.0, 0.1, 1e-9, 0.0) @ motion(0.0, 0.0, 0.0, 1e-9)
+        kin = kinematics(tmp_path, placements)
+        for T in singular_poses(kin, 1)["elbow"]:
+            seed = rng.uniform(-3.0, 3.0, 6)
+            found = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=seed, limits=False)
+            assert found.success
+            for q in found.q:
+                tip = kin.fk(q)
+                assert np.linalg.norm(tip[:3, 3] - T[:3, 3]) < 1e-7
+                assert np.linalg.norm(tip[:3, 2] - T[:3, 2]) < 1e-7
+                kept += abs(q[-1] - seed[-1]) < 1e-3
+                goals += 1
+    assert kept == goals >= 4

@@ -1,5 +1,7 @@
 """Palletizers in closed form: every posture, against many starts of a numeric solver."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 
@@ -74,24 +76,131 @@ def test_every_posture(right, tmp_path):
     assert searched > 40
 
 
+def solved_near(kin, q):
+    """Solve for the point of a posture from a seed beside it: the pose, the seed and the result, which is checked."""
+    T, seed = kin.fk(q), q + 0.05 * (kin.arm.home - q)
+    seed[3] = q[3]
+    found = kin.solve(PositionGoal(T[:3, 3]), seed)
+    assert found.success, found.reason
+    assert found.position_error < 1e-9
+    assert abs(found.q[3] - q[3]) < 1e-6
+    assert np.linalg.norm(found.q - seed) <= np.linalg.norm(q - seed) + 1e-6
+    return T, seed, found
+
+
 @pytest.mark.slow
 def test_points_and_directions(tmp_path):
     """The last joint keeps the seed's value, or what the direction leaves free does."""
     rng, solved = np.random.default_rng(1), 0
     for kin in palletizers(rng, tmp_path):
         for q in rng.uniform(kin.lower, kin.upper, (2, kin.n)):
-            T, seed = kin.fk(q), q + 0.05 * (kin.arm.home - q)
-            seed[3] = q[3]
-            found = kin.solve(PositionGoal(T[:3, 3]), seed)
-            assert found.success, found.reason
-            assert found.position_error < 1e-9
-            assert abs(found.q[3] - q[3]) < 1e-6
-            assert np.linalg.norm(found.q - seed) <= np.linalg.norm(q - seed) + 1e-6
+            T, seed, _ = solved_near(kin, q)
             found = kin.solve(AxisGoal(T[:3, 3], T[:3, 2]), seed)
             assert found.success, found.reason
             assert max(found.position_error, found.orientation_error) < 1e-9
             solved += 1
     assert solved == 18
+
+
+@pytest.mark.parametrize("right", [RIGHT, "1.5708"])
+def test_drawn_postures_of_three_palletizers_are_found_again(right, tmp_path):
+    """Each kind of rods once, also with the elbow almost or just straight."""
+    rng, checked = np.random.default_rng(6), 0
+    for kin in islice(palletizers(rng, tmp_path, right=right), 3):
+        straight = straight_elbow(kin)
+        for bend in (None, None, 1e-3, 0.0):
+            q = rng.uniform(kin.lower, kin.upper)
+            if bend is not None:
+                q[1:3] = kin._to_joints @ (-0.4 + np.array([0.0, straight + bend]))
+            T = kin.fk(q)
+            found = kin.all_solutions(T, limits=False)
+            assert found.success, found.reason
+            assert apart(kin, q, found.q) < 1e-4
+            assert found.residual.max() < 1e-9
+            assert len({*found.branch.tolist()}) == len(found) <= kin.branches
+            checked += 1
+    assert checked == 12
+
+
+def straight_elbow(kin):
+    """The turn of the second link with respect to the first where both point along one line [rad]."""
+    upper, fore = kin._links
+    return np.angle(upper) - np.angle(fore)
+
+
+def test_points_and_directions_of_three_palletizers(tmp_path):
+    """The last joint keeps the seed's value for a point; what is refused or outside the limits says so."""
+    rng, solved = np.random.default_rng(7), 0
+    for kin in islice(palletizers(rng, tmp_path), 3):
+        q = rng.uniform(kin.lower, kin.upper)
+        T, seed, found = solved_near(kin, q)
+        seen = []
+        refused = kin.solve(PositionGoal(T[:3, 3]), seed, accept=lambda posture, seen=seen: seen.append(posture))
+        assert refused.status is Status.REJECTED
+        assert refused.reason == f"accept refused all {len(seen)} postures"
+        assert refused.position_error < 1e-9
+        np.testing.assert_allclose(refused.q, found.q, atol=1e-9)
+        np.testing.assert_allclose(seen[0], found.q, atol=1e-9)
+        other = seed + 0.7 * np.eye(4)[3]
+        found = kin.solve(AxisGoal(T[:3, 3], T[:3, 2]), other)
+        assert found.success, found.reason
+        np.testing.assert_allclose(kin.fk(found.q)[:3, 2:], T[:3, 2:], atol=1e-9)
+        solved += 1
+    assert solved == 3
+
+
+def test_a_point_outside_the_limits_says_so(tmp_path):
+    """A point that only postures beyond joint 1's limits reach, and one that none does."""
+    narrow = [(name, kind, dict(options)) for name, kind, options in PALLETIZER]
+    narrow[0][2]["limits"] = (-0.5, 0.5)
+    kin = written(tmp_path, chain(*narrow))
+    q = np.array([1.0, 0.2, 0.5, 0.2])
+    T = kin.fk(q)
+    found = kin.solve(PositionGoal(T[:3, 3]), np.zeros(4))
+    assert found.status is Status.OUT_OF_LIMITS
+    assert "outside the joint limits (j1" in found.reason
+    np.testing.assert_array_equal(found.q, np.zeros(4))
+    assert found.position_error == pytest.approx(np.linalg.norm(T[:3, 3] - kin.fk(np.zeros(4))[:3, 3]), abs=1e-12)
+    far = kin.solve(PositionGoal(3.0 * T[:3, 3]), np.zeros(4))
+    assert far.status is Status.OUT_OF_REACH
+    assert "m too far from the axis of j2" in far.reason
+    upright = kin.solve(AxisGoal(3.0 * T[:3, 3], T[:3, 2]), np.zeros(4))
+    assert upright.status is Status.OUT_OF_REACH
+    assert upright.reason == far.reason
+    assert upright.orientation_error == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_goal_next_to_the_first_axis_is_too_close_for_a_hand_beside_it(tmp_path):
+    """The last axis passes the first one 50 mm beside it: a tip 20 mm from the first axis is 30 mm too close."""
+    beside = [(name, kind, dict(options)) for name, kind, options in PALLETIZER]
+    beside[5][2]["xyz"] = "0.06 0 0.05"
+    kin = written(tmp_path, chain(*beside))
+    reached = kin.fk([0.3, 0.2, 0.5, 0.2])
+    assert apart(kin, np.array([0.3, 0.2, 0.5, 0.2]), kin.all_solutions(reached).q) < 1e-9
+    for way in ([0.02, 0.0], [0.0, -0.02], [-0.012, 0.016]):
+        T = reached.copy()
+        T[:2, 3] = way
+        found = kin.all_solutions(T)
+        assert (len(found), found.status) == (0, Status.OUT_OF_REACH)
+        assert found.reason == "the goal is 0.03 m too close to the axis of j1"
+
+
+@pytest.mark.parametrize(
+    ("number", "changed", "said"),
+    [
+        (1, {"rpy": "-1.5 0 0"}, "axes 2 to those of the rods are parallel, and across the first"),
+        (3, {"rpy": "0.05 0 0"}, "axes 2 to those of the rods are parallel, and across the first"),
+        (4, {"mimic": follows("j3", -0.9)}, "its rods keep the last axis parallel to the first"),
+        (5, {"rpy": "1.5 0 0"}, "the last axis is parallel to the first"),
+        (4, {"xyz": "0 0 0"}, "it has two links, with multipliers of -1 or 1"),
+    ],
+)
+def test_an_arm_that_is_almost_a_palletizer_has_no_closed_form(number, changed, said, tmp_path):
+    other = [(name, kind, dict(options)) for name, kind, options in PALLETIZER]
+    other[number][2].update(changed)
+    kin = written(tmp_path, chain(*other))
+    assert type(kin) is ArmKinematics
+    assert kin.no_closed_form.endswith(said)
 
 
 def test_singular_poses(tmp_path):

@@ -204,6 +204,36 @@ def test_points_and_directions(tmp_path):
     assert directed >= 16
 
 
+def test_a_scara_turns_its_tip_into_a_direction(tmp_path):
+    """From a seed with the tip turned otherwise; a direction that no turn about its axes gives is refused."""
+    rng, compared = np.random.default_rng(11), 0
+    for _ in range(2):
+        kin = written(tmp_path, random_scara(rng), tip="tool_link")
+        for q, seed in rng.uniform(*kin.sampling_limits, (2, 2, kin.n)):
+            T = kin.fk(q)
+            found = kin.solve(AxisGoal(T[:3, 3], T[:3, 2]), seed)
+            assert found.success, found.reason
+            np.testing.assert_allclose(kin.fk(found.q)[:3, [2, 3]], T[:3, [2, 3]], atol=1e-9)
+            assert not kin.solve(AxisGoal(T[:3, 3], T[:3, 0]), seed).success
+            compared += 1
+    assert compared == 4
+
+
+def test_a_gantry_comes_to_a_point_with_the_orientation_of_the_seed(tmp_path):
+    rng, solved = np.random.default_rng(9), 0
+    for turning in (1, 2, 3):
+        kin = written(tmp_path, random_gantry(rng, turning))
+        for q, seed in rng.uniform(*kin.sampling_limits, (4, 2, kin.n)):
+            seed[:3] = q[:3] + rng.uniform(-0.1, 0.1, 3)
+            seed[3:] = q[3:]
+            T = kin.fk(q)
+            found = kin.solve(PositionGoal(T[:3, 3]), seed)
+            assert found.success, found.reason
+            np.testing.assert_allclose(kin.fk(found.q), T, atol=1e-9)
+            solved += 1
+    assert solved == 12
+
+
 def test_why_there_is_none(tmp_path):
     kin = written(tmp_path, chain(*SCARA))
     T = kin.fk([0.3, 0.5, 0.1, 0.2])

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from benchmarks.ik_arms.random_arms import kinematics, some_arm
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, URKinematics
 from kinreach.robots import get_arm
@@ -76,6 +77,25 @@ def test_poses(name):
             assert np.nanmax(np.abs(off), initial=0.0) < 1e-7
     assert postures > 100
     assert none >= 5
+
+
+def test_nearest_postures_of_long_stacks_are_those_of_each_pose(tmp_path):
+    """In closed form, and by Newton's method from one; there is no branch where there is no posture."""
+    rng, count, none, solved = np.random.default_rng(4), 2 * FEW_POSES, 0, set()
+    for off in (0.0, 1e-4):
+        kin = kinematics(tmp_path, some_arm(rng, "right angles", off=off))
+        solved.add(kin.solved)
+        T, seeds = kin.fk(rng.uniform(-2.0, 2.0, (count, 6))), rng.uniform(-2.0, 2.0, (count, 6))
+        T[::4, :3, 3] *= 9.0
+        found = kin.nearest_batch(T, seeds)
+        np.testing.assert_array_equal(found.success, np.arange(count) % 4 > 0)
+        for row, (pose, seed) in enumerate(zip(T, seeds, strict=True)):
+            one = kin.nearest(pose, seed)
+            assert (found.success[row], found.branch[row]) == (one.success, one.branch)
+            np.testing.assert_allclose(found.q[row], one.q if one.success else np.full(6, np.nan), atol=1e-7)
+        none += (found.branch == -1).sum()
+    assert solved == {"in closed form", "by Newton's method from a closed form"}
+    assert none == count // 2
 
 
 @pytest.mark.parametrize("kin", [URKinematics("ur5e"), Arm3Kinematics()], ids=["ur5e", "arm3"])

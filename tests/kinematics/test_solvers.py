@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import sys
+from types import SimpleNamespace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from kinreach.errors import InstallationError
 from kinreach.kinematics import (
     ArmKinematics,
     AxisGoal,
@@ -17,6 +21,7 @@ from kinreach.kinematics import (
     Tolerance,
 )
 from kinreach.robots import get_arm
+from tests.kinematics.test_own_goal import OnLine
 
 SOLVERS = (PlacoSolver, LevenbergMarquardtSolver, QPSolver)
 COUNT = 80
@@ -185,3 +190,64 @@ def test_placo_goes_on_where_its_program_gives_no_numbers(monkeypatch):
             reached += 1
     assert sum(steps) > 5
     assert reached == 20
+
+
+class Stopping:
+    """Counts the steps of a program, and fails from one of them on."""
+
+    def __init__(self, whole, stops, fail):
+        self.whole, self.stops, self.fail, self.steps = whole, stops, fail, 0
+
+    def __call__(self, *arguments, **options):
+        self.steps += 1
+        return self.fail() if self.steps > self.stops else self.whole(*arguments, **options)
+
+
+def no_numbers():
+    raise RuntimeError("QPError: Problem: NaN in the QP solution")
+
+
+@pytest.mark.usefixtures("needs_placo")
+@pytest.mark.parametrize("stops", [0, 1, 2])
+def test_a_descent_ends_at_the_posture_at_which_its_program_fails(monkeypatch, stops):
+    """placo's and daqp's alike: as after as many steps as did not fail."""
+    kin = ArmKinematics("ur5-thesis")
+    T, home = kin.fk([1.5, -1.0, 1.0, -1.0, -1.0, 0.5]), np.array(kin.arm.home)
+    on_line = OnLine(T[:3, 3], T[:3, 0])  # a kind of goal that placo has no task for
+    for make, goal in ((PlacoSolver, PositionGoal(T[:3, 3])), (PlacoSolver, on_line), (QPSolver, on_line)):
+        expected = make(kin, max_iterations=max(stops, 1), max_restarts=0).solve(goal, home)
+        solver = make(kin, max_restarts=0)
+        if make is QPSolver:
+            stopping = Stopping(solver._solve_qp, stops, lambda: None)
+            monkeypatch.setattr(solver, "_solve_qp", stopping)
+        else:
+            program = solver._work.problems[PoseGoal if goal is on_line else PositionGoal]
+            stopping = Stopping(program.solver.solve, stops, no_numbers)
+            monkeypatch.setattr(program, "solver", SimpleNamespace(solve=stopping))
+        found = solver.solve(goal, home)
+        assert stopping.steps == stops + 1
+        assert found.iterations == stops
+        assert not found.success
+        np.testing.assert_allclose(found.q, expected.q if stops else home, atol=1e-9)
+
+
+@pytest.mark.usefixtures("needs_placo")
+@pytest.mark.parametrize(("last", "steps"), [(0.0, 4), (1e-12, 4), (0.1, 6)])
+def test_placo_stops_where_its_steps_bring_nothing_more(monkeypatch, last, steps):
+    """The last step is counted; larger ones go on up to the number of steps that were asked for."""
+    kin = ArmKinematics("ur5-thesis")
+    far = [3.0, 1.0, 0.5]
+    for goal, kind in ((PositionGoal(far), PositionGoal), (OnLine(far, [0.0, 1.0, 0.0]), PoseGoal)):
+        solver = PlacoSolver(kin, max_restarts=0, max_iterations=6)
+        program = solver._work.problems[kind]
+        stopping = Stopping(program.solver.solve, 3, lambda: np.array([0.0, 0.0, -last, 0.0, 0.0, 0.0]))
+        monkeypatch.setattr(program, "solver", SimpleNamespace(solve=stopping))
+        found = solver.solve(goal, np.array(kin.arm.home))
+        assert not found.success
+        assert found.iterations == stopping.steps == steps
+
+
+def test_without_qpsolvers_the_qp_solver_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "qpsolvers", None)
+    with pytest.raises(InstallationError, match=r"the QP solver needs: pip install 'qpsolvers\[daqp\]'"):
+        QPSolver(ArmKinematics("ur5-thesis"))

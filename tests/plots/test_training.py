@@ -155,3 +155,12 @@ def test_marks_are_within_the_axes(rng):
     assert len(marks) == 2
     low, high = axes.get_ylim()
     assert all(low < y < high for _, y in marks)
+
+
+def test_the_end_of_a_training_is_within_the_axes(rng):
+    """Also of a short one, whose rewards are still those of the first episodes."""
+    for possible in (-25.0, -7.0, -3.0):
+        log = curve(rng, rows=16, impossible=0.0, possible=possible)
+        (axes,) = draw_training({"seed 0": log}, environment=SINGLE, panels=["reward"]).axes
+        low, high = axes.get_ylim()
+        assert low < possible < high

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 import re
 from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -169,6 +171,10 @@ def test_descriptions_can_be_pickled():
     for name in ("arm3", *FAMILY):
         again = pickle.loads(pickle.dumps(get_arm(name)))
         assert again.urdf == get_arm(name).urdf
+    arm = bare()
+    for build in (arm.build_urdf, lambda: arm.build_urdf(), partial(copy.deepcopy, arm.robot)):  # whatever makes it
+        again = pickle.loads(pickle.dumps(replace(arm, build_urdf=build)))
+        assert again.urdf == arm.urdf
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from kinreach.errors import InputError, KinreachError, UnknownNameError
-from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics import ArmKinematics, URKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm, read_calibration
 from kinreach.robots.inside import JOINTS, UR_LENGTHS
 from tests.cases import slow
@@ -245,3 +245,12 @@ def test_a_calibration_ends_at_the_flange():
     arm = replace(get_arm("ur5e"), tips={"wrist": "wrist_3_link"}, default_tip="wrist")
     with pytest.raises(UnknownNameError, match="unknown tip of arm 'ur5e' 'tool0'; available: wrist"):
         arm.calibrated("ur5e_a", model="ur5e")
+
+
+def test_a_folded_file_is_repaired_for_kinematics_when_asked():
+    file, q = FILES / "ur5e_folded.yaml", np.random.default_rng(0).uniform(-3, 3, (100, 6))
+    with pytest.raises(InputError, match="folded at wrist_1"):
+        URKinematics.from_calibration(file, model="ur5e")
+    kin = URKinematics.from_calibration(file, model="ur5e", repair=True)
+    repaired = ArmKinematics(get_arm("ur5e").calibrated(file, repair=True), base="base_link", tip="tool0")
+    np.testing.assert_allclose(kin.fk(q), repaired.fk(q), atol=1e-12)

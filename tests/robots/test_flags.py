@@ -92,3 +92,34 @@ def test_flags_are_typed_again_as_they_were():
     assert ArmFlags.words(parsed()) == []
     with pytest.raises(InputError, match="give --tip or --tool, not both"):
         ArmFlags.of(parsed("--tip", "tool0", "--tool", CENTRE)).arm("ur5e")
+
+
+ARM = """<robot name="r"><link name="l0"/><link name="l1"/><link name="l2"/><link name="l3"/><link name="l4"/>
+  <joint name="rail" type="prismatic"><parent link="l0"/><child link="l1"/><axis xyz="1 0 0"/>{limit}</joint>
+  <joint name="turn" type="revolute"><parent link="l1"/><child link="l2"/><axis xyz="0 0 1"/>{limit}</joint>
+  <joint name="a" type="revolute"><parent link="l2"/><child link="l3"/><origin xyz="0.3 0 0"/>{limit}</joint>
+  <joint name="b" type="revolute"><parent link="l3"/><child link="l4"/><origin xyz="0 0.1 0.3"/>{limit}</joint>
+</robot>"""
+LIMIT = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
+
+
+def test_with_degrees_what_turns_is_held_in_degrees_and_what_slides_in_metres(tmp_path):
+    file = tmp_path / "r.urdf"
+    file.write_text(ARM.format(limit=LIMIT))
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--degrees", action="store_true")
+    ArmFlags.add_to(parser)
+    for rail, turn in np.random.default_rng(0).uniform(-1.5, 1.5, (20, 2)).tolist():
+        for unit, words in ((1.0, []), (np.degrees(1.0), ["--degrees"])):
+            given = parser.parse_args([*words, "--hold", f"rail={rail},turn={turn * unit}"])
+            given.arm = str(file)
+            assert ArmFlags.of(given).held == {"rail": rail, "turn": pytest.approx(turn)}
+
+
+def test_the_tip_of_a_file_says_which_joints_are_the_arms(tmp_path):
+    file = tmp_path / "r.urdf"
+    file.write_text(ARM.format(limit=LIMIT))
+    joints = ("rail", "turn", "a", "b")
+    for count in (3, 4):
+        arm = ArmFlags.of(parsed("--tip", f"l{count}")).arm(str(file))
+        assert (arm.joints, arm.default_tip) == (joints[:count], f"l{count}")

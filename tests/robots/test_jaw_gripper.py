@@ -1,6 +1,7 @@
 """The gripper with one jaw that turns: openings, angles, and the jaw in a simulation."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -42,8 +43,18 @@ def test_the_jaw_of_a_simulation_is_where_the_opening_says():
         across = tip.xmat.reshape(3, 3).T @ (touch - tip.xpos)
         assert across[1] == pytest.approx(GRIPPER.beside - opening, abs=1e-9)
         assert abs(across[0]) < 2e-4
+        box = data.geom(int(simulation.model.body("jaw_link").geomadr[0]))
+        half = simulation.model.geom_size[box.id]
+        inside = box.xmat.reshape(3, 3).T @ (touch - box.xpos)  # what touches is on the jaw's face
+        assert min(half - abs(inside)) == pytest.approx(0.0, abs=1e-9)
         count += 1
     assert count == 20
+    fixed = data.geom(int(simulation.model.body("gripper_link").geomadr[0]) + 1)  # behind its face
+    half = fixed.xmat.reshape(3, 3) * simulation.model.geom_size[fixed.id]
+    corners = fixed.xpos + np.array(list(product((-1, 1), repeat=3))) @ half.T
+    across = (corners - tip.xpos) @ tip.xmat.reshape(3, 3)
+    assert across[:, 1].min() == pytest.approx(GRIPPER.beside, abs=5e-4)
+    assert across[:, 2].max() > 0.005
     T = ArmKinematics.of(arm, tip="tcp", base="world").fk(arm.home)
     np.testing.assert_allclose(data.body("tcp").xpos, T[:3, 3], atol=1e-9)
 

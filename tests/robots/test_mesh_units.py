@@ -11,7 +11,7 @@ import trimesh
 
 from kinreach.errors import NoShapesError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots import ArmDescription, _mesh_units, get_arm
 from kinreach.robots._mesh_units import FAR, FITS, arm_length
 from kinreach.robots._urdf import parse_urdf
 from kinreach.robots.inside import link_shapes
@@ -105,6 +105,15 @@ def test_with_one_mesh_in_millimetres_small_ones_are_too(tmp_path):
     assert alone.notes == ()
 
 
+def test_from_ten_lengths_of_the_arm_on_a_mesh_is_told_alone(tmp_path):
+    for lengths, told in ((9.8, False), (10.2, True)):
+        side = 1e-3 * lengths * LENGTH
+        moved = box(tmp_path, "a.stl", 1e-3, size=(side, side / 2, side / 2))
+        described = ArmDescription.from_urdf(written(tmp_path, moved=moved))
+        assert bool(described.notes) == told
+        np.testing.assert_allclose(extent(described, "l3").max(), side if told else 1e3 * side, rtol=1e-5)
+
+
 def test_what_cannot_be_a_link_costs_the_collisions(tmp_path):
     """Ten times as long as the arm, and in millimetres longer than it: neither is a link."""
     moved = box(tmp_path, "a.stl", 1e-6)
@@ -195,3 +204,47 @@ def test_what_is_only_drawn_and_slow_to_measure_is_measured_beside_others(tmp_pa
         assert described.notes == ((note,) if found else ()), names
         for kind in kinds if found else ():
             np.testing.assert_allclose(extent(described, "l3", kind), SIZE, rtol=1e-5)
+
+
+def collada(folder: Path, unit: str, name: str = "a.dae") -> Path:
+    (folder / name).write_text(f"<COLLADA><asset>{unit}</asset></COLLADA>")
+    return folder / name
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("", 1.0), ('<unit name="inch" meter="0.0254"/>', 0.0254), ("<unit meter = '.001' name='mm'/>", 1e-3),
+        ('<unit meter="1e-2"/>', 1e-2), ('<unit meter="a metre"/>', 1.0), ('<unit meter=""/>', 1.0), ("<unit/>", 1.0),
+    ],
+)  # fmt: skip
+def test_the_unit_that_a_collada_file_names(tmp_path, monkeypatch, text, unit):
+    """One that is no number is none. Only files in metres are slow to measure: those of more bytes than a bound."""
+    file = collada(tmp_path, text)
+    assert _mesh_units._unit_of(file.read_bytes()) == unit
+    monkeypatch.setattr(_mesh_units, "SLOW", file.stat().st_size - 1)
+    assert _mesh_units._is_slow(file) == (unit == 1.0)
+    monkeypatch.setattr(_mesh_units, "SLOW", file.stat().st_size)
+    assert not _mesh_units._is_slow(file)
+
+
+def test_only_collada_files_that_can_be_read_are_slow(tmp_path, monkeypatch):
+    monkeypatch.setattr(_mesh_units, "SLOW", 0)
+    assert _mesh_units._is_slow(collada(tmp_path, "", "a.DAE"))
+    assert not _mesh_units._is_slow(collada(tmp_path, "", "a.stl"))
+    assert not _mesh_units._is_slow(tmp_path / "missing.dae")
+    late = collada(tmp_path, " " * _mesh_units.ASSET + '<unit meter="0.001"/>', "late.dae")  # beyond what is read
+    assert _mesh_units._is_slow(late)
+    (tmp_path / "folder.dae").mkdir()
+    assert not _mesh_units._is_slow(tmp_path / "folder.dae")
+
+
+def test_what_is_not_measured_has_no_length(tmp_path):
+    """A file that is not there, which is said elsewhere; a binary glTF file, which is in metres."""
+    one = np.ones(3)
+    assert _mesh_units._length(tmp_path / "missing.stl", one, 1.0) == (0.0, 1e-3)
+    for name in ("a.glb", "a.GLB"):
+        trimesh.creation.box((300, 50, 40)).export(tmp_path / name, file_type="glb")
+        assert _mesh_units._length(tmp_path / name, one, 1.0) == (0.0, 1.0)
+    box(tmp_path, "a.stl", 1e-3)
+    assert _mesh_units._length(tmp_path / "a.stl", np.array([1.0, 8.0, 1.0]), 1.0) == pytest.approx((400.0, 1e-3))

@@ -347,3 +347,16 @@ def test_a_link_into_a_folder_that_the_caller_names_is_followed(tmp_path):
     urdf.write_text(with_mesh(install, "robot/meshes/box.stl").urdf)
     arm = ArmDescription.from_urdf(urdf, package_dirs=[install.parent, tmp_path / "src"])
     assert CollisionChecker(arm).pairs
+
+
+def test_what_fails_while_a_mesh_is_read_is_said(tmp_path, monkeypatch):
+    BOX.export(tmp_path / "box.stl")
+    with pytest.raises(InputError, match=r"^the mesh .*cannot be read: .*null"):
+        collision_mesh("package://a\0b.stl", str(tmp_path), np.ones(3))
+
+    def greedy(*_, **__):
+        raise MemoryError
+
+    monkeypatch.setattr(trimesh, "load_scene", greedy)
+    with pytest.raises(InputError, match=r"^the mesh 'package://box.stl' cannot be read: there is not enough memory$"):
+        collision_mesh("package://box.stl", str(tmp_path), np.ones(3))

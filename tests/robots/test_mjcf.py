@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import mujoco
@@ -11,11 +12,11 @@ import pytest
 import trimesh
 
 from kinreach import cli
-from kinreach._rotations import pose_vector
+from kinreach._rotations import pose, pose_vector
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
 from kinreach.kinematics.inside import link_frame
-from kinreach.robots import ArmDescription
+from kinreach.robots import ArmDescription, _mjcf
 from kinreach.robots._registry import arm_named
 from kinreach.robots.inside import link_shapes
 from kinreach.sim import ArmSimulation
@@ -401,3 +402,67 @@ def test_from_a_shell(file, arm, capsys):
     assert "six joints: every posture of a pose exactly" in said.out
     assert "joints l, r of a gripper" in said.err
     assert cli.main(["ik", "--arm", str(file), "--hold", "l=0.02", "--degrees", "--pose", pose, "--base", "world"]) == 0
+
+
+def test_files_that_are_included_are_not_too_long_together(tmp_path, monkeypatch):
+    part = "<mujocoinclude><option/></mujocoinclude>"
+    (tmp_path / "part.xml").write_text(part)
+    file = tmp_path / "a.xml"
+    file.write_text(TWO.format("", '<include file="part.xml"/>' * 3))
+    monkeypatch.setattr(_mjcf, "MOST", 3 * len(part))
+    assert ArmDescription.from_file(file).joints == ("one", "two")
+    monkeypatch.setattr(_mjcf, "MOST", 3 * len(part) - 1)
+    with pytest.raises(InputError, match=f"a.xml.* includes more than {3 * len(part) - 1} characters"):
+        ArmDescription.from_file(file)
+
+
+def test_what_is_endless_or_the_worlds_is_no_part_of_a_link(tmp_path):
+    """A plane on a fixed body is no shape; a site of the world, and one without a name, is no tip."""
+    links, shapes = [], []
+    for name, sites, ground in (
+        ("plain", "", '<body name="p"><geom size="0.2"/>'),
+        ("more", '<site name="s"/><site/>', '<site name="w"/><body name="p"><geom size="0.2"/>{}'),
+    ):
+        ground = ground.format('<geom type="plane" size="1 1 0.1"/>')
+        text = TWO.format(sites, "").replace("<worldbody>", f"<worldbody>{ground}")
+        text = text.replace("</worldbody>", "</body></worldbody>")
+        (tmp_path / f"{name}.xml").write_text(text)
+        robot = ArmDescription.from_file(tmp_path / f"{name}.xml").robot
+        links.append({link.get("name") for link in robot.iter("link")})
+        shapes.append([shape.tag for shape in robot.iter() if shape.tag in ("visual", "collision")])
+    assert links[1] - links[0] == {"s"}
+    assert shapes[1] == shapes[0] == ["visual", "collision"] * 3
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_masses_that_follow_from_meshes_are_said(tmp_path, count):
+    """Of links whose mass MuJoCo would take from a mesh file that is not read."""
+    trimesh.creation.box((0.2, 0.1, 0.1)).export(tmp_path / "a.stl")
+    mesh = '<geom type="mesh" mesh="a"/>'
+    text = TWO.format("", '<asset><mesh name="a" file="a.stl"/></asset>')
+    for _ in range(count):
+        text = text.replace('<geom size="0.1"/>', mesh, 1)
+    (tmp_path / "a.xml").write_text(text)
+    which = "link b" if count == 1 else "links b, c"
+    assert ArmDescription.from_file(tmp_path / "a.xml").notes == (
+        f"the mass that follows from meshes is not computed: {which}; give <inertial> for simulations",
+    )
+
+
+def test_surfaces_that_a_urdf_has_not_have_no_mesh():
+    """Height fields, and meshes that are turned and stretched; others are placed back by MuJoCo's reference."""
+    T, turned = pose([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]), pose([0, 0, 0, 0.3, -0.2, 0.1])[:3, :3]
+    element, place = _mjcf._mesh_element(None, T)
+    assert (element.tag, place is T) == ("surface", True)
+    kinds = []
+    points = np.random.default_rng(3).normal(size=(20, 3))
+    for scale, R in itertools.product((np.full(3, 2.0), np.array([1.0, 2.0, 3.0])), (np.eye(3), turned)):
+        mesh = _mjcf._MeshFile("a.stl", scale, R, np.array([0.5, -0.1, 0.2]))
+        element, place = _mjcf._mesh_element(mesh, T)
+        kinds.append(element.tag)
+        if element.tag == "mesh":
+            assert element.get("filename") == "a.stl"
+            written = points * [float(word) for word in element.get("scale").split()] @ place[:3, :3].T + place[:3, 3]
+            mujocos = scale * ((points - mesh.reference) @ R)  # S R^T (v - p)
+            np.testing.assert_allclose(written, mujocos @ T[:3, :3].T + T[:3, 3], atol=1e-12)
+    assert kinds == ["mesh", "mesh", "mesh", "mesh_with_refquat_and_scale"]

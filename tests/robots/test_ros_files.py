@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 from pathlib import Path
@@ -62,7 +63,7 @@ def run(capsys, *words):
 
 
 #: The Z1's meshes take seconds to read.
-PACKAGES = ["ur_description", "franka_description", *slow("z1_gripper_description")]
+PACKAGES = ["ur_description", *slow("franka_description", "z1_gripper_description")]
 
 
 @pytest.mark.parametrize(
@@ -104,7 +105,6 @@ def test_files_of_ros_from_a_shell(workspace, capsys, monkeypatch, package, how)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-@pytest.mark.slow
 def test_meshes_of_a_package_reach_every_engine(workspace, package):
     _, _, count, tip, _ = ARMS[package]
     file = workspace / "mine" / f"{package}.urdf"
@@ -363,3 +363,15 @@ def test_joints_that_mimic_and_the_one_that_they_follow(tmp_path, capsys):
     assert ArmDescription.from_urdf(file, held={"follower": 0.0}).joints == ("j1", "j2", "drive")
     code, _, (line,) = run(capsys, "check", "ur5", "--joints", "elbow_joint")
     assert (code, "--joints is for URDF and MJCF files" in line) == (2, True)
+
+
+@pytest.mark.parametrize("kinds", list(itertools.product(("revolute", "prismatic"), repeat=2)), ids="-".join)
+def test_joints_that_mimic_are_a_grippers_where_an_arm_turns_before_them(tmp_path, kinds):
+    """A machine of slides alone may have two that follow each other."""
+    file, links = tmp_path / "g.urdf", "".join(f'<link name="l{i}"/>' for i in range(6))
+    text = GRIPPER.format(links=links, limit=LIMIT)
+    for joint, kind in zip(("j1", "j2"), kinds, strict=True):
+        text = text.replace(f'"{joint}" type="revolute"', f'"{joint}" type="{kind}"')
+    file.write_text(text)
+    arm = ArmDescription.from_urdf(file)
+    assert arm.joints == (("j1", "j2") if "revolute" in kinds else ("j1", "j2", "drive"))

@@ -11,16 +11,24 @@ import pytest
 import trimesh
 
 from kinreach.errors import InputError
+from kinreach.kinematics import pose
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots._urdf import (
     MAX_CHARACTERS,
     MAX_LINKS,
     MAX_NUMBER,
     CheckedUrdf,
+    Follows,
     Solid,
     UrdfArm,
     add_link,
     check_urdf,
+    followed,
+    followers_on_way,
+    is_only_way_on,
+    named,
+    place_origin,
+    set_limits,
 )
 from kinreach.robots._urdf_chain import UrdfChain
 from kinreach.robots.inside import origin_of
@@ -248,3 +256,108 @@ def test_a_home_may_be_beyond_a_limit_by_its_digits():
     for angle in (np.pi + 2e-5, -np.pi - 2e-5):
         with pytest.raises(InputError, match="outside its limits"):
             replace(arm, home=(angle, *arm.home[1:])).urdf  # noqa: B018
+
+
+def tree(*joints):
+    """A URDF of joints, each with its parent, child and type."""
+    robot = ET.Element("robot", name="r")
+    for parent, child, kind in joints:
+        joint = ET.SubElement(robot, "joint", name=f"{parent}{child}", type=kind)
+        ET.SubElement(joint, "parent", link=parent)
+        ET.SubElement(joint, "child", link=child)
+    for link in sorted({name for parent, child, _ in joints for name in (parent, child)}):
+        ET.SubElement(robot, "link", name=link)
+    return robot
+
+
+@pytest.mark.parametrize(
+    ("beside", "only"),
+    [
+        ([], True),
+        ([("c", "x", "revolute")], False),  # beside the last joint
+        ([("b", "x", "revolute")], False),  # on what is fixed to its parent
+        ([("a", "x", "revolute")], True),  # before the joint that moves the body
+        ([("c", "x", "fixed")], False),  # a frame beside the way
+        ([("b", "x", "fixed")], False),
+        ([("b", "x", "fixed"), ("x", "y", "revolute")], False),
+        ([("d", "x", "revolute"), ("d", "y", "revolute")], True),
+    ],
+)
+def test_whether_a_joint_is_the_only_way_on_from_a_body(beside, only):
+    """The body is all that is fixed to the joint's parent: b and c, which the joint ab moves."""
+    robot = tree(("a", "b", "revolute"), ("b", "c", "fixed"), ("c", "d", "revolute"), *beside)
+    assert is_only_way_on(robot, named(robot, "joint", "cd")) == only
+
+
+def test_the_origin_of_a_joint_is_put_where_it_moves_to():
+    """Compared with poses; without an <origin> or an <axis> it turns or slides along x."""
+    rng, placed = np.random.default_rng(2), 0
+    for kind in ("revolute", "continuous", "prismatic"):
+        for axis in (None, [0.0, 0.0, 2.0], rng.normal(size=3)):
+            for origin in (None, rng.uniform(-1, 1, 6)):
+                joint = ET.Element("joint", name="j", type=kind)
+                if axis is not None:
+                    ET.SubElement(joint, "axis", xyz=" ".join(map(repr, map(float, axis))))
+                before = np.eye(4)
+                if origin is not None:
+                    texts = (" ".join(map(repr, map(float, part))) for part in (origin[:3], origin[3:]))
+                    ET.SubElement(joint, "origin", **dict(zip(("xyz", "rpy"), texts, strict=True)))
+                    before = origin_of(joint)
+                place = float(rng.uniform(-1, 1))
+                place_origin(joint, place)
+                direction = np.array([1.0, 0.0, 0.0]) if axis is None else axis / np.linalg.norm(axis)
+                moved = [*(place * direction), 0, 0, 0] if kind == "prismatic" else [0, 0, 0, *(place * direction)]
+                np.testing.assert_allclose(origin_of(joint), before @ pose(moved), atol=1e-9)
+                placed += 1
+    assert placed == 18
+
+
+def test_only_joints_that_move_take_limits():
+    robot = tree(("a", "b", "fixed"), ("b", "c", "revolute"), ("c", "d", "continuous"), ("d", "e", "prismatic"))
+    for name in ("ab", "x", "b"):
+        with pytest.raises(InputError, match=f"no joint '{name}' of a kind that has limits"):
+            set_limits(robot, name, 0.0, 1.0)
+    for name, kind in (("bc", "revolute"), ("cd", "revolute"), ("de", "prismatic")):
+        set_limits(robot, name, -0.5, 1.5, effort=3.0)
+        joint = named(robot, "joint", name)
+        assert joint.get("type") == kind
+        assert {key: float(value) for key, value in joint.find("limit").attrib.items()} | {"velocity": 0.0} == {
+            "lower": -0.5, "upper": 1.5, "effort": 3.0, "velocity": 0.0
+        }  # fmt: skip
+
+
+def mimicking(**joints):
+    """Joints in a row, each with the attributes of its <mimic>."""
+    names = list(joints)
+    links = "abcdefgh"
+    robot = tree(*((links[i], links[i + 1], "revolute") for i in range(len(names))))
+    for joint, name in zip(robot.findall("joint"), names, strict=True):
+        joint.set("name", name)
+        if joints[name]:
+            ET.SubElement(joint, "mimic", **joints[name])
+    return robot
+
+
+@pytest.mark.parametrize("values", [{"multiplier": "two"}, {"offset": "inf"}, {"offset": ""}, {"multiplier": "1 2"}])
+def test_a_mimic_with_what_is_no_number_is_named(values):
+    robot = mimicking(j={}, k={"joint": "j", **values})
+    with pytest.raises(InputError, match="joint 'k' of the URDF has a <mimic> with what is no number"):
+        followed("r", robot, "k")
+
+
+def test_joints_that_follow_one_on_the_way():
+    """The first of them leads, and none follows one that is held; worked out by hand."""
+    robot = mimicking(
+        j={}, k={"joint": "j", "multiplier": "2", "offset": "0.5"}, m={"joint": "k", "multiplier": "-3"}, n={}
+    )
+    assert followed("r", robot, "m") == Follows("j", -6.0, -1.5)
+    assert followers_on_way("r", robot, ["j", "k", "m", "n"], []) == {
+        "k": Follows("j", 2.0, 0.5), "m": Follows("j", -6.0, -1.5)
+    }  # fmt: skip
+    assert followers_on_way("r", robot, ["k", "m", "n"], []) == {"m": Follows("k", -3.0, 0.0)}
+    assert followers_on_way("r", robot, ["k", "m", "n"], ["j"]) == {}
+    assert followers_on_way("r", robot, ["j", "k"], ["n"]) == {"k": Follows("j", 2.0, 0.5)}
+    robot = mimicking(j={}, k={"joint": "j", "multiplier": "0", "offset": "0.25"})
+    with pytest.raises(InputError, match=r"'k' mimics 'j' times 0, and does not move; hold it with held=\{'k': 0.25\}"):
+        followers_on_way("r", robot, ["j", "k"], [])
+    assert followers_on_way("r", robot, ["k"], ["j"]) == {}

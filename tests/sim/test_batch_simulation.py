@@ -1,3 +1,6 @@
+import importlib
+from unittest.mock import Mock
+
 import mujoco
 import numpy as np
 import pytest
@@ -167,3 +170,15 @@ def test_malformed_values_are_errors():
             BatchSimulation("arm3", count, threads=threads)
     with pytest.raises(UnknownNameError, match="available: arm3"):
         BatchSimulation("ur7", 2)
+
+
+def test_many_simulations_that_cannot_be_are_refused(monkeypatch):
+    """More than the memory holds, as MuJoCo says it; drawn ones whose model is one for all."""
+
+    module = importlib.import_module("mujoco.batch")
+    for failure in (MemoryError("no room"), ValueError("no room")):
+        monkeypatch.setattr(module, "Batch", Mock(side_effect=failure))
+        with pytest.raises(InputError, match=r"^3 simulations do not fit into the memory: no room$"):
+            BatchSimulation("arm3", 3)
+    with pytest.raises(InputError, match="simulations with backend='warp' have one model: nothing can be drawn"):
+        BatchSimulation("arm3", 3, backend="warp", drawn=["ball"])

@@ -2,12 +2,14 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.robots import get_arm
+from kinreach.robots import ArmDescription, get_arm
 from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import build_scene
 from tests.cases import slow
+from tests.robots.peoples_files import MASS, arm, shape
 
 ARMS = ("arm3", "ur10-thesis", "ur3-thesis", "ur5-thesis")
 
@@ -174,6 +176,23 @@ def test_visual_meshes_are_drawn_and_collision_meshes_are_hidden():
     assert {int(model.geom_group[i]) for i in drawn} == {2}
     assert len(solid) == 7
     assert {int(model.geom_group[i]) for i in solid} == {3}
+
+
+def test_meshes_of_a_few_triangles_are_drawn(tmp_path):
+    """One alone has three vertices; MuJoCo takes a mesh of four or more."""
+    rng, drawn = np.random.default_rng(0), 0
+    for count in (1, 2, 3):
+        trimesh.Trimesh(rng.uniform(-0.1, 0.1, (3 * count, 3)), np.arange(3 * count).reshape(-1, 3)).export(
+            tmp_path / "few.stl"
+        )
+        shapes = shape('<mesh filename="few.stl"/>') + shape('<sphere radius="0.01"/>', "collision")
+        (tmp_path / "a.urdf").write_text(arm(links=dict.fromkeys(range(7), MASS) | {3: MASS + shapes}))
+        model = build_scene(ArmDescription.from_urdf(tmp_path / "a.urdf"), visual=True).compile()
+        (geom,) = (i for i in range(model.ngeom) if model.geom_dataid[i] >= 0)
+        assert model.geom_group[geom] == 2
+        assert model.mesh_facenum[model.geom_dataid[geom]] == max(count, 2)
+        drawn += 1
+    assert drawn == 3
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from kinreach.baselines.inside import PickAndPlaceScript
 from kinreach.cli import main
+from kinreach.compare import get_task
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.kinematics import URKinematics
 from kinreach.sim import BatchSimulation
@@ -114,3 +116,41 @@ def test_what_cannot_be(monkeypatch, capsys):
         BatchSimulation("ur5-thesis", 2, backend="warp")
     assert main(["evaluate", "ranked-single", "--backend", "warp", "--goals", "2"]) == 2
     assert capsys.readouterr().err.strip().endswith("pip install 'kinreach[warp]'")
+
+
+def test_a_script_picks_and_places_in_the_same_steps():
+    found, script = {}, PickAndPlaceScript(gym.make("kinreach/PickAndPlace-v0"))
+    for backend in ("mujoco", "warp"):
+        envs = gym.make_vec("kinreach/PickAndPlace-v0", 2, vectorization_mode="vector_entry_point", backend=backend)
+        rows, told, ended = envs.reset(seed=0)[0], [], np.zeros(2, dtype=bool)
+        while not ended.all():
+            rows, _, terminated, truncated, info = envs.step(script.act(rows))
+            last = info.get("final_info", info)
+            told.append((last["q"], last["gripped"], terminated & ~ended))
+            ended |= terminated | truncated
+        envs.close()
+        found[backend] = [np.array(each) for each in zip(*told, strict=True)]
+    (ours, held, successes), (theirs, *others) = found["mujoco"], found["warp"]
+    assert successes.sum() == 2
+    for mine, other in zip((held, successes), others, strict=True):
+        np.testing.assert_array_equal(mine, other)
+    before = ~np.maximum.accumulate(held, axis=0)
+    assert 40 < before.sum() < before.size - 4
+    assert np.abs(ours - theirs)[before].max() <= 1e-5
+    assert np.abs(ours - theirs)[: int(successes[:, 0].argmax())].max() <= 1e-3
+
+
+def test_cubes_of_their_own_size_mass_and_friction_are_lifted():
+    options = {"shapes": ["cube"], "sizes": (0.015, 0.035), "masses": (0.02, 0.3), "frictions": (0.3, 1.5)}
+    grasp = get_task("lift").methods["closed-form"].make(gym.make("kinreach/Lift-v0", **options))
+    found = {}
+    for backend in ("mujoco", "warp"):
+        envs = gym.make_vec(
+            "kinreach/Lift-v0", 3, vectorization_mode="vector_entry_point", backend=backend, clutter=True, **options
+        )
+        rows, _ = envs.reset(seed=0)
+        found[backend] = info = envs.step(np.array([grasp.act(row) for row in rows]))[4]["final_info"]
+        assert info["is_success"].all()
+        envs.close()
+    for name, tolerance in (("q", 1e-5), ("position", 1e-4), ("opening", 1e-5), ("move_s", 1e-9)):
+        np.testing.assert_allclose(found["warp"][name], found["mujoco"][name], rtol=0, atol=tolerance, err_msg=name)

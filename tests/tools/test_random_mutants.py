@@ -1,13 +1,14 @@
 """Random changes of the syntax tree: each is a program, none is text for people, and the right tests are asked."""
 
 import ast
+import dataclasses
 import json
 
 import pytest
 
 from tools.mutants import by_hand as mutants
 from tools.mutants import drawn as random_mutants
-from tools.mutants.drawn import Covering, RandomMutant, changes, draw, equivalents, judge, report
+from tools.mutants.drawn import Covering, changes, draw, equivalents, judge, report
 
 pytestmark = pytest.mark.slow
 
@@ -91,27 +92,31 @@ def test_the_tests_that_enter_a_function_are_asked_and_kill(toy):
     (divided,) = (mutant for mutant in changes("kinreach/square.py", text) if mutant.new == "(x / x)")
     row = judge(toy, divided, Covering(toy / "map.json"), full=False)
     assert (row["killed_by"], row["tests"]) == ("tests/test_square_3.py::test", 2)
-    harmless = RandomMutant(divided.file, divided.start, divided.end, divided.line, divided.old, "x ** 2")
+    harmless = dataclasses.replace(divided, new="x ** 2")
     assert judge(toy, harmless, Covering(toy / "map.json"), full=False)["killed_by"] is None
     assert (toy / "kinreach/square.py").read_text() == text
 
 
 def test_what_changes_nothing_is_not_counted(monkeypatch, capsys):
-    monkeypatch.setattr(random_mutants, "equivalents", lambda: {"a.py x < 1 -> (x <= 1)": "never one"})
-    results = {"a.py:3 x < 1 -> (x <= 1)": {"killed_by": None}, "a.py:4 any -> all": {"killed_by": "tests/t.py::t"}}
-    assert report(list(results), results) == 0
+    """A reason is that of a line, wherever it stands, not of the same change on another line."""
+    why = {("square.py", "if x < 0 and not least:", "0 -> 1"): "never one"}
+    monkeypatch.setattr(random_mutants, "equivalents", lambda: why)
+    moved = [mutant for mutant in changes("square.py", "\n" + SOURCE) if mutant.change == "0 -> 1"]
+    excused, other = (next(one for one in moved if one.source.startswith(word)) for word in ("if", "return"))
+    results = {excused.id: {"killed_by": None}, other.id: {"killed_by": "tests/t.py::t"}}
+    assert report([excused, other], results) == 0
     assert "1 of 1 killed; 1 more change nothing" in capsys.readouterr().out
-    results["a.py:5 any -> all"] = {"killed_by": None}
-    assert report(list(results), results) == 1
+    results[other.id] = {"killed_by": None}
+    assert report([excused, other], results) == 1
+    assert f"{other.id}: NOT NOTICED" in capsys.readouterr().out
 
 
 def test_every_equivalent_has_its_place_and_its_reason(root):
-    entries = equivalents()
-    texts = {}
-    for name, why in entries.items():
-        file = name.partition(" ")[0]
-        if file not in texts:
+    entries, known = equivalents(), {}
+    for (file, line, change), why in entries.items():
+        if file not in known:
             found = changes(file, (root / file).read_text(encoding="utf-8"))
-            texts[file] = {random_mutants._anywhere(mutant.id) for mutant in found}
-        assert name in texts[file]
+            known[file] = {mutant.anywhere for mutant in found}
+        assert (file, line, change) in known[file]
         assert len(why) > 15
+    assert len(entries) > 50

@@ -17,11 +17,11 @@ pytestmark = pytest.mark.slow
 PATIENCE = 180.0  # [s]: a machine that is busy draws a frame in seconds
 
 
-def wait_for(tab, condition):
-    """Until something holds; the browser goes on meanwhile."""
+def wait_for(tab, condition, state=lambda: None):
+    """Until something holds; the browser goes on meanwhile. `state` says what is there if it never does."""
     deadline = time.monotonic() + PATIENCE
     while not (held := condition()):
-        assert time.monotonic() < deadline
+        assert time.monotonic() < deadline, state()
         tab.wait_for_timeout(50)
     return held
 
@@ -97,14 +97,26 @@ def test_what_collides_is_red_and_named(browser_page):
     assert red_pixels(tab, page) > usable + 2000  # the table
 
 
+def is_at_rest(tab, page, box):
+    """Whether the box shows where the target is, and nothing of a move before is still on its way for a second."""
+    T = page.target.T
+    for _ in range(20):
+        if page.target.T is not T or float(box.input_value()) != T[0, 3].round(3):
+            return False
+        tab.wait_for_timeout(50)
+    return True
+
+
 @pytest.mark.parametrize("typed", ["-0.2", "0.35", "-.25", "-0.05"])
 def test_a_number_is_typed_sign_by_sign(browser_page, typed):
     tab, page, _ = browser_page
     box = tab.get_by_label("x y z [m]")
+    # what the server still writes would undo that everything is selected
+    wait_for(tab, lambda: is_at_rest(tab, page, box))
     box.click()
     box.press("Control+a")
     box.press_sequentially(typed, delay=100)
-    wait_for(tab, lambda: page.target.T[0, 3] == float(typed))
+    wait_for(tab, lambda: page.target.T[0, 3] == float(typed), lambda: (page.target.T[0, 3], box.input_value()))
     assert float(box.input_value()) == float(typed)
 
 

@@ -3,6 +3,7 @@
 import contextlib
 import re
 import socket
+from types import SimpleNamespace
 from urllib.error import HTTPError
 from urllib.request import urlopen
 
@@ -16,6 +17,7 @@ from websockets.sync.client import connect
 
 from benchmarks.studies.tab import Tab, wait_for
 from kinreach.errors import InstallationError
+from kinreach.view import _server
 from kinreach.view._cli import setup_of
 from kinreach.view._server import Server
 
@@ -148,3 +150,16 @@ def test_the_page_has_its_own_title_and_no_frame_around_it(own):
         urlopen(f"{own.address}/nothing.html")
     with missing.value as refusal:
         assert refusal.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+
+
+def test_a_tab_that_is_left_is_closed_once_before_it_is_drawn_too(own, monkeypatch):
+    closed, numbers = [], range(1000, 1006)
+    monkeypatch.setattr(
+        _server, "Page", lambda client, _: SimpleNamespace(close=lambda: closed.append(client.client_id))
+    )
+    for number in numbers:
+        client, happens = SimpleNamespace(client_id=number), [own._opened, own._left]
+        for each in happens[:: -1 if number % 2 else 1]:
+            each(client)
+    assert closed == [*numbers]
+    assert not own.pages

@@ -10,7 +10,7 @@ import pytest
 from example_robot_data.robots_loader import getModelPath
 
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, URKinematics
+from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PoseGoal, URKinematics
 from kinreach.kinematics.inside import SOLVERS
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
 from kinreach.robots._urdf import parse_urdf
@@ -40,6 +40,25 @@ def poses(model, count, *, seed=0, stretch=1.6):
         T = kinematics.fk(rng.uniform(kinematics.lower, kinematics.upper))
         T[:3, 3] *= rng.uniform(0.5, stretch)
         yield T
+
+
+def test_a_posture_along_a_self_motion_replaces_the_one_before():
+    """It is judged as others are, its distance from the seed among it, and is shown if nothing was."""
+    model, rng, tried = TargetModel("panda"), np.random.default_rng(0), 0
+    kinematics = model.kinematics
+    seed = np.array(kinematics.arm.home)
+    answer = model.answer(PoseGoal(kinematics.fk(seed)), seed)
+    before = len(answer.postures)
+    for q in seed + rng.uniform(-0.3, 0.3, (5, 7)):
+        answer = model.along(answer, 2, q)
+        *_, last = answer.postures
+        assert len(answer.postures) == before + 1
+        assert last.branch == 2
+        np.testing.assert_array_equal(last.q, q)
+        assert last.distance == pytest.approx(np.linalg.norm(q - seed))
+        assert answer.shown >= 0
+        tried += 1
+    assert tried == 5
 
 
 @pytest.mark.parametrize("calibrated", [False, True])

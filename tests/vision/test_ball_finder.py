@@ -245,3 +245,17 @@ def test_unusable_input_is_refused():
     for radius in (0.0, -0.1, 0.25, np.nan):
         with pytest.raises(InputError, match="radius"):
             find_ball(rgb, depth, CAMERA, radius)
+
+
+def test_of_balls_of_several_colours_the_thesis_measures_the_red_one():
+    checked = 0
+    for side in (-1.0, 1.0):
+        red, other = np.array([0.1 * side, 0.02, 0.55]), np.array([-0.12 * side, -0.03, 0.45])
+        rgb, depth = picture(red)
+        found = picture(other, colour=(60, 60, 62))
+        nearer = found[1] < depth
+        rgb[nearer], depth[nearer] = found[0][nearer], found[1][nearer]
+        assert error_mm(find(rgb, depth, pipeline="thesis"), red) < 15.0
+        assert find(*found, pipeline="thesis") is None
+        checked += 1
+    assert checked == 2

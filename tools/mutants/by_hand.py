@@ -123,7 +123,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=RESULTS, help="results, kept between calls (docs/mutants.json)")
     parser.add_argument("--fresh", action="store_true", help="forget earlier results")
     arguments = parser.parse_args(argv)
-    chosen = [mutant for mutant in read_mutants() if mutant.id.startswith(tuple(arguments.only.split(",")))]
+    listed = read_mutants()
+    chosen = [mutant for mutant in listed if mutant.id.startswith(tuple(arguments.only.split(",")))]
     if not chosen:
         raise InputError(f"there is no mutant {arguments.only}")
     make_writable(arguments.out.parent)
@@ -135,7 +136,8 @@ def main(argv: list[str] | None = None) -> int:
         for mutant in pending:
             which = {"id": mutant.id, "area": mutant.area, "mutant": mutant.digest}
             results[mutant.id] = which | verdict(copy, mutant, full=arguments.full)
-            write_text(arguments.out, json.dumps(results, indent=1) + "\n")
+            ordered = {each.id: results[each.id] for each in listed if each.id in results}
+            write_text(arguments.out, json.dumps(ordered, indent=1) + "\n")
             print(_line(results[mutant.id]), flush=True)
     rows = [results[mutant.id] for mutant in chosen]
     print("\n".join(["", *summary(rows)]))

@@ -1,13 +1,14 @@
 """Whether the tests notice mistakes that nobody chose: random changes of the syntax tree, one at a time.
 
-    python -m tools.mutants.drawn --seed 1 --count 100 [--map FILE] [--out FILE] [--full]
+    python -m tools.mutants.drawn --seed 1 --count 100 [--only ROOM ...] [--map FILE] [--out FILE] [--full]
 
 A module is drawn by its number of lines, then a line of it, then a change of that line: a comparison, an operator, a
 number, a condition, an argument, a statement. Docstrings, annotations, assertions (`strict=` of `zip` is one) and what
 an error says stay as they are. The fast tests that enter the function run, those of the module's own room first, then
 the room's other tests, up to the first failure.
 `--map FILE` says which they are; a run of the fast suite writes it if it is not there. With `--full` what survives them
-meets the whole fast suite. A second call with the same `--out` goes on where the first stopped.
+meets the whole fast suite. A second call with the same `--out` goes on where the first stopped. `--only kinematics
+compare/_methods` draws from modules of some rooms.
 
 `drawn.toml` lists the changes that nobody can notice, with the reason. The exit code is 0 if at least `GOAL`
 of all others were killed, else 1.
@@ -77,6 +78,7 @@ class RandomMutant:
         file: Module, from the root of the checkout.
         start, end: Place of what is replaced in the module's bytes.
         line: Number of its first line, from 1.
+        source: That line, without its indentation.
         old, new: What is replaced, and by what.
     """
 
@@ -84,14 +86,24 @@ class RandomMutant:
     start: int
     end: int
     line: int
+    source: str
     old: str
     new: str
 
     @property
+    def change(self) -> str:
+        """What it does."""
+        return " -> ".join(" ".join(text.split()) for text in (self.old, self.new))
+
+    @property
     def id(self) -> str:
         """Where it is, and what it does."""
-        old, new = (" ".join(text.split()) for text in (self.old, self.new))
-        return f"{self.file}:{self.line} {old} -> {new}"
+        return f"{self.file}:{self.line} {self.change}"
+
+    @property
+    def anywhere(self) -> tuple[str, str, str]:
+        """As `id`, with the line's text in place of its number, which other changes move."""
+        return self.file, self.source, self.change
 
     def applied(self, text: str) -> str:
         """The text of the module with the mistake in it."""
@@ -101,7 +113,8 @@ class RandomMutant:
 
 def changes(file: str, text: str) -> list[RandomMutant]:
     """Every change that may be drawn in a module."""
-    starts = [0, *accumulate(len(line.encode()) for line in text.splitlines(keepends=True))]
+    lines = text.splitlines(keepends=True)
+    starts = [0, *accumulate(len(line.encode()) for line in lines)]
     found = {}
     for node, new in _replacements(ast.parse(text)):
         start = starts[node.lineno - 1] + node.col_offset
@@ -109,7 +122,8 @@ def changes(file: str, text: str) -> list[RandomMutant]:
         old = text.encode()[start:end].decode()
         if isinstance(node, ast.expr) and not isinstance(node, ast.Constant | ast.Name | ast.Call):
             new = f"({new})"
-        mutant = RandomMutant(file, start, end, node.lineno, old, new.replace("\n", "\n" + " " * node.col_offset))
+        new = new.replace("\n", "\n" + " " * node.col_offset)
+        mutant = RandomMutant(file, start, end, node.lineno, lines[node.lineno - 1].strip(), old, new)
         found[mutant.id] = mutant
     return list(found.values())
 
@@ -301,6 +315,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, required=True, help="of the draw")
     parser.add_argument("--count", type=int, default=100, help="number of mutants (100)")
+    parser.add_argument("--only", nargs="+", metavar="ROOM", default=[""], help="rooms to draw from (all)")
     parser.add_argument("--map", type=Path, default=Path("build/covering.json"), help="which tests enter what")
     parser.add_argument("--out", type=Path, help="results, kept between calls (build/random_mutants_SEED.json)")
     parser.add_argument("--full", action="store_true", help="run the whole fast suite on what covering tests let live")
@@ -314,17 +329,21 @@ def main(argv: list[str] | None = None) -> int:
         if not arguments.map.exists():
             write_map(copy, arguments.map.resolve())
         covering = Covering(arguments.map)
+        rooms = tuple(f"kinreach/{room}/" if room else "kinreach/" for room in arguments.only)
         texts = {
-            str(path.relative_to(copy)): path.read_text(encoding="utf-8")
+            name: path.read_text(encoding="utf-8")
             for path in sorted(copy.glob("kinreach/**/*.py"))
+            if (name := str(path.relative_to(copy))).startswith(rooms)
         }
+        if not texts:
+            raise InputError(f"there is no module in {' '.join(arguments.only)}")
         drawn = draw(texts, arguments.seed, arguments.count)
         for mutant in drawn:
             if mutant.id not in results:
                 results[mutant.id] = judge(copy, mutant, covering, full=arguments.full)
                 write_text(out, json.dumps(results, indent=1) + "\n")
                 print(f"{results[mutant.id]['killed_by'] or 'SURVIVES'} | {mutant.id}", flush=True)
-    return report([mutant.id for mutant in drawn], results)
+    return report(drawn, results)
 
 
 def write_map(copy: Path, path: Path) -> None:
@@ -337,29 +356,22 @@ def write_map(copy: Path, path: Path) -> None:
         raise InputError(f"without a mutant {failed} fails")
 
 
-def equivalents() -> dict[str, str]:
-    """Changes that nobody can notice, with the reasons, by `file old -> new`."""
-    return {
-        f"{entry['file']} {entry['change']}": entry["why"] for entry in tomllib.loads(TABLE.read_text())["equivalent"]
-    }
+def equivalents() -> dict[tuple[str, str, str], str]:
+    """Changes that nobody can notice, with the reasons, by file, text of the line and change."""
+    entries = tomllib.loads(TABLE.read_text(encoding="utf-8"))["equivalent"]
+    return {(entry["file"], entry["line"], entry["change"]): entry["why"] for entry in entries}
 
 
-def report(drawn: Sequence[str], results: dict[str, Any]) -> int:
+def report(drawn: Sequence[RandomMutant], results: dict[str, Any]) -> int:
     """Print what survives and the share that was killed."""
     known = equivalents()
-    alive = [name for name in drawn if results[name]["killed_by"] is None]
-    missed = [name for name in alive if _anywhere(name) not in known]
+    alive = [mutant for mutant in drawn if results[mutant.id]["killed_by"] is None]
+    missed = [mutant for mutant in alive if mutant.anywhere not in known]
     counted = len(drawn) - len(alive) + len(missed)
-    for name in alive:
-        print(f"survives: {name}: {known.get(_anywhere(name), 'NOT NOTICED')}")
+    for mutant in alive:
+        print(f"survives: {mutant.id}: {known.get(mutant.anywhere, 'NOT NOTICED')}")
     print(f"{counted - len(missed)} of {counted} killed; {len(alive) - len(missed)} more change nothing")
     return 0 if counted - len(missed) >= GOAL * counted else 1
-
-
-def _anywhere(name: str) -> str:
-    """A mutant's name without the line's number, which other changes move."""
-    place, _, change = name.partition(" ")
-    return f"{place.rpartition(':')[0]} {change}"
 
 
 if __name__ == "__main__":

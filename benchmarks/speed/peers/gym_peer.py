@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from types import TracebackType
 from typing import Any
@@ -41,6 +41,12 @@ class PeerEnvironment:
 
 
 PANDA = PeerEnvironment("PandaReach-v3", "panda_gym", ("panda-gym", "pybullet"), "KINREACH_BENCH_PYTHON_PANDA_GYM")
+PANDA_PUSH, PANDA_PICK = (replace(PANDA, name=f"Panda{task}-v3") for task in ("Push", "PickAndPlace"))
+#: gymnasium-robotics 1.4.2 runs with MuJoCo before 3.4, thus in a Python of its own.
+FETCH = PeerEnvironment(
+    "FetchReach-v4", "gymnasium_robotics", ("gymnasium-robotics", "mujoco"), "KINREACH_BENCH_PYTHON_FETCH"
+)
+FETCH_PICK = replace(FETCH, name="FetchPickAndPlace-v4")
 REACHER = PeerEnvironment("Reacher-v5", "mujoco", ("gymnasium", "mujoco"), "KINREACH_BENCH_PYTHON_REACHER")
 
 

@@ -15,18 +15,18 @@ from gymnasium.vector import VectorEnv
 
 from benchmarks.speed.measure import Contender, Timings, interleaved
 from benchmarks.speed.peers.gym_child import play, random_actions
-from benchmarks.speed.peers.gym_peer import PANDA, REACHER, gym_peers
+from benchmarks.speed.peers.gym_peer import FETCH, FETCH_PICK, PANDA, PANDA_PICK, PANDA_PUSH, REACHER, gym_peers
 from benchmarks.speed.sections import Chart, Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED, episodes
 from benchmarks.speed.tables import median_rates, median_ratio, rate_row, samples, short_of_cores, time_row
-from kinreach._registration import BUTTON, MULTI, SINGLE
+from kinreach._registration import BUTTON, MULTI, OBSTACLES, PICK_AND_PLACE, PUSH, SINGLE
 from kinreach.errors import DrawingError, InstallationError
 
 AGAIN = "python -m benchmarks.speed --suite env"
 #: Environments of a kinematic batch, and how many times as fast as PandaReach-v3 it has to be.
 KINEMATIC, TIMES_PANDA = 4096, 50.0
 #: Steps of peers in a round.
-PEER_STEPS = {PANDA.name: 300, REACHER.name: 6000}
+PEER_STEPS = {PANDA: 300, PANDA_PUSH: 300, PANDA_PICK: 300, FETCH: 300, FETCH_PICK: 300, REACHER: 6000}
 #: Longest reset with a camera observation [ms].
 RESET_MS = 60.0
 
@@ -53,8 +53,8 @@ STEPS_TEXT = f"""\
 Random actions, drawn before the clock runs; resets of ended episodes count as part of the steps. A batch is one
 `gym.make_vec(..., vectorization_mode="vector_entry_point")`. Peers run in a process of their own, as `gym.make` gives
 them, and take turns with the others. The tasks differ: a step of PandaReach-v3 is 40 ms of a position-controlled arm
-in PyBullet, and one of Reacher-v5 20 ms of a planar arm with two joints. One of UR5SingleStep-v0 under dynamics is a
-whole episode, 1.3 s and more of simulated time.
+in PyBullet, and one of Reacher-v5 20 ms of a planar arm with two joints. A step of Push-v0 and PickAndPlace-v0 is 40 ms
+of an arm with servos. One of UR5SingleStep-v0 under dynamics is a whole episode, 1.3 s and more of simulated time.
 
 A kinematic step judges the collisions of its target, which is most of a batch's time. {PROFILED}, by `cProfile` and
 `perf record`: under dynamics 90 % of
@@ -79,9 +79,10 @@ def _steps(options: Options, progress: Progress) -> Section:
     missing: dict[str, str] = {}
     with ExitStack() as opened:
         contenders = _contenders(opened, amounts, options.seed, kinematic, missing)
-        peers, absent = opened.enter_context(gym_peers((PANDA, REACHER), seed=options.seed))
+        peers, absent = opened.enter_context(gym_peers(list(PEER_STEPS), seed=options.seed))
+        planned = {peer.name: steps for peer, steps in PEER_STEPS.items()}
         for name, peer in peers.items():
-            steps = _at_least_one(amounts.share * PEER_STEPS[name])
+            steps = _at_least_one(amounts.share * planned[name])
             contenders.append(Contender(name, partial(peer.play, steps), steps, note=peer.description, peer=True))
         timings = interleaved(
             contenders, options.rounds, on_round=lambda done, rounds: progress("steps of environments", done, rounds)
@@ -105,7 +106,7 @@ def _steps(options: Options, progress: Progress) -> Section:
                 "steps per second",
                 bars=median_rates(timings),
                 x="steps/s",
-                peers=[PANDA.name, REACHER.name],
+                peers=[peer.name for peer in PEER_STEPS],
             )
         ],
         samples=samples(timings),
@@ -134,6 +135,10 @@ def _contenders(
         single("UR5SingleStep-v0, mujoco, one", SINGLE, share * 60),
         single("UR5MultiStep-v0, mujoco, one", MULTI, share * 300),
         single("ButtonPress-v0, one", BUTTON, share * 1000),
+        single("Obstacles-v0, one", OBSTACLES, share * 100),
+        single("Push-v0, one", PUSH, share * 300),
+        single("PickAndPlace-v0, one", PICK_AND_PLACE, share * 300),
+        batch("PickAndPlace-v0, batch of 64, 2 threads", PICK_AND_PLACE, 64, share * 10, threads=2),
     ]
 
 

@@ -18,8 +18,11 @@ class Networks:
         activation: `"tanh"`, `"silu"`, `"relu"`, `"elu"` or `"leaky_relu"`.
         features: `"raw"`: the observation as it is; `"scaled"`: shifted and scaled by constants; `"goal waves"`: the
             goal alone, scaled, and waves of it; `"waves"`: the same of all; `"button"`: scaled by the constants of the
-            button task; `"grasps"`: by those of grasping in small steps; `"sights"`, `"arms"`: by those of rolling
-            balls and of random arms, and waves; `"looks"`: convolutions of both cameras' pictures, in ranked PPO only.
+            button task; `"grasps"`: by those of grasping in small steps; `"objects"`: by those of tasks with an object
+            at a table, and the ways from the tip to it and on to the goal; `"sights"`, `"arms"`: by those of rolling
+            balls and of random arms, and waves; `"steering"`: fits to the last sights of a rolling ball, where the
+            actor's outputs are shares of the motion that joints can make in a frame, and the settings `low` and `high`
+            are bounds of the angles [rad]; `"looks"`: convolutions of both cameras' pictures, in ranked PPO only.
         posture: Whether the actor's output is a change of the start pose [rad], small at first.
         std: Standard deviation of the actions to begin with, where it is learned; 1 is half the range.
     """

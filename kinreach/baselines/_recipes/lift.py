@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from kinreach._registration import LIFT, PICK_AND_PLACE, PUSH
-from kinreach.baselines._recipes.base import Networks
+from kinreach.baselines._recipes.base import Networks, Recipe
 from kinreach.baselines._recipes.reach import PPO_MULTI, RANKED_SINGLE
 
 _LIFT = replace(
@@ -20,31 +20,37 @@ _LIFT = replace(
     settings={**RANKED_SINGLE.settings, "exploration": {"first": 0.2, "last": 5e-4, "until": 0.85}},
 )
 
-_PICK_AND_PLACE = replace(
-    PPO_MULTI,
-    name="pick-and-place",
-    summary="PPO in steps of 40 ms; in training it is paid for coming near, for holding, and for the object's way.",
+_IMITATED_PICK = Recipe(
+    name="imitated-pick-and-place",
+    summary="Imitates the script of the comparison, by its answers in the states that the learner comes to (DAgger).",
     environment=PICK_AND_PLACE,
-    steps=5_000_000,
-    num_envs=128,
-    reward="moved",
-    networks=Networks(hidden=(256, 256), activation="silu", features="scaled"),
+    algorithm="Imitation",
+    steps=192_000,
+    num_envs=64,
+    segments=4,
+    window=9_600,
+    networks=Networks(hidden=(256, 256), activation="silu", features="objects"),
     settings={
-        **PPO_MULTI.settings,
-        "n_steps": 32,
-        "minibatches": 8,
-        "gamma": 0.97,
-        "gae_lambda": 0.95,
-        "exploration": {"first": 0.5, "last": 0.1, "until": 0.8},
-        "adaptive": {"first": 1e-3, "target_kl": 0.02, "decay": 0.5},
+        "expert": "kinreach.baselines.inside:PickAndPlaceScript",
+        "memory": 200_000,
+        "n_steps": 50,
+        "updates": 150,
+        "batch_size": 640,
+        "exploration": {"first": 0.01, "last": 0.01, "until": 1.0},
+        "adaptive": {"first": 1e-3, "target_kl": 0.02, "decay": 1.0},
     },
-    options={},
+)
+_IMITATED_PUSH = replace(
+    _IMITATED_PICK,
+    name="imitated-push",
+    environment=PUSH,
+    settings={**_IMITATED_PICK.settings, "expert": "kinreach.baselines.inside:PushScript"},
 )
 
 LIFT_RECIPES = (
     _LIFT,
-    _PICK_AND_PLACE,
-    replace(_PICK_AND_PLACE, name="push", environment=PUSH, summary="As pick-and-place, with closed fingers."),
+    _IMITATED_PICK,
+    _IMITATED_PUSH,
     replace(
         PPO_MULTI,
         name="ppo-lift-multi",

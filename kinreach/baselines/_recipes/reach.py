@@ -177,7 +177,7 @@ _MOVING_CLEAR = Recipe(
     # each update plays 256 episodes of its own; the actions are those of the learning curve
     steps=64_000,
     num_envs=16,
-    networks=Networks(hidden=(128, 128), activation="silu"),
+    networks=Networks(hidden=(128, 128), activation="silu", features="steering"),
     settings={
         "balls": 256,
         "n_steps": 1,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats, check_count
-from kinreach.baselines.inside import expert
+from kinreach.baselines.inside import LearnedPolicy, expert
 from kinreach.compare._methods.turn_rate import TurnRateFit
 from kinreach.envs.inside import moving as ball
 from kinreach.kinematics import URKinematics
@@ -45,6 +45,8 @@ FRAMES_TO, FRAMES_ALONG, SPEED_ERROR = 3, 6, 0.1
 LAST_TRY = 0.7
 #: How many such ways are checked, and how far ahead they are looked for [frames].
 MAX_ALONG, HORIZON_ALONG = 4, 60
+#: Frames in which a policy acts before the planner does.
+FIRST = 24
 #: Where it waits: this share of the way from the ball to the middle of the area, this high above the ball [m].
 TOWARDS_MIDDLE, WAITING = 0.35, 0.06
 #: Without a way that is free, it keeps to the one that is free the longest if it is lower than this above the ball [m].
@@ -106,11 +108,22 @@ class Interception(_ClosedForm):
         env: `kinreach/Moving-v0`.
         noise: Standard deviation of a coordinate of a sight that is believed [m]; by default it is found.
         every: Frames from a decision to the next, as if one took so long; in between the arm goes on its way.
+        first: Policy of the environment that acts in the first frames, in which the planner only sees.
+        frames: How many these are.
     """
 
-    def __init__(self, env: gym.Env[Any, Any], *, noise: float | None = None, every: int = 1) -> None:
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        *,
+        noise: float | None = None,
+        every: int = 1,
+        first: LearnedPolicy | None = None,
+        frames: int = FIRST,
+    ) -> None:
         super().__init__(env)
         self._every = check_count("every", every)
+        self._first, self._frames = first, frames
         self._counts = self._env.options.collisions
         self._checker = ball.ur5_checker(self._env.options.margin)
         self._noise = noise
@@ -139,7 +152,10 @@ class Interception(_ClosedForm):
         age = self._fit.age + self._late / ball.FRAMES  # when the action is done, after those that are on their way
         for target in self._sent[len(self._sent) - self._late :]:
             q, v = self._after_a_frame(q, v, target, self._limits)
-        if (round(self._time * ball.FRAMES) - 1) % self._every == 0:
+        frame = round(self._time * ball.FRAMES) - 1
+        if self._first is not None and frame < self._frames:
+            self._target = math.pi * np.asarray(self._first.act(observation), dtype=float)
+        elif frame % self._every == 0:
             self._followed = None
             self._choose(q, v, age, observation[ball.BALL])
         elif self._followed is not None and len(self._followed) > ball.PARTS:

@@ -1,4 +1,4 @@
-"""Touch a rolling ball by planning for many of its futures at once, or act by a policy first and plan later."""
+"""Touch a rolling ball by planning for many of its futures at once."""
 
 from __future__ import annotations
 
@@ -10,21 +10,19 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.baselines.inside import LearnedPolicy, expert
+from kinreach.baselines.inside import expert
 from kinreach.compare._methods.futures import Futures
 from kinreach.compare._methods.interception import HORIZON, Interception
 from kinreach.envs.inside import moving as ball
 
 #: Futures that are drawn in a decision, and frames between their places.
-COUNT, EVERY = 48, 2
+COUNT, EVERY = 128, 2
 #: Postures of single futures among the tried motions; the others go to the median of all, one for each place.
-SINGLE = 12
+SINGLE = 36
 #: A posture within the joints' bounds by much more than this is reached in time, one beyond them is not [rad].
-SURE = 0.02
+SURE = 0.05
 #: `Interception`'s own motion is left only for one from which this share more of the futures can be met.
-GAIN = 0.05
-#: Frames in which the policy of `ActFirst` acts.
-FIRST = 24
+GAIN = 0.01
 
 
 class Scenarios(Interception):
@@ -38,11 +36,11 @@ class Scenarios(Interception):
     Args:
         env: `kinreach/Moving-v0`.
         count: Futures that are drawn in a decision.
-        every: As of `Interception`.
+        every, first, frames: As of `Interception`.
     """
 
-    def __init__(self, env: gym.Env[Any, Any], *, count: int = COUNT, every: int = 1) -> None:
-        super().__init__(env, every=every)
+    def __init__(self, env: gym.Env[Any, Any], *, count: int = COUNT, **options: Any) -> None:
+        super().__init__(env, **options)
         self._count = count
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
@@ -120,28 +118,3 @@ class Scenarios(Interception):
             apart = np.linalg.norm(at - tips[within], axis=1)
             near[future] = bool((apart[parts[within] <= last] <= ball.TOUCH).any())
         return near
-
-
-class ActFirst(Interception):
-    """Act by a policy in the first frames, then as `Interception`, which sees all the while.
-
-    Args:
-        env: `kinreach/Moving-v0`, with as many sights as the policy sees.
-        policy: Of that environment.
-        frames: In which the policy acts.
-    """
-
-    def __init__(self, env: gym.Env[Any, Any], policy: LearnedPolicy, frames: int = FIRST) -> None:
-        super().__init__(env)
-        self._policy, self._frames = policy, frames
-
-    def act(self, observation: Any) -> Floats:
-        """Return the policy's action in the first frames, then that on the way to the meeting."""
-        self._observation = observation
-        return super().act(observation)
-
-    def _choose(self, q: Floats, v: Floats, age: float, seen: Floats) -> None:
-        if round(self._time * ball.FRAMES) <= self._frames:
-            self._target = math.pi * np.asarray(self._policy.act(self._observation), dtype=float)
-        else:
-            super()._choose(q, v, age, seen)

@@ -44,6 +44,7 @@ class TurnRateFit:
         self._squares: list[float] = []
         self._observed: list[float] = []
         self._ages: list[float] = []
+        self._age = 0.0
         self._delay = 1.0
         self._places: list[complex] = []
 
@@ -60,14 +61,20 @@ class TurnRateFit:
 
     @property
     def age(self) -> float:
-        """Age that the last sight had when it was observed [s]."""
-        return self._delay * self._ages[-1]
+        """Age of the last sight when it was last reported [s]."""
+        return self._delay * self._age
 
     def see(self, time: float, place: Floats, age: float = 0.0) -> None:
-        """Add a sight [m], shape (2,) or (3,), that is observed at a time [s] and believed to be so old [s]."""
+        """Add a sight [m], shape (2,) or (3,), that is observed at a time [s] and believed to be so old [s].
+
+        One that is reported again, because the ball is hidden, has only become older.
+        """
+        z, self._age = complex(place[0], place[1]), age
+        if self._places and z == self._places[-1]:
+            return
         self._observed.append(time)
         self._ages.append(age)
-        self._places.append(complex(place[0], place[1]))
+        self._places.append(z)
         if age > 0.0 and len(self._places) in FIRST_SIGHTS:
             self._find_delay()
 

@@ -10,11 +10,11 @@ from kinreach._registration import LIFT, MAX_EPISODE_STEPS
 from kinreach.envs._batch import NativeVectorEnv
 from kinreach.envs._goals import GoalMethods
 from kinreach.envs._lift.episodes import LiftEpisodes
-from kinreach.envs._lift.lift_task import LiftOptions, LiftTask
+from kinreach.envs._lift.lift_task import LiftOptions, LiftTask, grasping_batch
 from kinreach.envs._options import with_options
 from kinreach.envs._randomise import drawn_of
 from kinreach.envs._single import ArmEnv, ForfeitEnv
-from kinreach.sim import ArmSimulation, BatchSimulation
+from kinreach.sim import ArmSimulation
 from kinreach.sim.inside import OBJECTS, Grasping
 
 
@@ -168,7 +168,8 @@ class LiftEnv(GoalMethods, ForfeitEnv, ArmEnv):
 class LiftVectorEnv(GoalMethods, NativeVectorEnv):
     """A batch of `kinreach/Lift-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
-    Arguments, and how episodes start anew, are as of `NativeVectorEnv`.
+    Arguments, and how episodes start anew, are as of `NativeVectorEnv`. With `backend="warp"` all objects have one
+    shape, and `device` is Warp's too.
 
     Attributes:
         task: What is to be done.
@@ -180,8 +181,8 @@ class LiftVectorEnv(GoalMethods, NativeVectorEnv):
     def _new_episodes(self, options: LiftOptions, threads: int, device: str | None) -> LiftEpisodes:
         self.task = task = LiftTask(options)
         world = None
-        if options.backend == "mujoco":
-            drawn, objects = drawn_of(options.randomise), _objects(options)
-            arms = BatchSimulation(task.arm, self.num_envs, threads=threads, objects=objects, drawn=drawn)
-            world = Grasping(arms)
+        if options.backend != "kinematic":
+            world = grasping_batch(
+                task.arm, self.num_envs, options, objects=_objects(options), threads=threads, device=device
+            )
         return LiftEpisodes(task, world, self.num_envs)

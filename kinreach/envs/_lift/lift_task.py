@@ -25,8 +25,9 @@ from kinreach._checks import (
 from kinreach.envs import _tip_control as tip_control
 from kinreach.envs._goals import DENSE, REWARD_NAMES, GoalOptions, goal_dict
 from kinreach.envs._options import about, given_options, option_rows
-from kinreach.envs._randomise import WITH_CAMERAS, Ranges, about_randomise, check_randomise
+from kinreach.envs._randomise import WITH_CAMERAS, Ranges, about_randomise, check_randomise, drawn_of
 from kinreach.envs._reach.reach_task import (
+    BACKENDS,
     CAMERA_RANGE,
     GOAL_RANGE,
     Layout,
@@ -39,7 +40,8 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import THESIS_ARM, ArmDescription, Box, BoxRegion, get_arm
 from kinreach.robots.inside import FLANGE, JawGripper
-from kinreach.sim.inside import BALL_SHAPE, BEYOND_LIMIT, CUBE, SHAPES, Objects
+from kinreach.sim import BatchSimulation
+from kinreach.sim.inside import BALL_SHAPE, BEYOND_LIMIT, CUBE, SHAPES, WARP, Grasping, Objects
 
 #: Ways to act: a grasp in one action, or changes of joints and fingers 25 times a second.
 SINGLE, MULTI = STEPS = ("single", "multi")
@@ -77,7 +79,10 @@ class LiftOptions(GoalOptions):
     )
     backend: str = field(
         default="mujoco",
-        metadata=about('`"mujoco"`, or `"kinematic"`: a grasp is judged by geometry and nothing is lifted'),
+        metadata=about(
+            '`"mujoco"`, or `"kinematic"`: a grasp is judged by geometry and nothing is lifted; in native batches also '
+            '`"warp"`, for one shape (tried on CPUs only)'
+        ),
     )
     arm: str | ArmDescription = field(
         default=THESIS_ARM,
@@ -137,6 +142,12 @@ class LiftOptions(GoalOptions):
                 )
         if self.backend == "kinematic" and self.steps != SINGLE:
             raise InputError('backend="kinematic" is for steps="single": in small steps the dynamics decide')
+        if self.backend == WARP and len(set(self.shapes)) > 1:
+            raise InputError(f'backend="warp" is for objects of one shape, got shapes={shown(self.shapes)}')
+
+    @property
+    def _backends(self) -> Sequence[str]:
+        return BACKENDS
 
 
 def check_objects(
@@ -181,6 +192,22 @@ def _with_gripper(found: ArmDescription) -> ArmDescription:
     if not hasattr(ArmKinematics.of(found, base="world"), "nearest_batch"):
         raise InputError(f"grasping needs an arm with a closed form, such as a UR; arm {found.name!r} has none")
     return found
+
+
+def grasping_batch(
+    arm: ArmDescription, count: int, options: Any, *, objects: int, threads: int, device: str | None
+) -> Grasping:
+    """Return so many simulated grippers, each with its free objects; a device is also that of Warp."""
+    arms = BatchSimulation(
+        arm,
+        count,
+        threads=threads,
+        backend=options.backend,
+        device=device if options.backend == WARP else None,  # else it is only where tensors are wanted
+        objects=objects,
+        drawn=drawn_of(options.randomise),
+    )
+    return Grasping(arms)
 
 
 def table_of(boxes: Sequence[Box]) -> tuple[Box, float]:
@@ -396,5 +423,5 @@ class LiftTask:
         if len(names) != (count or 1):
             raise InputError(f"shape must have a name for each of {count or 1} environments, got {len(names)}")
         for name in names:
-            check_known("shape", str(name), SHAPES)
+            check_known("shape", str(name), self.options.shapes if self.options.backend == WARP else SHAPES)
         return np.array([[SHAPES.index(str(name))] for name in names])

@@ -17,7 +17,6 @@ from kinreach.envs._reach.reach_task import MULTI_STEP, SINGLE_STEP, ReachOption
 from kinreach.envs._reach.space import SpaceOptions, SpaceTask
 from kinreach.envs._reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
 from kinreach.envs._single import ArmEnv, ForfeitEnv
-from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, PositionGoal
 from kinreach.sim import ArmSimulation
 
@@ -94,10 +93,6 @@ class ReachEnv(GoalMethods, PostureEnv, ArmEnv):
     goes_on = True
 
     def _new_episodes(self, options: ReachOptions) -> ReachEpisodes:
-        if options.backend == "warp":
-            raise InputError(
-                'backend="warp" is of native batches: gym.make_vec(..., vectorization_mode="vector_entry_point")'
-            )
         self._task = task = self.new_task(options)
         visual = options.render_mode is not None
         self._simulation = ArmSimulation(

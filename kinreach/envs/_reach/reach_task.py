@@ -42,7 +42,7 @@ from kinreach.envs._reach.rewards import (
     score_of_goals,
     scorer_of,
 )
-from kinreach.envs._tip_control import TipControl
+from kinreach.envs._tip_control import TipControl, shortened
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
 from kinreach.kinematics.inside import MARGIN
@@ -551,10 +551,10 @@ class ReachTask:
     def action_for(self, q: Floats, target: Floats) -> Floats:
         """Return the action from a posture `q` to a target [rad], or straight towards it; shape (n,)."""
         if self.tip is not None:
-            return self.tip.action_for(q, target)
+            action: Floats = self.tip.action_for(q[None], target[None])[0]
+            return action
         if self.variant.relative:
-            way = (target - q) / self._steps
-            return np.asarray(way / max(1.0, float(np.abs(way).max())))
+            return shortened((target - q) / self._steps)
         return np.asarray((seen_joints(self.arm, target) - self._middle) / self._half)
 
     def waypoints_to(self, q: Floats, target: Floats) -> list[Floats]:

@@ -70,7 +70,7 @@ class URGeometry:
         Args:
             origins: A point of each axis in the arm's base frame [m], shape (6, 3).
             axes: Directions of the axes there, shape (6, 3).
-            flange: Origin of the flange there [m], shape (3,).
+            flange: Origin of the flange there, or a point beside it as far along the last axis [m], shape (3,).
 
         Raises:
             InputError: These are not six axes, or not the lengths of a UR.

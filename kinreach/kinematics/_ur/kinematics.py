@@ -133,8 +133,6 @@ class URKinematics(CompiledKinematics):
         link = link_frame(self.model, self.arm.tips[FLANGE]) if named else self.tip_frame
         flange = self.model.frames[link].placement
         end = frame[:3, :3] @ flange.translation + frame[:3, 3]
-        if not named:
-            end = origins[-1] + directions[-1] * (directions[-1] @ (end - origins[-1]))
         geometry = URGeometry.from_axes(np.array(origins), np.array(directions), end)
         if not named:
             (T_dh_flange,) = geometry.chain.fk(np.zeros((1, self.n)))

@@ -266,3 +266,22 @@ def test_resets_do_not_grow_the_memory(backend):
     for _ in range(1500):
         env.reset()
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1500  # kB
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_what_an_environment_says_of_itself(name):
+    """Its variant, its kinematics from the world, and what its cameras measured last: nothing where it has none."""
+    env = make(name, backend="kinematic").unwrapped
+    assert env.variant.name == ("single" if name == SINGLE else "multi")
+    q = np.random.default_rng(3).uniform(-3, 3, (20, 6))
+    np.testing.assert_allclose(env.kinematics.positions(q), KIN.positions(q), atol=1e-12)
+    env.reset(seed=0)
+    assert env.measurement is None
+    env.episodes._observer.last = "a measurement"
+    assert env.measurement == "a measurement"
+
+
+def test_a_batch_without_a_render_mode_draws_nothing():
+    batch = gym.make_vec(SINGLE, num_envs=2, vectorization_mode="vector_entry_point", backend="kinematic")
+    batch.reset(seed=0)
+    assert batch.render() is None

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -12,6 +13,7 @@ import kinreach  # noqa: F401 (registers the environments)
 from kinreach._registration import SPACE
 from kinreach.baselines import rollout
 from kinreach.baselines.inside import SolverPolicy
+from kinreach.envs._reach import space
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, ClosedFormSolver, CollisionChecker, FiveAxisKinematics
 from kinreach.robots import ArmDescription, BoxRegion, Workcell, get_arm
@@ -104,3 +106,19 @@ def test_a_region_that_is_out_of_reach_is_said():
     env = make(replace(get_arm("so101"), name="far", workcell=far), backend="kinematic")
     with pytest.raises(InputError, match="arm 'far' reaches none of 1000 goals in its region"):
         env.reset(seed=0)
+
+
+def test_after_so_many_draws_a_region_is_out_of_reach(monkeypatch):
+    """Each of them is another goal; none is nearer than what the arm reaches."""
+    monkeypatch.setattr(space, "MAX_DRAWS", 3)
+    far = BoxRegion(x=(0.9, 1.0), y=(-0.1, 0.1), z=(0.1, 0.1))
+    arm = get_arm("so101")
+    task = make(replace(arm, workcell=replace(arm.workcell, goals=far)), backend="kinematic", tilt=10.0).unwrapped._task
+    asked = []
+    kin = SimpleNamespace(
+        axis_solutions=lambda place, axis, seed: asked.append(place) or SimpleNamespace(q=[], left=[]), fk=None
+    )
+    rng = np.random.default_rng(0)
+    with pytest.raises(InputError, match="reaches none of 3 goals in its region with the tool within 10 degrees"):
+        task._nearest_aim(kin, task._aims(rng, 1, 0.0)[0], rng, 0.0)
+    assert len(asked) == len(np.unique(asked, axis=0)) == 3

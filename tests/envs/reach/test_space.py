@@ -17,7 +17,7 @@ from kinreach.compare import compare
 from kinreach.envs.inside import SpaceTask
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ClosedFormSolver, CollisionChecker, LevenbergMarquardtSolver, URKinematics
-from kinreach.robots import get_arm
+from kinreach.robots import QuadrantRegion, get_arm
 
 #: One arm takes the URDF's angles as they are written, many take right angles where almost right ones are written.
 ROUNDED = 1e-10
@@ -249,3 +249,17 @@ def test_a_free_posture_is_refused_where_the_arm_would_touch_itself_on_the_way()
     assert len(ends[True]) > 80
     assert set(ends[True]) == {"completed"}
     assert ends[False].count("self-collision") >= 5
+
+
+def test_goals_in_a_volume_need_one():
+    """A work cell with goals in four quadrants, or without any, has none."""
+    arm = get_arm("ur5e")
+    for goals in (None, QuadrantRegion((0.3, 0.5), (0.1, 0.2))):
+        other = replace(arm, workcell=replace(arm.workcell, goals=goals))
+        with pytest.raises(InputError, match="goals in a volume need a BoxRegion in the work cell, arm 'ur5e'"):
+            make(arm=other)
+
+
+def test_no_posture_has_an_error_where_only_a_direction_is_asked_for():
+    reward = SpaceTask(make().unwrapped.options).default_reward()
+    np.testing.assert_array_equal(reward.posture_error(np.ones((4, 6))), np.zeros(4))
