@@ -54,7 +54,7 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ.pop(name, None)
     if not hasattr(config, "workerinput"):  # workers of pytest-xdist inherit the folder
         kept = config.cache.mkdir("caches") if config.pluginmanager.hasplugin("cacheprovider") else None
-        config.stash[FOLDER] = SessionFolder(kept)
+        config.stash[FOLDER] = SessionFolder(kept, ROOT / "results")
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
@@ -84,7 +84,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """A run that leaves something behind in the home or the temporary folder fails."""
+    """A run that leaves something behind in the home, the temporary folder or `results` fails."""
     if FOLDER in session.config.stash and (left := session.config.stash[FOLDER].left()):
         session.config.get_terminal_writer().line(f"\nThe tests left behind: {', '.join(left)}", red=True)
         session.exitstatus = pytest.ExitCode.TESTS_FAILED

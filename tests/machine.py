@@ -22,9 +22,11 @@ class SessionFolder:
 
     Args:
         caches: Where matplotlib's fonts, Warp's kernels and the like are kept from run to run; None: nowhere.
+        results: The folder that commands write into by themselves: no test makes it.
     """
 
-    def __init__(self, caches: Path | None) -> None:
+    def __init__(self, caches: Path | None, results: Path) -> None:
+        self._results = None if results.exists() else results
         self._folder = tempfile.TemporaryDirectory(prefix="kinreach-", ignore_cleanup_errors=True)
         self.path = Path(self._folder.name)
         for name in ("home", "tmp", "no-graphics"):
@@ -47,10 +49,14 @@ class SessionFolder:
         self._patch.setenv("ORT_DISABLE_TELEMETRY", "1")  # onnxruntime's
 
     def left(self) -> list[str]:
-        """What lies in the two folders, without those that pytest, Ray and Warp keep: Warp until its process ends."""
+        """What lies in the two folders, without those that pytest, Ray and Warp keep: Warp until its process ends.
+
+        And the folder of results, if it was not there before.
+        """
         found = [path for name in ("home", "tmp") for path in (self.path / name).iterdir()]
         ours = [path for path in found if path.name != ".ray" and not path.name.startswith(("pytest-of-", "wp_pch_"))]
-        return sorted(str(path.relative_to(self.path)) for path in ours)
+        made = [str(self._results)] if self._results and self._results.exists() else []
+        return sorted(str(path.relative_to(self.path)) for path in ours) + made
 
     def close(self) -> None:
         """Remove the folders."""

@@ -72,7 +72,8 @@ def test_shares_are_drawn_against_times(tmp_path, capsys, monkeypatch, texts):
         commitment, "frame_time", lambda method, *others, **more: 0.02 if method.endswith("n") else 0.004
     )
     monkeypatch.setattr(commitment, "_saved", lambda figure, file: drawn.append(figure))
-    arguments = ["--times", "--methods", "interception", "interception@3", "ppo", "--delays", "0.2", "--strengths", "1"]
+    arguments = ["--times", "--methods", "interception", "interception@3", "ppo", "--delays", "0.2", "--strengths", "1",
+                 "--out", str(tmp_path / "cells")]  # fmt: skip
     assert commitment.main([*arguments, "--speeds", "0.4", "0.8", "--figure", str(tmp_path / "f.png")]) == 0
     (figure,) = drawn
     assert {"0.4 m/s, 200 ms late", "0.8 m/s, 200 ms late", "interception", "ppo"} <= {*texts(figure)}
