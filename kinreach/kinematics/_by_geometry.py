@@ -13,7 +13,7 @@ from kinreach._checks import Floats, as_floats, check_tolerance, is_tensor
 from kinreach._rotations import rotation_angle, small_motion, turn
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import POSE_JOINTS
-from kinreach.kinematics._chain import TURNS, poses_about
+from kinreach.kinematics._chain import TURNS, poses_about, turns_and_own
 from kinreach.kinematics._closed_form import TOLERANCE, ClosedFormKinematics
 from kinreach.kinematics._goals import AxisGoal, Goal, PositionGoal, rigid_pose, rigid_poses
 from kinreach.kinematics._solutions import (
@@ -130,7 +130,8 @@ class ByGeometry(ClosedFormKinematics):
             return self._with_direction(goal, self._nearest_of(goal, pose[None], start, accept))
         if self.n < POSE_JOINTS:
             raise InputError(self.unsolved)
-        return self._nearest_of(goal, poses_about(goal.position, goal.axis, TURNS), start, accept)
+        turns = turns_and_own(TURNS, goal.axis, self.fk(start))
+        return self._nearest_of(goal, poses_about(goal.position, goal.axis, turns), start, accept)
 
     def _with_direction(self, goal: AxisGoal, found: IKResult) -> IKResult:
         """A result for a goal's position, which has its direction, too, or says that it cannot."""

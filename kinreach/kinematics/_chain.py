@@ -267,6 +267,12 @@ def _snapped(T: Floats) -> Floats:
     return snapped
 
 
+def turns_and_own(turns: Floats, axis: Floats, T: Floats) -> Floats:
+    """Return turns [rad] of `poses_about`, and last the one that comes nearest to the orientation of a pose."""
+    R = rotation_to(axis).T @ T[:3, :3]
+    return np.append(turns, np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1]))
+
+
 def poses_about(position: Floats, axis: Floats, turns: Floats) -> Floats:
     """Return poses at a point with the z axis along a direction, one for each turn about it [rad], shape (m, 4, 4)."""
     T = turns_about_z(turns)

@@ -11,7 +11,7 @@ from kinreach._checks import MAX_ANGLE, Floats, as_pose
 from kinreach._rotations import pose_error
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._chain import TURNS, poses_about
+from kinreach.kinematics._chain import TURNS, poses_about, turns_and_own
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, Goal, SolvesGoals, check_goal, nearest_rotations
 from kinreach.kinematics._seven_axis.curves import SelfMotions, surfaces_within_limits, within_limits
@@ -164,7 +164,7 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
         """Compute a posture near a seed for a `PoseGoal` or an `AxisGoal`.
 
         For a direction the joint that is held, a slide if there is one, keeps the seed's value, and the tip is turned
-        about the direction in steps of 3 degrees.
+        about the direction in steps of 3 degrees, and as it is turned in the seed.
 
         Raises:
             InputError: A `PositionGoal`, or an object of another kind.
@@ -174,7 +174,8 @@ class SevenAxisKinematics(SolvesGoals, ArmKinematics):
     def _solve_axis(self, goal: AxisGoal, seed: ArrayLike, accept: Accept | None) -> IKResult:
         check_accept(accept)
         start = self.as_posture("seed", seed)
-        q = self._tracer.with_held(poses_about(goal.position, goal.axis, TURNS), start / self.unit) * self.unit
+        turns = turns_and_own(TURNS, goal.axis, self.fk(start))
+        q = self._tracer.with_held(poses_about(goal.position, goal.axis, turns), start / self.unit) * self.unit
         wound, within = nearest_windings(q.T, start[:, None], self.lower, self.upper, turns=~self.slides)
         found = wound.T[within]
         for posture in found[np.argsort(np.linalg.norm(found - start, axis=1))]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach._checks import Floats, as_floats, check_tolerance
 from kinreach._rotations import joints_apart
 from kinreach.errors import InputError
-from kinreach.kinematics._chain import poses_about
+from kinreach.kinematics._chain import poses_about, turns_and_own
 from kinreach.kinematics._closed_form import TURNS_ABOUT, core_goal
 from kinreach.kinematics._compiled import CompiledKinematics
 from kinreach.kinematics._core import NULL, as_rows, doubles, lib, new_rows
@@ -163,7 +163,8 @@ class SixAxisKinematics(CompiledKinematics):
         """Compute postures with the tip at a point and its z axis along a direction; rotation about it is free.
 
         If the tip is on the last joint's axis, they are all there are. If not, or if it is beside it by up to 1e-5 m
-        and rad and only some turns reach, they are those at 36 turns about the direction, 10 degrees apart.
+        and rad and only some turns reach, they are those at 36 turns about the direction, 10 degrees apart, and with a
+        seed at its own.
 
         Args:
             position: In the base frame [m], shape (3,).
@@ -200,7 +201,8 @@ class SixAxisKinematics(CompiledKinematics):
                     )
                 found.append((row[BRANCH], *turned[FLAGS:]))
         if not found and not self._last_turns_tip(ON_AXIS_EXACTLY):
-            found = [(index, *row[1:]) for index, row in enumerate(rows_at(TURNS_ABOUT, limits=limits))]
+            turns = TURNS_ABOUT if start is None else turns_and_own(TURNS_ABOUT, goal.axis, self.fk(start))
+            found = [(index, *row[1:]) for index, row in enumerate(rows_at(turns, limits=limits))]
         found = [row for row in found if self._missed_by(row, goal) <= MISSED] or found
         (T,) = poses_about(goal.position, goal.axis, np.zeros(1))
         unreached = "" if found else (free and self._wrist_reach.why(T)) or UNREACHED

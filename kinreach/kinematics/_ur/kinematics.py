@@ -18,7 +18,7 @@ from kinreach._rotations import joints_apart
 from kinreach._tensors import like, on_host
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import link_frame
-from kinreach.kinematics._chain import about_z, poses_about
+from kinreach.kinematics._chain import about_z, poses_about, turns_and_own
 from kinreach.kinematics._closed_form import TOLERANCE, TURNS_ABOUT, ClosedFormKinematics
 from kinreach.kinematics._compiled import CompiledKinematics
 from kinreach.kinematics._core import NULL, ROW, doubles, ffi, lib
@@ -230,7 +230,7 @@ class URKinematics(CompiledKinematics):
 
         Returns:
             Every posture, if wrist_3 turns the tip about its z axis. If not, as with a tool that is turned or beside
-            that axis, those at 36 turns about the direction, 10 degrees apart.
+            that axis, those at 36 turns about the direction, 10 degrees apart, and with a seed at its own.
 
         Raises:
             InputError: Malformed input.
@@ -264,7 +264,8 @@ class URKinematics(CompiledKinematics):
         return self._reach is not None
 
     def _at_turns(self, goal: AxisGoal, start: Floats | None, *, limits: bool, tol: float) -> IKSolutions:
-        turned = poses_about(goal.position, goal.axis, TURNS_ABOUT)
+        turns = TURNS_ABOUT if start is None else turns_and_own(TURNS_ABOUT, goal.axis, self.fk(start))
+        turned = poses_about(goal.position, goal.axis, turns)
         found = np.concatenate([self.all_solutions(T, limits=False, tol=tol).rows for T in turned])
         unreached = "" if len(found) else "no posture reaches the point with any of 36 turns about the direction"
         return self._solutions(found, unreached, goal, start, limits, tol)
