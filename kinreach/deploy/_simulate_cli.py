@@ -131,9 +131,14 @@ class _Log:
         with suppress(OSError):  # who has read it is gone
             while (text := self._lines.get()) is not None:
                 self._write(text)
-                if self._left_out and self._lines.empty():
-                    left_out, self._left_out = self._left_out, 0
-                    self._write(f"{left_out} lines are left out here, since nobody read them")
+                if self._lines.empty():
+                    self._say_left_out()
+            self._say_left_out()  # of what came while the last lines waited
+
+    def _say_left_out(self) -> None:
+        left_out, self._left_out = self._left_out, 0
+        if left_out:
+            self._write(f"{left_out} lines are left out here, since nobody read them")
 
     def _write(self, text: str) -> None:
         if self._file is None:

@@ -211,6 +211,23 @@ def test_lines_that_nobody_reads_are_left_out_and_counted(monkeypatch):
     assert not log._thread.is_alive()
 
 
+def test_a_log_that_is_closed_says_what_it_left_out(monkeypatch):
+    monkeypatch.setattr(_simulate_cli, "MAX_LINES", 2)
+    printed, goes, waits = [], threading.Event(), threading.Event()
+    monkeypatch.setattr(
+        _simulate_cli, "say", lambda text: (waits.set(), goes.wait(10.0), sleep(0.01), printed.append(text))
+    )
+    monkeypatch.setattr(_simulate_cli.sys, "stdout", None)
+    log = _simulate_cli._Log()
+    log.add("first")
+    assert waits.wait(10.0)
+    for number in range(5):
+        log.add(f"line {number}")
+    goes.set()
+    log.close()  # its end is among the lines that wait
+    assert printed == ["first", "line 0", "line 1", "3 lines are left out here, since nobody read them"]
+
+
 def test_lines_of_the_log_are_written_past_the_buffer(monkeypatch):
     ours, theirs = os.pipe()
     with os.fdopen(ours, "rb") as reader, os.fdopen(theirs, "w", encoding="ascii") as writer:
