@@ -128,7 +128,8 @@ class IdentifiedArm:
         self.cost = float(np.sum((prior_rows @ offsets) ** 2))
         inverse = np.linalg.inv(R)
         self.covariance: Floats = np.asarray(inverse @ inverse.T)
-        self.determined = float(len(offsets) - np.sum((prior_rows @ inverse) ** 2))
+        self._root: Floats = R
+        self.determined = float(len(offsets) - self._variances(prior_rows).sum())
 
     def positions(self, q: Floats) -> Floats:
         """Compute positions of the tip in postures (m, n) [m], shape (m, 3); for few faster than the chain."""
@@ -141,16 +142,19 @@ class IdentifiedArm:
     def doubt(self, q: Floats) -> float:
         """Compute the standard deviation of the tip's coordinates over postures (m, n) [m]."""
         J = self._linearised(q)[1]
-        return float(np.sqrt(np.einsum("ij,jk,ik->i", J, self.covariance, J).mean()))
+        return float(np.sqrt(self._variances(J).mean()))
 
     def doubts(self, q: Floats) -> tuple[Floats, Floats]:
         """Compute the expected error of the tip in postures (m, n), root mean square: [m] and [rad], shape (m,)."""
         frames, J = self._linearised(q)
-        parts = []
-        for slope in (J, self._turn_slopes(frames, q)):
-            variances = np.einsum("ij,jk,ik->i", slope, self.covariance, slope)
-            parts.append(np.sqrt(np.maximum(variances.reshape(-1, 3).sum(axis=1), 0.0)))
-        return parts[0], parts[1]
+        apart, turned = (
+            np.sqrt(self._variances(slope).reshape(-1, 3).sum(axis=1)) for slope in (J, self._turn_slopes(frames, q))
+        )
+        return apart, turned
+
+    def _variances(self, J: Floats) -> Floats:
+        """Of what depends on the parameters by rows (m, k), shape (m,): sums of squares, so that none is below 0."""
+        return np.asarray((np.linalg.solve(self._root.T, J.T) ** 2).sum(axis=0))
 
     def _frames(self, q: Floats) -> list[Floats]:
         return frames_of(self.placements, q if self._terms is None else q + self._terms.of(q) @ self._factors)

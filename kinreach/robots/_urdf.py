@@ -540,7 +540,7 @@ def _check_tree(robot: ET.Element, kinds: Collection[str]) -> None:
         if kind in _LIMITED and limit is None:
             without = "; one that turns without end is continuous" if kind in TURNING else ""
             raise InputError(f"joint {name} of the URDF is {kind} and has no <limit>, which it must have{without}")
-        if kind in MOVED and axis is not None and math.hypot(*_floats(axis.get("xyz", ""))) < MIN_AXIS:
+        if kind in MOVED and axis is not None and math.hypot(*floats_in(axis.get("xyz", ""))) < MIN_AXIS:
             raise InputError(f"joint {name} of the URDF has an axis without direction: {shown(axis.get('xyz', ''))}")
     roots = [link for link in links if link not in held]
     if len(roots) != 1 or len(links) != len(joints) + 1:
@@ -561,15 +561,17 @@ def _check_limits(joint: ET.Element) -> None:
         raise InputError(f"joint {name} of the URDF has its lower limit above the upper one: {lower:g} > {upper:g}")
 
 
-def _floats(text: str) -> list[float]:
+def floats_in(text: str) -> list[float]:
+    """Return the numbers of a text; none if it has something else."""
     try:
-        return [] if "_" in text else [float(word) for word in text.split()]  # Python takes 1_000 for a number
+        # Python takes 1_000 for a number, and digits of other scripts
+        return [] if "_" in text or not text.isascii() else [float(word) for word in text.split()]
     except ValueError:
         return []
 
 
 def _check_numbers(what: str, text: str, count: int, name: str, where: str) -> None:
-    values = _floats(text)
+    values = floats_in(text)
     if len(values) != count or not all(math.isfinite(value) and abs(value) <= MAX_NUMBER for value in values):
         wanted = "a number" if count == 1 else f"{count} numbers"
         raise InputError(f"{what} must be {wanted} within ±{MAX_NUMBER:g}, got {shown(text)}{where}")
@@ -852,7 +854,7 @@ def followed(name: str, robot: ET.Element, joint: str) -> Follows:
             what = "which follows it" if leader in seen else "which is not in the URDF"
             raise InputError(f"arm {name!r}: joint {found.joint!r} mimics {shown(leader)}, {what}")
         for key, default in (("multiplier", "1"), ("offset", "0")):
-            values += _floats(mimic.get(key, default)) or [math.nan]
+            values += floats_in(mimic.get(key, default)) or [math.nan]
         if len(values) != 2 or not all(map(math.isfinite, values)):
             raise InputError(f"joint {found.joint!r} of the URDF has a <mimic> with what is no number")
         seen.add(leader)

@@ -17,7 +17,7 @@ import numpy as np
 from kinreach._checks import shown
 from kinreach._rotations import rpy
 from kinreach.errors import InputError
-from kinreach.robots._urdf import MAX_NAMED, MAX_NUMBER, numbers, origin_of
+from kinreach.robots._urdf import MAX_NAMED, MAX_NUMBER, floats_in, numbers, origin_of
 
 #: What is kept of each element; everything else is for other programs, such as `<gazebo>` and `<transmission>`.
 _KEPT = {
@@ -107,10 +107,7 @@ def repair(robot: ET.Element) -> tuple[list[str], str]:
 
 def floats(text: str | None, count: int) -> list[float] | None:
     """Return so many numbers of a text; None if it has others."""
-    try:
-        values = [] if "_" in (text or "") else [float(word) for word in (text or "").split()]
-    except ValueError:
-        return None
+    values = floats_in(text or "")
     usable = len(values) == count and all(math.isfinite(value) and abs(value) <= MAX_NUMBER for value in values)
     return values if usable else None
 

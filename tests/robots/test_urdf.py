@@ -338,7 +338,9 @@ def mimicking(**joints):
     return robot
 
 
-@pytest.mark.parametrize("values", [{"multiplier": "two"}, {"offset": "inf"}, {"offset": ""}, {"multiplier": "1 2"}])
+@pytest.mark.parametrize(
+    "values", [{"multiplier": "two"}, {"offset": "inf"}, {"offset": ""}, {"multiplier": "1 2"}, {"offset": "١"}]
+)
 def test_a_mimic_with_what_is_no_number_is_named(values):
     robot = mimicking(j={}, k={"joint": "j", **values})
     with pytest.raises(InputError, match="joint 'k' of the URDF has a <mimic> with what is no number"):

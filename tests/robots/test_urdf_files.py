@@ -416,6 +416,7 @@ def chain(*joints):
 TURNS, SLIDES = ("revolute", LIMIT), ("prismatic", '<limit lower="0" upper="0.3" effort="1" velocity="1"/>')
 REFUSED = {
     "text": (chain(TURNS, ("revolute", LIMIT.replace("-1", "low"))), "lower of <limit> must be a number.*'low', in"),
+    "script": (chain(TURNS, ("revolute", LIMIT.replace("-1", "-١"))), "lower of <limit> must be a number.*'-١', in"),
     "axis": (chain(TURNS, TURNS).replace('"0 0 1"', '"0 0 1e-320"'), "'j1'.*axis without direction: '0 0 1e-320'"),
     "deep": ("<robot>" + "<a>" * 200_000 + "</a>" * 200_000 + "</robot>", "nested deeper than 100 elements"),
     "loop": (
