@@ -388,7 +388,7 @@ class MovingEpisodes(Episodes):
 def observation_space(options: MovingOptions) -> spaces.Box:
     """Return the space of one environment."""
     before = 3 * (options.sights - 1) * [4.0]
-    high = np.array([2.0, 2.0, 2.0, 2.0, *6 * [math.pi], *6 * [get_arm(THESIS_ARM).speed_limit], *before])
+    high = np.array([2.0, 2.0, 2.0, SECONDS, *6 * [math.pi], *6 * [get_arm(THESIS_ARM).speed_limit], *before])
     return spaces.Box(np.where(np.arange(len(high)) == AGE, 0.0, -high), high, dtype=np.float64)
 
 

@@ -261,6 +261,17 @@ def test_a_hidden_ball_is_reported_where_it_was_last_seen():
     assert again > 150
 
 
+def test_the_age_of_a_ball_that_stays_hidden_is_in_the_space():
+    env, oldest = make(hidden=0.2, speeds=(0.05,), collisions=False), 0.0
+    for seed in range(4):
+        (observation, _), over = env.reset(seed=seed), False
+        while not over:
+            assert env.observation_space.contains(observation)
+            observation, _, terminated, truncated, _ = env.step(env.unwrapped.home / np.pi)
+            over, oldest = terminated or truncated, max(oldest, observation[AGE])
+    assert oldest > 2.5
+
+
 @pytest.mark.parametrize(
     ("options", "error", "said"),
     [
