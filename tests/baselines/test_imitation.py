@@ -115,6 +115,14 @@ def test_the_expert_of_worlds_in_warp_is_made_of_one_in_mujoco():
     np.testing.assert_allclose(answers.answered()[:, -6:], actions, atol=1e-6)
 
 
+def test_threads_of_the_batch_are_none_of_the_experts_environment():
+    trainee = build(replace(SMALL, options={"threads": 2}), 0, steps=80)
+    trainee.env.reset()
+    trainee.env.step(np.zeros((4, 6)))
+    assert trainee.env.answered().shape == (4, trainee.model.answered.shape[1])
+    trainee.env.close()
+
+
 def test_the_actor_comes_to_answer_as_the_expert():
     """With the expert's turn alone, 60 rounds of four arms: the error falls to a third."""
     recipe = replace(SMALL, settings={**SMALL.settings, "updates": 20})
