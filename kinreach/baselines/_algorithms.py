@@ -50,6 +50,9 @@ from kinreach.envs.inside import ButtonOptions, SpaceTask, button_task, lift_tas
 from kinreach.errors import InputError, KinreachError
 from kinreach.robots import THESIS_ARM, ArmDescription, get_arm
 
+#: Features of networks by name: those that scale observations, and all.
+SCALED = ("scaled", "waves", "goal waves", "button", "sights", "arms", "grasps", "objects")
+FEATURES = ("raw", *SCALED, "steering", "looks")
 #: Angular frequencies of the waves of normalised observations.
 WAVES = (0.5, 1.0, 2.0)
 #: Opening that a grasp begins with, as an action: 20 mm.
@@ -57,13 +60,14 @@ FIRST_OPENING = -0.75
 
 
 def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Keyword arguments of a model with `MlpPolicy`, from the settings and the networks of a recipe.
+    """Keyword arguments of a model with `MlpPolicy`, or one that steers, from the settings and networks of a recipe.
 
     In the settings, `adam` are keyword arguments of the optimiser, and `policy_kwargs` are added to those of the
     networks.
     """
     networks, settings = recipe.networks, dict(recipe.settings)
     check_known("activation", networks.activation, ACTIVATIONS)
+    check_known("features", networks.features, FEATURES)
     policy: dict[str, Any] = {"net_arch": list(networks.hidden), "activation_fn": ACTIVATIONS[networks.activation]}
     if networks.features == "looks":
         looks = getattr(env, "looks", None)
@@ -72,19 +76,18 @@ def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
         policy |= {"features_extractor_class": LookFeatures, "features_extractor_kwargs": {"looks": looks}}
     elif networks.features == "steering":
         policy |= _steering(recipe, settings)
-    elif networks.features != "raw":
+    elif networks.features in SCALED:
         policy |= {"features_extractor_class": ObservationFeatures, "features_extractor_kwargs": _features(recipe)}
     if "adam" in settings:
         policy["optimizer_kwargs"] = dict(settings.pop("adam"))
-    return {"policy": "MlpPolicy", **settings, "policy_kwargs": policy | settings.get("policy_kwargs", {})}
+    kind = SteeringPolicy if networks.features == "steering" else "MlpPolicy"
+    return {"policy": kind, **settings, "policy_kwargs": policy | settings.get("policy_kwargs", {})}
 
 
 def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     """Return the arguments of PPO: `minibatches` give the batch size, and the actor may have a `PostureHead`."""
     arguments = mlp_arguments(recipe, env, planned)
     networks, policy = recipe.networks, arguments["policy_kwargs"]
-    if networks.features == "steering":
-        arguments["policy"] = SteeringPolicy
     if networks.std != 1.0:
         policy["log_std_init"] = math.log(networks.std)
     if networks.posture:
@@ -188,8 +191,6 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     begin upright and almost at rest. What does not vary is only shifted.
     """
     kind = recipe.networks.features
-    known = ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms", "grasps", "objects")
-    check_known("features", kind, known)
     if kind == "button":
         options = ButtonOptions(**{name: recipe.options[name] for name in recipe.options if name != STEP_LIMIT})
         # cosines and sines, two positions [m], joint velocities [rad/s], difference of the positions [m], push state

@@ -150,7 +150,7 @@ def test_the_curve_counts_what_ends_where_gymnasium_resets(tmp_path):
         ({"settings": {"policy_kwargs": {"activation_fn": torch.nn.Softplus}}}, "must be JSON values"),
         ({"settings": {"gamma": np.nan}}, "must be JSON values"),
         ({"networks": Networks(activation="cube")}, "unknown activation 'cube'"),
-        ({"networks": Networks(features="cubes")}, "unknown features 'cubes'"),
+        ({"networks": Networks(features="cubes")}, "unknown features 'cubes'; available: arms, .*looks, .*steering"),
         ({"environment": "Blackjack-v1"}, "vectors of numbers"),
     ],
 )

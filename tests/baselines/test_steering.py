@@ -212,6 +212,20 @@ def test_ppo_goes_on_from_a_policy_of_the_gradient():
     trainee.env.close()
 
 
+def test_an_algorithm_from_outside_steers(monkeypatch):
+    pytest.importorskip("stable_baselines3")
+    from kinreach.baselines import Algorithm
+    from kinreach.baselines._algorithms import ALGORITHMS
+    from kinreach.baselines._models import build
+
+    monkeypatch.setitem(ALGORITHMS, "A2C", Algorithm("A2C", "stable_baselines3:A2C"))
+    recipe = ppo_recipe()
+    bounds = {name: recipe.settings[name] for name in ("low", "high")}
+    trainee, world = build(replace(recipe, algorithm="A2C", settings=bounds), 0, steps=1000), episodes(40)
+    assert np.ptp(trainee.network(world.observe()), axis=1).min() > 0.1
+    trainee.env.close()
+
+
 def test_what_does_not_steer_is_refused():
     pytest.importorskip("stable_baselines3")
     from kinreach.baselines import get_recipe
