@@ -25,7 +25,7 @@ from benchmarks.studies.moving_ball import RULES, Timed, make_world
 from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
-from kinreach._checks import check_count
+from kinreach._checks import check_count, check_known
 from kinreach._files import make_writable, replacing
 from kinreach.baselines import LearnedPolicy, load_policy
 from kinreach.baselines._loop import as_policy, rollout
@@ -120,9 +120,12 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     balls = check_count("--balls", arguments.balls)
     seed = check_count("--seed", arguments.seed, least=0)
+    afterwards = [FIRST + name for name in PLANNERS]
+    for method in arguments.methods or ():
+        check_known("method", method.partition("@")[0], (*get_task("moving").methods, NETWORK, *afterwards))
     make_writable(arguments.out)
     found = sorted(arguments.trainings.glob(f"seed-*/{POLICY}")) if arguments.trainings else []
-    learned = (NETWORK, *(FIRST + name for name in PLANNERS)) if found else ()
+    learned = (NETWORK, *afterwards) if found else ()
     files = {
         name: [str(file) for file in found] if name == NETWORK or name.startswith(FIRST) else [""]
         for name in arguments.methods or (*METHODS, *learned)

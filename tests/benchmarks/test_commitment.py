@@ -84,6 +84,13 @@ def test_shares_are_drawn_against_times(tmp_path, capsys, monkeypatch, texts):
         assert lines == [[[20.0, 100.0], [4.0, 50.0]], [[4.0, 50.0]]]
 
 
+@pytest.mark.parametrize("method", ["second-sight", "network-than-scenarios"])
+def test_an_unknown_method_is_answered_with_those_there_are(tmp_path, method):
+    with pytest.raises(InputError, match=f"unknown method '{method}'; available: .*interception, .*network"):
+        commitment.main(["--methods", "last-sight", method, "--out", str(tmp_path / "cells")])
+    assert not list((tmp_path / "cells").glob("*"))
+
+
 @pytest.mark.parametrize("method", ["network", "network-then-interception", "network-then-scenarios"])
 def test_a_network_needs_trainings_that_ended(tmp_path, method):
     for given in ([], ["--trainings", str(tmp_path)]):
