@@ -31,6 +31,7 @@ from benchmarks.studies.tables import head, line
 from kinreach._checks import Floats
 from kinreach._engines import load_extra
 from kinreach._registration import LIFT, MULTI, PICK_AND_PLACE, PUSH, SINGLE
+from kinreach._tensors import on_host
 from kinreach.baselines import evaluate, get_recipe, train
 from kinreach.baselines.inside import PickAndPlaceScript, PushScript
 from kinreach.cli import Parser, finish
@@ -92,14 +93,10 @@ def actions(name: str, env: Any, steps: int) -> Iterator[np.ndarray]:
         yield start + rng.uniform(-0.2, 0.2, env.action_space.shape) / half
 
 
-def on_host(value: Any) -> np.ndarray:
-    """Return an array of an array or a tensor."""
-    return np.asarray(value.cpu() if hasattr(value, "cpu") else value)
-
-
 def last(info: dict[str, Any], name: str) -> np.ndarray:
     """Return an entry of the last step of each world, on the host."""
-    return on_host(info.get("final_info", info)[name])
+    value: np.ndarray = on_host(info.get("final_info", info)[name])
+    return value
 
 
 def reached(name: str, count: int, backend: str, device: str, threads: int) -> Played:
@@ -241,8 +238,8 @@ def main(argv: list[str] | None = None) -> int:
     if PICK_AND_PLACE in names and arguments.training:
         print("\n" + head("training", "actions", "goals reached with MuJoCo, %"))
         for backend in BACKENDS:
-            found = clock.found(f"training, {backend}", partial(trained, backend, arguments.training))
-            print(line(f"{RECIPE}, {backend}", arguments.training, found), flush=True)
+            goals = clock.found(f"training, {backend}", partial(trained, backend, arguments.training))
+            print(line(f"{RECIPE}, {backend}", arguments.training, goals), flush=True)
     print("\n" + head("steps/s", "worlds", "MuJoCo", "Warp"))
     for worlds in sorted(arguments.worlds):
         for name in names:
