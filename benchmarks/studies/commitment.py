@@ -27,8 +27,9 @@ from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
 from kinreach._checks import check_count, check_known
 from kinreach._files import make_writable, replacing
-from kinreach.baselines import LearnedPolicy, load_policy
+from kinreach.baselines import load_policy
 from kinreach.baselines._loop import as_policy, rollout
+from kinreach.baselines.inside import LearnedPolicy
 from kinreach.cli import Parser, finish
 from kinreach.compare._methods.interception import Interception
 from kinreach.compare._methods.scenarios import Scenarios
