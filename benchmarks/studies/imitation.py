@@ -5,7 +5,8 @@
 The recipes `imitated-push` and `imitated-pick-and-place` are trained with five seeds. After each part of a training the
 policy is tried, without the script, on goals that no training draws. Each seed has a folder with the run, as `kinreach
 train` leaves it, and `reached.csv` (actions, reached in percent, median distance at the end of an episode, processor
-time of the training); the command begun again skips what is done.
+time of the training); the command begun again skips what is done. A seed that was interrupted while its policy was
+tried is trained anew.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import Trainings, with_interval
 from kinreach._checks import check_count
 from kinreach.baselines import evaluate, get_recipe
-from kinreach.baselines._training import make_folder, run_identity, segments
+from kinreach.baselines._training import CHECKPOINT, RUN, make_folder, read_checkpoint, run_identity, segments
 from kinreach.cli import Parser, finish
 from kinreach.plots._colours import own_colour
 
@@ -33,12 +34,16 @@ CURVE = "reached.csv"
 def train(name: str, folder: Path, seed: int, goals: int) -> None:
     """Train one seed, or go on with it, and write its curve."""
     recipe, rows = get_recipe(name), rows_of(folder / CURVE)
-    if len(rows) > 1 and int(rows[-1][0]) >= recipe.steps:
+    if (folder / RUN).exists():
         return
     make_folder(folder)
-    took = float(rows[-1][-1]) if len(rows) > 1 else 0.0
+    identity, checkpoint = run_identity(recipe, seed, 1), folder / CHECKPOINT
+    state = read_checkpoint(checkpoint, identity) if checkpoint.exists() else None
+    resume = state is not None and state["segment"] + 2 == len(rows)  # with the names of the columns
+    rows = rows if resume else rows[:1]
+    took = float(rows[-1][-1]) if resume else 0.0
     began = process_time()
-    for policy in segments(recipe, folder, run_identity(recipe, seed, 1), resume=True):
+    for policy in segments(recipe, folder, identity, resume=resume):
         took += process_time() - began
         found = evaluate(policy, goals=goals)
         reached, distance = 100.0 * found.reached.mean(), 1000.0 * np.median(found.measures["distance"])
