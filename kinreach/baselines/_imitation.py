@@ -28,14 +28,14 @@ Array = np.ndarray[Any, Any]
 #: Mean number of steps that learner or expert acts before it is drawn again who does.
 TURN = 15
 #: Largest share of the learner's turns, and the part of a training in which it grows from none.
-MOST, GROWS = 0.5, 0.5
+MAX_SHARE, GROWTH = 0.5, 0.5
 
 
 class Expert(Protocol):
-    """What is imitated; it has no memory, because rows come from many episodes."""
+    """What is imitated. Nobody tells it when an episode begins, so that most have no memory."""
 
     def act(self, observation: ArrayLike) -> Any:
-        """Return the actions for rows of observations, shape (n, m)."""
+        """Return the actions for rows of observations, shape (n, m); row k is always of environment k."""
         ...
 
 
@@ -43,7 +43,8 @@ class AnsweredVecEnv(SB3VecEnv):
     """A batch in which an expert answers every observation, and acts in the learner's place now and then.
 
     Args:
-        expert: Answers.
+        env, reward: As of `SB3VecEnv`.
+        expert: Answers what all environments observe, in every step.
 
     Attributes:
         share: Of the learner's turns, from 0 to 1.
@@ -125,7 +126,7 @@ class Imitation(AveragedActor, AdaptivePPO):
     def collect_rollouts(self, *args: Any, **kwargs: Any) -> bool:
         """Act, with the learner's share of this part of the training."""
         env: Any = self.env
-        env.share = MOST * min(self.progress / GROWS, 1.0)
+        env.share = MAX_SHARE * min(self.progress / GROWTH, 1.0)
         return super().collect_rollouts(*args, **kwargs)
 
     def train(self) -> None:

@@ -13,7 +13,7 @@ from stable_baselines3.common.logger import configure
 from kinreach._registration import BUTTON, PICK_AND_PLACE, PUSH
 from kinreach.baselines import evaluate, get_recipe, train
 from kinreach.baselines._algorithms import answered
-from kinreach.baselines._imitation import MOST, AnsweredVecEnv
+from kinreach.baselines._imitation import MAX_SHARE, AnsweredVecEnv
 from kinreach.baselines._models import build
 from kinreach.baselines._rewards import own
 from kinreach.baselines.inside import PickAndPlaceScript, PushScript
@@ -103,7 +103,7 @@ def test_answers_are_kept_until_newer_ones_take_their_place():
     kept, given = model.answered.numpy(), np.concatenate(rounds)
     np.testing.assert_allclose(kept[:20], given[100:], rtol=1e-6)
     np.testing.assert_allclose(kept[20:], given[20:100], rtol=1e-6)
-    assert trainee.env.share == pytest.approx(MOST)
+    assert trainee.env.share == pytest.approx(MAX_SHARE)
 
 
 def test_the_expert_of_worlds_in_warp_is_made_of_one_in_mujoco():
