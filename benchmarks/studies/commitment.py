@@ -164,7 +164,11 @@ def main(argv: list[str] | None = None) -> int:
         shares = (with_interval(cells[name][-1], unit=100, decimals=1) for name in files)
         print(line(f"{axis:.2f}", f"{1e3 * delay:g}", f"{speed:g}", f"{strength:g}", *shares), flush=True)
     if arguments.times:
-        titles = [f"{speed:g} m/s, {1e3 * delay:g} ms late" for _, delay, speed, _ in worlds]
+        several = len(arguments.strengths) > 1
+        titles = [
+            f"{speed:g} m/s, {1e3 * delay:g} ms late" + (f", strength {strength:g}" if several else "")
+            for _, delay, speed, strength in worlds
+        ]
         draw_times(cells, times, titles, arguments.figure)
     elif arguments.figure is not None:
         draw(cells, [world[0] for world in worlds], arguments.figure)

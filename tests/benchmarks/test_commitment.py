@@ -84,6 +84,16 @@ def test_shares_are_drawn_against_times(tmp_path, capsys, monkeypatch, texts):
         assert lines == [[[20.0, 100.0], [4.0, 50.0]], [[4.0, 50.0]]]
 
 
+def test_panels_of_arms_of_two_strengths_have_titles_of_their_own(tmp_path, monkeypatch, texts):
+    drawn = []
+    monkeypatch.setattr(commitment, "touched", lambda *others, **more: [False, True])
+    monkeypatch.setattr(commitment, "frame_time", lambda *others, **more: 0.02)
+    monkeypatch.setattr(commitment, "_saved", lambda figure, file: drawn.append(figure))
+    worlds = ["--delays", "0.2", "--speeds", "0.4", "--strengths", "1", "0.7", "--figure", str(tmp_path / "f.png")]
+    assert commitment.main(["--times", "--methods", "interception", *worlds]) == 0
+    assert {f"0.4 m/s, 200 ms late, strength {strength}" for strength in ("1", "0.7")} <= {*texts(drawn[0])}
+
+
 @pytest.mark.parametrize("method", ["second-sight", "network-than-scenarios"])
 def test_an_unknown_method_is_answered_with_those_there_are(tmp_path, method):
     with pytest.raises(InputError, match=f"unknown method '{method}'; available: .*interception, .*network"):
