@@ -75,9 +75,8 @@ class Grasping:
         self._all_servos = np.arange(model.nu)
         self._object = model.body(OBJECT).id
         names = [model.body(body).name for body in range(model.nbody)]
-        self._stands, self._free = (
-            np.array([name in some for name in names]) for some in (self.controller.obstacles, self.controller.objects)
-        )
+        self._is_obstacle = np.array([name in self.controller.obstacles for name in names])
+        self._is_object = np.array([name in self.controller.objects for name in names])
         self._rows = [
             slice(*(int(model.joint(name).qposadr[0]) + k for k in (0, 7))) for name in OBJECTS[: self.objects]
         ]
@@ -205,11 +204,11 @@ class Grasping:
         """Return the state of some grippers and objects."""
         rows, bodies, depths = self._plant.contacts(ids, self.controller.posed)
         own = (bodies == self._object).any(axis=1)
-        touching = np.zeros((len(ids), len(self._stands)), dtype=np.bool_)
+        touching = np.zeros((len(ids), len(self._is_obstacle)), dtype=np.bool_)
         touching[rows[own], bodies[own].sum(axis=1) - self._object] = True
         gripped = np.asarray(touching[:, self._fingers].all(axis=1))
-        held = gripped & ~(touching & self._stands).any(axis=1)
-        of_links = ~(self._free[bodies].any(axis=1) | self._stands[bodies].all(axis=1))
+        held = gripped & ~(touching & self._is_obstacle).any(axis=1)
+        of_links = ~(self._is_object[bodies].any(axis=1) | self._is_obstacle[bodies].all(axis=1))
         collides = np.zeros(len(ids), dtype=np.bool_)
         collides[rows[of_links & (depths > TOUCHED)]] = True
         place, rotation = (values[ids] for values in self.pose())
