@@ -23,8 +23,8 @@ from playwright.sync_api import sync_playwright
 from kinreach._registration import MULTI
 from kinreach._rotations import placement
 from kinreach.cli import Parser, finish
-from kinreach.view._cli import setup_of
 from kinreach.view._server import Server
+from kinreach.view._setup import setup_of
 from kinreach.view._target_panel import TargetPanel
 
 PROG = "python -m tools.page_pictures"

@@ -264,8 +264,8 @@ class Covering:
         tests = {self._tests[number] for number in lines.get(str(mutant.line), []) if inside}
         if not tests:
             tests = {self._tests[number] for each in lines.values() for number in each}
-            others = {test for test in self._tests if test.startswith(f"{'/'.join(room.split('/')[:2])}/")} - tests
-            tests |= set(self._fast(sorted(others, key=self.seconds.__getitem__), ROOM))
+            package = {test for test in self._tests if test.startswith(f"{'/'.join(room.split('/')[:2])}/")} - tests
+            tests |= set(self._fast(sorted(package, key=self.seconds.__getitem__), ROOM))
             tests |= {test for test in self._tests if test.startswith("tests/test_")}
         kept = [test for test in tests if not test.startswith(READERS)]
         ordered = sorted(kept, key=lambda test: (not test.startswith(room), self.seconds[test]))
