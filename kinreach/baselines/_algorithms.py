@@ -249,7 +249,8 @@ def answered(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
     if not isinstance(actions, Box):
         raise InputError(f"{recipe.algorithm} needs actions that are vectors, got {actions} of {recipe.environment}")
     kind: Any = load_object("expert", name)
-    options = {key: value for key, value in recipe.options.items() if key != "threads"}  # which are of batches
+    of_batches = ("threads", "device")
+    options = {key: value for key, value in recipe.options.items() if key not in of_batches}
     if options.get("backend") == "warp":
         del options["backend"]
     env = gym.make(recipe.environment, **options)

@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 from kinreach._objects import place_of
 from kinreach.baselines._batch import last_step
 from kinreach.baselines._rewards import TrainingReward, own
+from kinreach.envs.inside import NativeVectorEnv
 from kinreach.errors import InputError, TrainingError
 
 Array = np.ndarray[Any, Any]
@@ -35,12 +36,18 @@ class SB3VecEnv(VecEnv):
         bootstrap: Whether truncated episodes are truncated for the learner, or terminated.
 
     Raises:
-        InputError: The environment does not reset in the same step.
+        InputError: The environment does not reset in the same step, or gives tensors.
     """
 
     def __init__(self, env: VectorEnv[Any, Any, Any], *, reward: TrainingReward = own, bootstrap: bool = True) -> None:
         if env.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
             raise InputError("stable-baselines3 needs a vector environment with AutoresetMode.SAME_STEP")
+        native = env.unwrapped
+        if isinstance(native, NativeVectorEnv) and native.device is not None:
+            raise InputError(
+                f"learners take arrays, not tensors: leave out the option device, got {str(native.device)!r}; "
+                "CUDA_VISIBLE_DEVICES chooses the GPU of MuJoCo Warp"
+            )
         self._env = env  # the base class asks for its attributes
         self._reward, self._bootstrap = reward, bootstrap
         self._actions: Any = None

@@ -296,6 +296,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         options: As given.
         episodes: The task.
         max_episode_steps: None without a limit.
+        device: Of the tensors; None for arrays.
 
     Raises:
         InputError: Invalid options, an unknown mode, a limit below 1, or no such device.
@@ -346,7 +347,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             check_known("render_mode of a native batch", self.render_mode, self.metadata["render_modes"])
             if num_envs > MAX_DRAWN:
                 raise InputError(f"a native batch draws at most {MAX_DRAWN} environments, got {num_envs}")
-        self._device = None if device is None else as_device(device)
+        self.device = None if device is None else as_device(device)
         self.episodes = episodes = self._new_episodes(given, threads, device)
         self._picture = None if self.render_mode is None else self._new_picture()
         self.metadata = {**self.metadata, "autoreset_mode": mode, "render_fps": episodes.fps}
@@ -488,7 +489,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         return {**info, **{f"_{name}": mask for name in info}}
 
     def _handed_out(self, *values: Any) -> Any:
-        return values if self._device is None else tuple(on_device(value, self._device) for value in values)
+        return values if self.device is None else tuple(on_device(value, self.device) for value in values)
 
     def _selected(self, info: dict[str, Any]) -> dict[str, Any]:
         return numbers_of(info) if self.options.info == "numbers" else info

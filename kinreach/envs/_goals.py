@@ -142,7 +142,7 @@ class GoalMethods:
         achieved, desired = np.atleast_2d(achieved, desired)
         told = Told(info if many else [info], len(achieved))
         values = on_host(getattr(self.episodes.judge(achieved, desired, told), result))
-        device = getattr(self, "_device", None)
+        device = getattr(self, "device", None)
         if device is not None:
             return on_device(values if many else values[0:1], device)[() if many else 0]
         return values if many else values[0].item()

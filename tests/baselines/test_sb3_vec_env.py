@@ -1,5 +1,7 @@
 """stable-baselines3 learns on a native batch."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ pytest.importorskip("stable_baselines3")
 
 from stable_baselines3 import PPO
 
-from kinreach.baselines import SB3VecEnv
+from kinreach.baselines import SB3VecEnv, get_recipe, train
 
 
 def batch(name, count):
@@ -70,6 +72,23 @@ def test_batches_that_reset_later_are_refused():
     env = gym.make_vec("kinreach/UR5SingleStep-v0", num_envs=2, vectorization_mode="sync", backend="kinematic")
     with pytest.raises(InputError, match="SAME_STEP"):
         SB3VecEnv(env)
+
+
+@pytest.mark.parametrize("name", ["UR5MultiStep", "Lift", "Moving"])
+def test_batches_of_tensors_are_refused(name):
+    """stable-baselines3 takes arrays; that the tensors are on the processor does not help it."""
+    env = gym.make_vec(f"kinreach/{name}-v0", 2, vectorization_mode="vector_entry_point", device="cpu")
+    with pytest.raises(InputError, match="learners take arrays, not tensors: leave out the option device"):
+        SB3VecEnv(env)
+    env.close()
+
+
+@pytest.mark.parametrize("recipe", ["ppo-multi", "imitated-push", "ranked-single", "gradient-moving-clear"])
+def test_a_recipe_with_a_device_is_refused_before_the_training(recipe, tmp_path):
+    given = get_recipe(recipe)
+    with pytest.raises(InputError, match=r"leave out the option device.*CUDA_VISIBLE_DEVICES"):
+        train(replace(given, options={**given.options, "device": "cpu"}), tmp_path / "run", steps=8)
+    assert not (tmp_path / "run").exists()
 
 
 def button_batch(count, **options):
