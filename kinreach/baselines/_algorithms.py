@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from kinreach._checks import STEP_LIMIT, check_known, shown
+from kinreach._checks import STEP_LIMIT, check_count, check_known, shown
 from kinreach._objects import load_object, place_of
 from kinreach._registration import LIFT, MOVING, SPACE
 from kinreach.baselines._adaptive_ppo import AdaptivePPO, LateCollisionsPPO
@@ -86,6 +86,7 @@ def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
 
 def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     """Return the arguments of PPO: `minibatches` give the batch size, and the actor may have a `PostureHead`."""
+    _check_counts(recipe, "n_steps", "n_epochs", "batch_size")
     arguments = mlp_arguments(recipe, env, planned)
     networks, policy = recipe.networks, arguments["policy_kwargs"]
     if networks.std != 1.0:
@@ -98,6 +99,7 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
         arguments["policy"] = PosturePolicy
         policy["head"] = {"gain": gain, "shift": shift}
     if "minibatches" in arguments:
+        _check_counts(recipe, "minibatches", most=recipe.num_envs * arguments["n_steps"])
         arguments["batch_size"] = recipe.num_envs * arguments["n_steps"] // arguments.pop("minibatches")
     return arguments
 
@@ -157,18 +159,28 @@ def episode_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str,
         raise InputError(
             f"gradients of whole episodes are for the features 'steering', not {recipe.networks.features!r}"
         )
+    _check_counts(recipe, "balls")
     return simulator_arguments(recipe, env, planned)
 
 
 def imitation_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     """Return the arguments of an actor; `expert` is an argument of the environments."""
     arguments = actor_arguments(recipe, env, planned)
+    _check_counts(recipe, "updates")
+    _check_counts(recipe, "memory", least=recipe.num_envs * arguments["n_steps"])  # the answers of a round
     del arguments["expert"]
     return arguments
 
 
 def late_collisions_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     return adaptive_arguments(recipe, env, planned) | _simulation(env)
+
+
+def _check_counts(recipe: Recipe, *names: str, least: int = 1, most: int | None = None) -> None:
+    """Check settings of a recipe that are counts, where it has them."""
+    for name in names:
+        if name in recipe.settings:
+            check_count(f"{name} of {recipe.name}", recipe.settings[name], least=least, most=most)
 
 
 def _simulation(env: SB3VecEnv) -> dict[str, Any]:
@@ -272,6 +284,7 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
 
     With the features `"looks"`, the setting of that name is the number of looks in a segment of the training.
     """
+    _check_counts(recipe, "tries", "looks")
     task = getattr(batch.unwrapped, "task", None)
     if not isinstance(task, reach_task.ReachTask | lift_task.LiftTask):
         raise InputError(

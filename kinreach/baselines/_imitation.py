@@ -105,7 +105,7 @@ class Imitation(AveragedActor, AdaptivePPO):
     The environments are an `AnsweredVecEnv`.
 
     Args:
-        memory: Number of answers that are kept, the last ones.
+        memory: Number of answers that are kept, the last ones; those of a round of acting or more.
         updates: Steps of the optimiser after a round of acting, with `batch_size` answers each.
     """
 

@@ -177,6 +177,39 @@ def test_numbers_that_no_recipe_has_are_refused(change):
         replace(RECIPE, **change)
 
 
+@pytest.mark.parametrize(
+    ("name", "settings", "said"),
+    [
+        *((name, {"n_epochs": 0}, "n_epochs of NAME must be at least 1, got 0")
+          for name in ("ppo-multi", "ranked-single", "thesis-ppo-multi", "gradient-moving")),
+        ("ppo-multi", {"n_epochs": 1.5}, "n_epochs of NAME must be an integer, got 1.5"),
+        ("ranked-single", {"n_steps": 0}, "n_steps of NAME must be at least 1, got 0"),
+        ("ranked-single", {"tries": 2.0}, "tries of NAME must be an integer, got 2.0"),
+        ("ranked-single", {"tries": "8"}, "tries of NAME must be an integer, got '8'"),
+        ("ranked-single", {"minibatches": 0}, "minibatches of NAME must be at least 1, got 0"),
+        ("ranked-single", {"minibatches": 65}, "minibatches of NAME must be at most 64, got 65"),
+        ("pixels-single", {"looks": 0}, "looks of NAME must be at least 1, got 0"),
+        ("imitated-push", {"batch_size": 0}, "batch_size of NAME must be at least 1, got 0"),
+        ("imitated-push", {"updates": 0}, "updates of NAME must be at least 1, got 0"),
+        ("imitated-push", {"updates": 1.5}, "updates of NAME must be an integer, got 1.5"),
+        ("imitated-push", {"memory": 1e5}, "memory of NAME must be an integer, got 100000.0"),
+        ("imitated-push", {"memory": 639, "n_steps": 10}, "memory of NAME must be at least 640, got 639"),
+        ("gradient-moving-clear", {"balls": 0}, "balls of NAME must be at least 1, got 0"),
+    ],
+)  # fmt: skip
+def test_counts_that_no_algorithm_has_are_said_before_the_training(name, settings, said, tmp_path):
+    recipe = get_recipe(name)
+    recipe = replace(recipe, num_envs=64, steps=64, settings={**recipe.settings, **settings})
+    with pytest.raises(InputError, match=said.replace("NAME", name)):
+        train(recipe, tmp_path, progress=lambda *_: pytest.fail("it trains"))
+
+
+@pytest.mark.parametrize(("hidden", "said"), [((64, 0), "at least 1, got 0"), ((1.5,), "an integer"), (64, "a list")])
+def test_sizes_that_no_layer_has_are_refused(hidden, said):
+    with pytest.raises(InputError, match=f"hidden.* must be {said}"):
+        Networks(hidden=hidden)
+
+
 def test_what_cannot_be_exported_is_said_before_the_training(registries, tmp_path):
     from stable_baselines3 import SAC
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from kinreach._checks import MAX_DISTANCE, check_count, check_number
+from kinreach._checks import MAX_DISTANCE, check_count, check_number, shown
+from kinreach.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,9 @@ class Networks:
             are bounds of the angles [rad]; `"looks"`: convolutions of both cameras' pictures, in ranked PPO only.
         posture: Whether the actor's output is a change of the start pose [rad], small at first.
         std: Standard deviation of the actions to begin with, where it is learned; 1 is half the range.
+
+    Raises:
+        InputError: A size is no count.
     """
 
     hidden: tuple[int, ...] = (64, 64)
@@ -32,6 +36,13 @@ class Networks:
     features: str = "raw"
     posture: bool = False
     std: float = 1.0
+
+    def __post_init__(self) -> None:
+        given: Any = self.hidden
+        if not isinstance(given, tuple | list):
+            raise InputError(f"hidden of networks must be a list of sizes, got {shown(given)}")
+        for size in given:
+            check_count("a size in hidden of networks", size)
 
 
 @dataclass(frozen=True)
