@@ -267,6 +267,15 @@ def answered(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
         del options["backend"]
     env = gym.make(recipe.environment, **options)
     try:
+        return AnsweredVecEnv(batch, expert=_expert(name, kind, env), expert_env=env, reward=reward)
+    except BaseException:
+        env.close()
+        raise
+
+
+def _expert(name: str, kind: Callable[..., Any], env: gym.Env[Any, Any]) -> Any:
+    """Make an expert of an environment."""
+    try:
         expert = kind(env)
     except KinreachError:
         raise
@@ -276,7 +285,7 @@ def answered(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
         ) from why
     if not callable(getattr(expert, "act", None)):
         raise InputError(f"the expert {name} has no method act(rows), got {shown(expert)}")
-    return AnsweredVecEnv(batch, expert=expert, reward=reward)
+    return expert
 
 
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:

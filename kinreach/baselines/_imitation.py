@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+import gymnasium as gym
 import numpy as np
 import torch
 from gymnasium.vector import VectorEnv
@@ -45,6 +46,7 @@ class AnsweredVecEnv(SB3VecEnv):
     Args:
         env, reward: As of `SB3VecEnv`.
         expert: Answers what all environments observe, in every step.
+        expert_env: What the expert was made of, if that is to be closed with the batch.
 
     Attributes:
         share: Of the learner's turns, from 0 to 1.
@@ -53,8 +55,16 @@ class AnsweredVecEnv(SB3VecEnv):
         TrainingError: In a step: the expert fails, or answers in another shape than (n, m), or not finitely.
     """
 
-    def __init__(self, env: VectorEnv[Any, Any, Any], *, expert: Expert, reward: TrainingReward) -> None:
+    def __init__(
+        self,
+        env: VectorEnv[Any, Any, Any],
+        *,
+        expert: Expert,
+        reward: TrainingReward,
+        expert_env: gym.Env[Any, Any] | None = None,
+    ) -> None:
         super().__init__(env, reward=reward)
+        self._expert_env = expert_env
         self._expert, self._rng = expert, np.random.default_rng()
         self._learner = np.zeros(env.num_envs, dtype=np.bool_)
         self.share, self._answered = 0.0, list[Array]()
@@ -92,6 +102,12 @@ class AnsweredVecEnv(SB3VecEnv):
         """Step, as any batch."""
         self._now, *rest = super().step_wait()
         return np.array(self._now), *rest  # type: ignore[return-value]
+
+    def close(self) -> None:
+        """Close the batch, and the environment of the expert."""
+        super().close()
+        if self._expert_env is not None:
+            self._expert_env.close()
 
     def answered(self) -> Array:
         """Return the observations since this was asked last, each with the expert's action behind it; shape (n, m)."""

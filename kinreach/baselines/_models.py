@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -53,12 +54,14 @@ def build(recipe: Recipe, seed: int, *, steps: int, start: LearnedPolicy | None 
     recipe = replace(recipe, settings={**algorithm.defaults, **recipe.settings})
     recipe = recipe if start is None else replace(recipe, settings=_late(recipe.settings))
     make = load_object("algorithm", algorithm.model) if isinstance(algorithm.model, str) else algorithm.model
-    batch = make_batch(recipe.environment, recipe.num_envs, recipe.options)
-    try:
+    with ExitStack() as opened:
+        batch = make_batch(recipe.environment, recipe.num_envs, recipe.options)
+        opened.callback(batch.close)
         check_trainable(batch.single_observation_space, batch.single_action_space)
         curve = LearningCurve(batch, window=recipe.window, trace_after=recipe.trace_after)
         try:
             env = algorithm.vec_env(curve, recipe, reward)
+            opened.callback(env.close)
             arguments = algorithm.arguments(recipe, env, steps)
             model = make(env=env, seed=seed, device="cpu", verbose=0, **arguments)
         except KinreachError:
@@ -71,9 +74,7 @@ def build(recipe: Recipe, seed: int, *, steps: int, start: LearnedPolicy | None 
         check_export(model, _exported(trainee), algorithm.name, seen=env.seen)
         if start is not None:
             _begin_with(trainee, start, recipe)
-    except BaseException:
-        batch.close()
-        raise
+        opened.pop_all()  # the trainee's to close
     return trainee
 
 

@@ -1,5 +1,6 @@
 """Imitation: the expert answers all states, who acts follows the share, and all answers are fitted."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import gymnasium as gym
@@ -170,6 +171,37 @@ class Needless:
 class Broken(Bare):
     def __init__(self, env):
         raise RuntimeError("no such file")
+
+
+class Watching(Needless):
+    """An expert that sees when its environment is closed."""
+
+    closed: list[bool] = []  # noqa: RUF012 (of one test)
+
+    def __init__(self, env):
+        close = env.close
+        env.close = lambda: self.closed.append(True) or close()
+
+
+@pytest.mark.parametrize("updates", [3, 0])
+def test_the_environment_of_the_expert_is_closed_once(updates, tmp_path, monkeypatch):
+    """After the training, and where it is refused."""
+    monkeypatch.setattr(Watching, "closed", [])
+    settings = {**SMALL.settings, "expert": f"{__name__}:Watching", "updates": updates}
+    with nullcontext() if updates else pytest.raises(InputError, match="updates"):
+        train(replace(SMALL, settings=settings), tmp_path)
+    assert Watching.closed == [True]
+
+
+class Mute(Watching):
+    act = None
+
+
+def test_the_environment_of_an_expert_that_is_refused_is_closed(monkeypatch):
+    monkeypatch.setattr(Watching, "closed", [])
+    with pytest.raises(InputError, match="Mute has no method act"):
+        build(replace(SMALL, settings={**SMALL.settings, "expert": f"{__name__}:Mute"}), 0, steps=80)
+    assert Watching.closed == [True]
 
 
 @pytest.mark.parametrize(
