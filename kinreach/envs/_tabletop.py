@@ -74,7 +74,8 @@ class TabletopTask(ABC):
 
     A task says where episodes start (`sample`), what has been achieved (`achieved`) and when that is enough
     (`success`), for k simulations at once. Arm, dynamics, spaces, resets, `info`, rendering and the native batch are
-    there already. Class attributes are the rest; arguments of the class are keywords of `gym.make`.
+    there already. Class attributes are the rest; arguments of the class are keywords of `gym.make`, with other names
+    than the options of `TabletopEnv` and of native batches.
 
     Attributes:
         arm: Name of a UR, or an `ArmDescription`; one without a gripper gets it. Its work cell has a table.
@@ -140,7 +141,8 @@ def register_tabletop(name: str, task: type[TabletopTask] | str, *, max_episode_
         max_episode_steps: Steps, of 0.04 s each, after which Gymnasium truncates an episode.
 
     Raises:
-        InputError: No subclass of `TabletopTask`, or a limit below 1.
+        InputError: No subclass of `TabletopTask`, one with an argument that is an option of all environments, or a
+            limit below 1.
     """
     if not isinstance(task, str):
         _checked_class(task)
@@ -154,9 +156,16 @@ def register_tabletop(name: str, task: type[TabletopTask] | str, *, max_episode_
 
 
 def _checked_class(task: object) -> type[TabletopTask]:
-    if isinstance(task, type) and issubclass(task, TabletopTask):
-        return task
-    raise InputError(f"task must be a subclass of TabletopTask or its name, module:Class, got {shown(task)}")
+    if not (isinstance(task, type) and issubclass(task, TabletopTask)):
+        raise InputError(f"task must be a subclass of TabletopTask or its name, module:Class, got {shown(task)}")
+    of_environments = {entry.name for entry in fields(TabletopOptions)} - {"arguments"}
+    of_environments |= inspect.signature(NativeVectorEnv).parameters.keys() - {"options"}
+    if taken := [name for name in inspect.signature(task).parameters if name in of_environments]:
+        raise InputError(
+            f"the task {task.__name__} cannot have arguments named {', '.join(map(repr, taken))}, which are the "
+            "environments' own and do not get to it: rename them"
+        )
+    return task
 
 
 class _Start(NamedTuple):

@@ -204,6 +204,26 @@ def test_only_tasks_are_registered(task):
     assert "mine/None-v0" not in gym.registry
 
 
+class Taken(Lifted):
+    """Has arguments that would never get to it."""
+
+    def __init__(self, backend="real", height=0.05, threads=2):
+        super().__init__(height)
+
+
+def test_a_task_with_the_arguments_of_environments_is_refused():
+    said = r"Taken cannot have arguments named 'backend', 'threads', .* rename them"
+    with pytest.raises(InputError, match=said):
+        register_tabletop("mine/Taken-v0", Taken)
+    assert "mine/Taken-v0" not in gym.registry
+    register_tabletop("mine/Taken-v0", f"{__name__}:Taken")
+    try:
+        with pytest.raises(InputError, match=said):
+            gym.make("mine/Taken-v0")
+    finally:
+        del gym.registry["mine/Taken-v0"]
+
+
 @pytest.mark.slow
 def test_the_goal_is_drawn(needs_gl):
     env = gym.make(ID, render_mode="rgb_array")
