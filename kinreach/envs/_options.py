@@ -37,7 +37,7 @@ RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
 #: A camera is at least so far from what it looks at [m].
 NEAREST = 1e-3
 #: Ways to observe a goal and to move an arm.
-OBSERVATION_KINDS, ARM_BACKENDS = ("camera", "geometric", "pixels"), ("mujoco", "kinematic")
+OBSERVATION_KINDS, BACKENDS = ("camera", "geometric", "pixels"), ("mujoco", "kinematic", "warp")
 #: What `info` holds.
 INFOS = ("all", "numbers")
 #: Types of the numbers of observations; pictures have their own.
@@ -129,7 +129,10 @@ class CameraOptions(EnvOptions):
     """Options of environments in which an arm may see its goal with cameras."""
 
     observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
-    backend: str = field(default="mujoco", metadata=about('`"mujoco"` (dynamics) or `"kinematic"`'))
+    backend: str = field(
+        default="mujoco",
+        metadata=about('`"mujoco"` (dynamics) or `"kinematic"`; in native batches also `"warp"` (tried on CPUs only)'),
+    )
     arm: str | ArmDescription = field(
         default=THESIS_ARM, metadata=about("name of a registered arm, or an `ArmDescription`")
     )
@@ -156,17 +159,13 @@ class CameraOptions(EnvOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_known("observation", self.observation, OBSERVATION_KINDS)
-        check_known("backend", self.backend, self._backends)
+        check_known("backend", self.backend, BACKENDS)
         check_known("pipeline", self.pipeline, PIPELINES)
         for name in ("width", "height"):
             check_count(f"{name} [px]", getattr(self, name), least=16, most=16384)
         check_number("rgb_noise", self.rgb_noise, least=0.0, most=255.0)
         check_number("depth_noise", self.depth_noise, least=0.0, most=1.0)
         check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
-
-    @property
-    def _backends(self) -> Sequence[str]:
-        return ARM_BACKENDS
 
     @property
     def noise(self) -> SensorNoise:

@@ -15,6 +15,7 @@ from ._lift import lift_task as lift_task
 from ._obstacles import MAX_CLUTTER as MAX_CLUTTER
 from ._obstacles import ObstaclesEnv as ObstaclesEnv
 from ._obstacles import ObstaclesOptions as ObstaclesOptions
+from ._options import BACKENDS as BACKENDS
 from ._options import OBSERVATION_KINDS as OBSERVATION_KINDS
 from ._options import EnvOptions as EnvOptions
 from ._options import check_box_actions as check_box_actions

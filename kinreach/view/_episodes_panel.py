@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from kinreach.demo.inside import playable
-from kinreach.envs.inside import OBSERVATION_KINDS, reach_task
+from kinreach.envs.inside import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.view import _html as html
@@ -92,7 +92,7 @@ class EpisodesPanel(PlayedPanel):
                 hint="What cameras measure, what perfect ones would, or pictures",
             )  # fmt: skip
             self._backend = gui.add_dropdown(
-                "backend", reach_task.BACKENDS, hint="With dynamics or without", initial_value="mujoco"
+                "backend", BACKENDS, hint="With dynamics or without", initial_value="mujoco"
             )
             self._seed = gui.add_number("seed", 0, min=0, max=MAX_SEED, step=1)
             self._button = gui.add_button("Play this episode", icon="player-play")

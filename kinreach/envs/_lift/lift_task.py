@@ -27,7 +27,6 @@ from kinreach.envs._goals import DENSE, REWARD_NAMES, GoalOptions, goal_dict
 from kinreach.envs._options import about, given_options, option_rows
 from kinreach.envs._randomise import WITH_CAMERAS, Ranges, about_randomise, check_randomise, drawn_of
 from kinreach.envs._reach.reach_task import (
-    BACKENDS,
     CAMERA_RANGE,
     GOAL_RANGE,
     Layout,
@@ -144,10 +143,6 @@ class LiftOptions(GoalOptions):
             raise InputError('backend="kinematic" is for steps="single": in small steps the dynamics decide')
         if self.backend == WARP and len(set(self.shapes)) > 1:
             raise InputError(f'backend="warp" is for objects of one shape, got shapes={shown(self.shapes)}')
-
-    @property
-    def _backends(self) -> Sequence[str]:
-        return BACKENDS
 
 
 def check_objects(

@@ -6,7 +6,7 @@ Everything here works on stacks, so that one environment and thousands in a batc
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -30,7 +30,7 @@ from kinreach._tensors import namespace
 from kinreach.envs import _tip_control as tip_control
 from kinreach.envs._batch import RowStreams, goal_streams
 from kinreach.envs._goals import REWARD_NAMES, GoalOptions, goal_dict
-from kinreach.envs._options import ARM_BACKENDS, about, check_box_actions, option_rows
+from kinreach.envs._options import about, check_box_actions, option_rows
 from kinreach.envs._randomise import WITH_CAMERAS, Ranges, about_randomise, check_randomise
 from kinreach.envs._reach.rewards import (
     RewardFunction,
@@ -65,7 +65,6 @@ GOAL_RANGE = 10.0
 #: Bound of the errors of a posture in a goal [rad].
 ERROR_RANGE = 50.0
 
-BACKENDS = (*ARM_BACKENDS, "warp")
 #: How an observation gives the goal: in metres in the cameras' frames, or as places in their pictures and depth.
 CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
 
@@ -74,10 +73,6 @@ CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
 class ReachOptions(GoalOptions):
     """Options of the reach environments, single and in native batches."""
 
-    backend: str = field(
-        default="mujoco",
-        metadata=about('`"mujoco"` (dynamics) or `"kinematic"`; in native batches also `"warp"` (tried on CPUs only)'),
-    )
     reward: RewardFunction | str | None = field(
         default=None,
         metadata=about(
@@ -160,10 +155,6 @@ class ReachOptions(GoalOptions):
                     f"{name}={value!r} needs a camera that measures the goal, arm {arm.name!r} has none: give it a "
                     f'CameraMount with observed=True, or use {name}="{plain}"'
                 )
-
-    @property
-    def _backends(self) -> Sequence[str]:
-        return BACKENDS
 
     @property
     def noise(self) -> SensorNoise:
