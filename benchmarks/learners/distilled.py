@@ -16,9 +16,15 @@ from kinreach.baselines import get_recipe, register_recipe
 from kinreach.compare._methods.scenarios import Scenarios
 from kinreach.envs import moving
 
+#: Futures that are drawn for an answer: more touch no more balls, and take longer.
+COUNT = 16
+
 
 class _Planner(Scenarios):
     """As it plans where others may move the arm, so that its motions tell nothing about its limits."""
+
+    def __init__(self, env: gym.Env[Any, Any]) -> None:
+        super().__init__(env, count=COUNT)
 
     def _fit_arm(self, q: Floats, v: Floats) -> None:
         """Believe the data sheet."""
@@ -61,7 +67,7 @@ distilled_moving_late = register_recipe(
         environment=_LATE.environment,
         options={**_LATE.options, "collisions": False, "speeds": (0.4, 0.8, 1.2)},
         networks=_LATE.networks,
-        steps=60_000,
+        steps=40_000,
         num_envs=64,
         segments=20,
         window=6400,
