@@ -64,14 +64,23 @@ def without(monkeypatch, *unknown):
 @pytest.mark.parametrize("old", [False, True])
 @pytest.mark.slow
 def test_of_two_programs_at_the_same_moment_one_runs_and_the_other_is_told(robot, monkeypatch, old):
-    """By the number of the run; by an old controller, which shows none, by the program's name."""
+    """By the number of the run; by an old controller, which shows none, by the program's name.
+
+    On a busy machine a program may come when the other one has moved the arm: then both are told so, and it is tried
+    again.
+    """
     if old:
         without(monkeypatch, "output_int_register_24", "output_int_register_25")
     won, start = [], HOME
-    for turn in range(2):
+    for turn in range(6):
         (left, at_left), (right, at_right) = (to(change, start) for change in (0.4, -0.4))
         ends = both(robot, [left, right])
         failed = [isinstance(end, RobotError) for end in ends]
+        if all(failed) and any("it does not stand where the program begins" in str(end) for end in ends):
+            assert any("which ended this one" in str(end) for end in ends), ends
+            with connected(robot) as watch:
+                start = watch.read().actual_q
+            continue
         assert sorted(failed) == [False, True], (turn, ends)
         winner, loser = (ends[failed.index(flag)] for flag in (False, True))
         goal = (at_left, at_right)[failed.index(False)]
@@ -83,6 +92,8 @@ def test_of_two_programs_at_the_same_moment_one_runs_and_the_other_is_told(robot
             start = watch.read().actual_q
             np.testing.assert_allclose(start, goal, atol=1e-3)
         won.append(failed.index(False))
+        if len(won) == 2:
+            break
     assert len(won) == 2
     assert not any("kinreach_stop" in line for line in robot.log)  # the loser does not stop the other's program
 
