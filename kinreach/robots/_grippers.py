@@ -72,6 +72,10 @@ class Gripper:
         """Distances from the tip to the fingers along its y axis and against it, open as the arm reaches [m]."""
         return self.opening / 2, self.opening / 2
 
+    def opening_around(self, size: float) -> float:
+        """Return the opening at which the fingers hold an object of a radius, or half its edge, around the tip [m]."""
+        return 2.0 * size
+
 
 @dataclass(frozen=True)
 class JawGripper:
@@ -140,6 +144,33 @@ class JawGripper:
     def sides(self) -> tuple[float, float]:
         """Distances from the tip to the jaws along its y axis and against it, open as the arm reaches [m]."""
         return self.beside, self.opening - self.beside
+
+    def opening_around(self, size: float) -> float:
+        """Return the opening at which the jaws hold an object of a radius, or half its edge, around the tip [m].
+
+        The jaw that turns is taken for the line from its axis to its tip. Where it opens by more than `pivot` it is
+        inclined, and touches the object's upper edge, a `size` behind the tip: w = opening - size tan(angle - ahead).
+
+        Raises:
+            InputError: The object is wider than the jaws come open there.
+        """
+        width, steepest = 2.0 * size, math.acos(min(1.0, size / self.length) ** (1 / 3))
+        if width <= self.pivot:
+            return width
+        if self._gap(steepest, size) < width:
+            raise InputError(
+                f"the jaws of {self.joint!r} cannot hold an object {width:g} m wide: inclined as the one that turns "
+                f"is, they come open by {self._gap(steepest, size):.3f} m at its upper edge"
+            )
+        low, high = 0.0, steepest
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._gap(middle, size) < width else (low, middle)
+        return self._gap(high, 0.0)
+
+    def _gap(self, angle: float, behind: float) -> float:
+        """Return the distance between the jaws so far behind the tip [m]; angle from straight ahead [rad]."""
+        return self.pivot + self.length * math.sin(angle) - behind * math.tan(angle)
 
 
 #: The thesis's gripper.

@@ -59,6 +59,18 @@ def test_the_jaw_of_a_simulation_is_where_the_opening_says():
     np.testing.assert_allclose(data.body("tcp").xpos, T[:3, 3], atol=1e-9)
 
 
+def test_the_opening_around_an_object_leaves_room_for_it_at_its_upper_edge():
+    """The line from the jaw's axis to its tip is so far from the fixed jaw, a size behind the tip."""
+    inclined = 0
+    for size in np.random.default_rng(2).uniform(0.005, 0.027, 100):
+        opening = GRIPPER.opening_around(size)
+        slope = np.tan(GRIPPER.positions(np.array(opening)).item() - GRIPPER.ahead)
+        assert opening - size * max(0.0, slope) == pytest.approx(2.0 * size, abs=1e-9)
+        inclined += slope > 0.0
+    assert 50 < inclined < 90
+    assert get_arm("ur5-thesis").gripper.opening_around(0.025) == 0.05
+
+
 def test_it_is_held_open_where_nothing_grasps():
     arm = get_arm("so101")
     assert arm.joints == ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
