@@ -227,6 +227,15 @@ class JointController:
             for index, target, end, duration in zip(ids, targets, ends, durations, strict=True)
         ]
 
+    def settling(self, state: Floats, q: Floats) -> float:
+        """Return the time constant with which the servos come to rest near a posture [rad], shape (n,) [s].
+
+        Args:
+            state: MuJoCo's `qpos`, for the joints that are not the arm's, shape (nq,).
+            q: The posture.
+        """
+        return self._planner.settling(state, q)
+
     def _follow(self, plant: Plant, ids: Ids, targets: Floats, *, two_phase: bool) -> NDArray[np.int8]:
         state = plant.qpos[ids]
         points = [state[:, self.qpos], targets]

@@ -176,6 +176,10 @@ class Grasping:
         """Move arms, all joints at once; see `JointController.move`."""
         return self.controller.move(self._plant, ids, targets, two_phase=False)
 
+    def settling(self, q: Floats) -> float:
+        """Return the time constant with which the arm's servos come to rest near a posture [rad], shape (n,) [s]."""
+        return self.controller.settling(self._plant.qpos[0], q)
+
     def diverged(self, ids: Ids) -> Flags:
         return self._plant.diverged(ids)
 

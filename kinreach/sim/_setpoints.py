@@ -136,6 +136,18 @@ class SetpointPlanner:
         rows = [slice(phase * count, (phase + 1) * count) for phase in range(phases)]
         return [Plan(target[these], setpoints[:, these], arrival[these]) for these in rows]
 
+    def settling(self, state: Floats, q: Floats) -> float:
+        """Return the time constant of the slowest motion of the servos in a posture [rad], shape (n,), by damping [s].
+
+        Args:
+            state: MuJoCo's `qpos`, for the joints that are not the arm's, shape (nq,).
+            q: Posture [rad], shape (n,).
+        """
+        count = len(q)
+        inertia = self._inertia_along(np.tile(state, (count, 1)), np.tile(q, (count, 1)), np.eye(count))
+        root = np.sqrt(self._stiffness * self._lag)
+        return float(np.linalg.eigvalsh(inertia / root / root[:, None])[-1])
+
     def _inertia_along(self, state: Floats, q: Floats, direction: Floats) -> Floats:
         """The mass matrices in k postures `q`, each times a direction, shape (k, n)."""
         result = np.empty_like(direction)

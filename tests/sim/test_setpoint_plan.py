@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+import pytest
 
 from kinreach.sim import ArmSimulation
 
@@ -23,3 +24,21 @@ def test_the_inertia_along_a_way_is_the_mass_matrix_times_its_direction():
             mass[:, column] = product
         np.testing.assert_allclose(found[row], mass[:6, :6] @ direction[row], rtol=1e-9, atol=1e-12)
     assert np.abs(found).max() > 1.0
+
+
+@pytest.mark.parametrize("arm", ["ur5-thesis", "ur10e", "so101"])
+def test_the_time_constant_of_the_servos_is_that_of_their_slowest_motion_by_damping(arm):
+    """Along it inertia is that constant times damping; along random motions it is less."""
+    simulation, rng = ArmSimulation(arm), np.random.default_rng(1)
+    controller, model = simulation.controller, simulation.model
+    joints = len(simulation.arm.joints)
+    damping = -model.actuator_biasprm[controller.ctrl, 2]
+    q = np.array(simulation.arm.home) + rng.uniform(-0.3, 0.3, joints)
+    found = controller.settling(simulation.data.qpos, q)
+    ways = np.vstack([np.eye(joints), rng.uniform(-1.0, 1.0, (2000, joints))])
+    moved = controller._planner._inertia_along(
+        *(np.tile(row, (len(ways), 1)) for row in (simulation.data.qpos, q)), ways
+    )
+    times = (ways * moved).sum(axis=1) / (damping * ways**2).sum(axis=1)
+    assert 0.5 * found < times.max() <= found
+    assert abs(np.linalg.det(moved[:joints] - found * np.diag(damping))) < 1e-9 * np.linalg.det(moved[:joints])
