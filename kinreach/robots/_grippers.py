@@ -72,6 +72,11 @@ class Gripper:
         """Distances from the tip to the fingers along its y axis and against it, open as the arm reaches [m]."""
         return self.opening / 2, self.opening / 2
 
+    @property
+    def meeting(self) -> float:
+        """Where the fingers meet when they close, along the tip's y axis [m]."""
+        return 0.0
+
     def opening_around(self, size: float) -> float:
         """Return the opening at which the fingers hold an object of a radius, or half its edge, around the tip [m]."""
         return 2.0 * size
@@ -144,6 +149,11 @@ class JawGripper:
     def sides(self) -> tuple[float, float]:
         """Distances from the tip to the jaws along its y axis and against it, open as the arm reaches [m]."""
         return self.beside, self.opening - self.beside
+
+    @property
+    def meeting(self) -> float:
+        """Where the jaws meet when they close, along the tip's y axis [m]: at the fixed one."""
+        return self.beside
 
     def opening_around(self, size: float) -> float:
         """Return the opening at which the jaws hold an object of a radius, or half its edge, around the tip [m].

@@ -68,7 +68,8 @@ def test_the_opening_around_an_object_leaves_room_for_it_at_its_upper_edge():
         assert opening - size * max(0.0, slope) == pytest.approx(2.0 * size, abs=1e-9)
         inclined += slope > 0.0
     assert 50 < inclined < 90
-    assert get_arm("ur5-thesis").gripper.opening_around(0.025) == 0.05
+    fingers = get_arm("ur5-thesis").gripper
+    assert (fingers.opening_around(0.025), fingers.meeting, GRIPPER.meeting) == (0.05, 0.0, GRIPPER.beside)
 
 
 def test_it_is_held_open_where_nothing_grasps():
