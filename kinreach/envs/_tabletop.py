@@ -78,7 +78,7 @@ class TabletopTask(ABC):
     than the options of `TabletopEnv` and of native batches.
 
     Attributes:
-        arm: Name of a UR, or an `ArmDescription`; one without a gripper gets it. Its work cell has a table.
+        arm: Name of a UR or `so101`, or an `ArmDescription`; a UR without a gripper gets it. Its work cell has a table.
         goal_size: Numbers of a goal. One of 3 is a place in the world [m], and is drawn as a green ball.
         fingers: Whether the last number of an action moves the fingers; without, actions have none for them.
         opening: Between the fingers at the start [m]; None for that of the arm's gripper.

@@ -24,7 +24,7 @@ class _Moved(TabletopTask):
     """An object is brought to a place; a row of draws is a place, a yaw and a goal.
 
     Args:
-        arm: Name of a UR, or an `ArmDescription`; one without a gripper gets it.
+        arm: Name of a UR or `so101`, or an `ArmDescription`; a UR without a gripper gets it.
         shape: Of the object: `"cube"`, `"cylinder"` or `"ball"`.
         size: Its radius, or half the edge of a cube [m].
         mass: [kg].

@@ -32,3 +32,4 @@ from ._reach.observers import PixelObserver as PixelObserver
 from ._reach.observers import measured as measured
 from ._reach.reachable_goals import with_goals as with_goals
 from ._reach.space import SpaceTask as SpaceTask
+from ._small_steps import STEP_S as STEP_S
