@@ -15,6 +15,7 @@ from kinreach.baselines.inside import PickAndPlaceScript, PushScript, TabletopSc
 from kinreach.compare._button import decision_ms
 from kinreach.compare._methods.resolve import policy_method
 from kinreach.compare._task import CHANCE, CONTROLLER, Method, Task, episode_seed, of_reached
+from kinreach.robots import THESIS_ARM
 from kinreach.sim.inside import Scene
 
 
@@ -53,15 +54,19 @@ def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[s
     return [{"seed": episode_seed(seed, index)} for index in range(count)]
 
 
-def _task(name: str, environment: str, title: str, script: type[TabletopScript], goal: str) -> Task:
+def _task(name: str, environment: str, title: str, arm_title: str, script: type[TabletopScript], goal: str) -> Task:
+    scripted = Method(script, CONTROLLER)
     return Task(
         name=name,
         title=title,
         environment=environment,
+        arm=THESIS_ARM,
+        arm_title=arm_title,
+        arm_methods={joints: {"script": scripted} for joints in (5, 6)},
         variants=(environment,),
         resets=_resets,
         methods={
-            "script": Method(script, CONTROLLER),
+            "script": scripted,
             f"imitated-{name}": policy_method(f"imitated-{name}", environment),
             "random": Method(lambda env: RandomPolicy(env.action_space), CHANCE),
         },
@@ -83,6 +88,7 @@ TASKS = (
         "push",
         PUSH,
         "A UR5 pushes a cube to a place on the table",
+        "it pushes a cube to a place on the table",
         PushScript,
         "a cube of 50 mm and 50 g on the table, turned anyhow, and a place 6 to 20 cm from it",
     ),
@@ -90,6 +96,7 @@ TASKS = (
         "pick-and-place",
         PICK_AND_PLACE,
         "A UR5 brings a cube to a place",
+        "it brings a cube to a place",
         PickAndPlaceScript,
         "a cube of 50 mm and 50 g on the table, turned anyhow, and a place that is on the table, too, or up to 20 cm "
         "higher; each half of the goals",

@@ -67,6 +67,13 @@ def test_the_scripts_suit_the_arm(arm):
         assert reached("push", [303], arm=arm) == 1
 
 
+@pytest.mark.parametrize("arm", ["ur10e", "so101"])
+def test_another_arm_has_the_script(arm):
+    """Not what was learned with the UR5."""
+    found = compare("pick-and-place", goals=1, seed=1, arm=arm)
+    assert [(method["name"], method["reached"]) for method in found["methods"]] == [("script", 1.0)]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("task", SCRIPTS)
 @pytest.mark.parametrize("arm", OTHER_ARMS)
