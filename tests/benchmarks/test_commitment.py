@@ -90,7 +90,7 @@ def test_panels_of_arms_of_two_strengths_have_titles_of_their_own(tmp_path, monk
     monkeypatch.setattr(commitment, "frame_time", lambda *others, **more: 0.02)
     monkeypatch.setattr(commitment, "_saved", lambda figure, file: drawn.append(figure))
     worlds = ["--delays", "0.2", "--speeds", "0.4", "--strengths", "1", "0.7", "--figure", str(tmp_path / "f.png")]
-    assert commitment.main(["--times", "--methods", "interception", *worlds]) == 0
+    assert commitment.main(["--times", "--methods", "interception", *worlds, "--out", str(tmp_path / "cells")]) == 0
     assert {f"0.4 m/s, 200 ms late, strength {strength}" for strength in ("1", "0.7")} <= {*texts(drawn[0])}
 
 
