@@ -180,7 +180,7 @@ class JawGripper:
 
     def _gap(self, angle: float, behind: float) -> float:
         """Return the distance between the jaws so far behind the tip [m]; angle from straight ahead [rad]."""
-        return self.pivot + self.length * math.sin(angle) - behind * math.tan(angle)
+        return float(self.openings(np.array([self.ahead + angle]))) - behind * math.tan(angle)
 
 
 #: The thesis's gripper.
