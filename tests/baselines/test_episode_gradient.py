@@ -75,7 +75,8 @@ def test_an_episode_is_that_of_the_environment(trainee, monkeypatch, options):
     rolls = np.dstack([balls.rolls, np.full(balls.rolls.shape[:2], world.height)])
     noise = np.random.default_rng(5).normal(0.0, world.noise[:, None, None], (count, 31, 3))
     world._sights[:, :31], world._taken[:, :31] = world.seen(world.due[:, :31], rolls, balls.ends, noise)
-    for frame, (world.q[:], world.v[:]) in enumerate(states):
+    for frame, (q, v) in enumerate(states):
+        world.q[:], world.v[:] = q, v
         world.step(np.clip(actor(world.observe()), -1.0, 1.0))
         tip = world.chain.positions(world.q)
         found = played["tips"][:, (frame + 1) * moving.PARTS - 1].detach().numpy()
