@@ -15,7 +15,7 @@ all methods. Finished cells are kept in `--out`: an interrupted study goes on.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -201,8 +201,7 @@ def draw_times(
     first = next(iter(cells.values()))[0]
     figure, panels = new_figure(
         "Balls touched, by the time of a decision", size=(3.0 * len(worlds) + 0.6, 3.4), columns=len(worlds),
-        note=f"{first.shape[1]} balls a world · bars: 95 % intervals over trainings and balls · planners on a line: "
-        "deciding in every, every third, tenth or thirtieth frame",
+        note=f"{first.shape[1]} balls a world · bars: 95 % intervals over trainings and balls{_pauses(cells)}",
     )  # fmt: skip
     families: dict[str, list[str]] = {}
     for name in cells:
@@ -220,6 +219,12 @@ def draw_times(
     panels[0].set_ylabel("balls touched [%]")
     panels[-1].legend(frameon=False, fontsize=8)
     _saved(figure, file)
+
+
+def _pauses(names: Iterable[str]) -> str:
+    """What a note says of planners that do not decide in every frame."""
+    frames = sorted({int(every) for name in names if (every := name.partition("@")[2])})
+    return f" · on a line: a decision in 1, {', '.join(map(str, frames))} frames" if frames else ""
 
 
 def _with_errors(found: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

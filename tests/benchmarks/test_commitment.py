@@ -77,6 +77,7 @@ def test_shares_are_drawn_against_times(tmp_path, capsys, monkeypatch, texts):
     assert commitment.main([*arguments, "--speeds", "0.4", "0.8", "--figure", str(tmp_path / "f.png")]) == 0
     (figure,) = drawn
     assert {"0.4 m/s, 200 ms late", "0.8 m/s, 200 ms late", "interception", "ppo"} <= {*texts(figure)}
+    assert any(text.endswith("a decision in 1, 3 frames") for text in texts(figure))
     for panel in figure.axes:
         lines = [
             line.get_xydata().tolist() for line in panel.lines if len(line.get_xdata()) and line.get_marker() == "o"

@@ -5,6 +5,7 @@ import selectors
 import signal
 import socket
 import struct
+import time
 from contextlib import ExitStack, suppress
 
 import numpy as np
@@ -386,3 +387,18 @@ def test_a_log_that_nobody_reads_stops_nobody(simulated, reader):
     assert alive(there)
     process.send_signal(signal.SIGINT)
     assert process.wait(PATIENCE) == 130
+
+
+def test_a_robot_without_work_waits_for_its_next_cycle(monkeypatch):
+    """It looks at its connections some times in a cycle of 2 ms, not as often as a processor can."""
+    looks = []
+
+    class Counting(selectors.DefaultSelector):
+        def select(self, timeout=None):
+            looks.append(timeout)
+            return super().select(timeout)
+
+    monkeypatch.setattr(selectors, "DefaultSelector", Counting)
+    with SimulatedUR("ur5e", rtde_port=0, script_port=0) as robot, connected(robot, "script"):
+        time.sleep(0.3)
+    assert 10 < len(looks) < 1500

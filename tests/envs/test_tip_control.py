@@ -93,6 +93,8 @@ def test_batches_do_what_single_environments_do_and_info_says_how_far(control, b
             compared += 1
     assert compared == count * steps
     assert cut >= 10 or backend == "mujoco"
+    assert (batch.reset(seed=6)[1]["tip_share"] == 0.0).all()  # nothing of the last episode
+    assert all(env.reset()[1]["tip_share"] == 0.0 for env in singles)
 
 
 @pytest.mark.parametrize("control", CONTROLS)
@@ -115,6 +117,15 @@ def test_the_action_towards_a_posture_reaches_it(name, control):
                 break
         reached += info["reached"]
     assert reached >= 7
+
+
+@pytest.mark.parametrize("name", [LIFT, PUSH])
+def test_a_new_episode_knows_nothing_of_the_last_ones_ways(name):
+    env = gym.make(name, control="position", **({"steps": "multi"} if name == LIFT else {}))
+    env.reset(seed=0)
+    *_, info = env.step(np.full(env.action_space.shape, 0.1, dtype=np.float32))
+    assert info["tip_share"] > 0.0
+    assert env.reset()[1]["tip_share"] == 0.0
 
 
 @pytest.mark.parametrize("control", CONTROLS)

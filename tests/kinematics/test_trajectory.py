@@ -35,7 +35,7 @@ def test_the_samples_come_back_and_before_and_after_it_stands():
     q, qd = path.at(path.t)
     assert (q == path.q).all()
     np.testing.assert_allclose(qd, path.qd, atol=1e-14)
-    for t, posture in ((-1.0, path.q[0]), (path.duration + 1e-6, path.q[-1])):
+    for t, posture in ((-1.0, path.q[0]), (path.duration + 1e-6, path.q[-1]), (path.duration + 1.0, path.q[-1])):
         q, qd = path.at(t)
         assert (q == posture).all()
         assert (qd == 0.0).all()

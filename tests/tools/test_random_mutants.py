@@ -3,12 +3,14 @@
 import ast
 import dataclasses
 import json
+import shutil
 
 import pytest
 
 from tools.mutants import by_hand as mutants
 from tools.mutants import drawn as random_mutants
 from tools.mutants.drawn import Covering, changes, draw, equivalents, judge, report
+from tools.mutants.forked import Forked
 
 pytestmark = pytest.mark.slow
 
@@ -30,6 +32,48 @@ def square(x: int = 2, *, least: float | None = None) -> int:
     print(x, *zip([x], strict=True), sep="", help="1 + 1")
     return max(x, 0) * x
 '''
+
+SHAPES = """
+from functools import cache
+SIDES = 4
+
+def times(factor):
+    def scaled(x):
+        return factor * x
+    return scaled
+
+@cache
+def area(side=2):
+    return side * side
+
+class Square:
+    name = "square"
+
+    @property
+    def around(self):
+        return SIDES * 3
+
+KNOWN, TWICE = area(), times(2)
+"""
+SHAPES_TESTS = """
+from kinreach.shapes import KNOWN, TWICE, Square, area, times
+
+def test_area():
+    assert area() == 4
+
+def test_times():
+    assert TWICE(3) + times(5)(1) == 11
+
+def test_around():
+    assert Square().around == 12
+"""
+STATE_TESTS = """
+from kinreach import shapes
+
+def test_state():
+    shapes.SIDES += 1
+    assert shapes.SIDES == 5
+"""
 
 
 def test_every_change_is_another_program_and_not_of_a_text():
@@ -78,8 +122,8 @@ def toy(tmp_path):
         )
     for package in ("kinreach", "tools", "tools/mutants"):
         (tmp_path / package / "__init__.py").touch()
-    plugin = "tools/mutants/covering.py"
-    (tmp_path / plugin).write_text((mutants.ROOT / plugin).read_text(encoding="utf-8"))
+    for plugin in ("covering", "forked"):
+        shutil.copy(mutants.ROOT / f"tools/mutants/{plugin}.py", tmp_path / "tools/mutants")
     return tmp_path
 
 
@@ -95,6 +139,23 @@ def test_the_tests_that_enter_a_function_are_asked_and_kill(toy):
     harmless = dataclasses.replace(divided, new="x ** 2")
     assert judge(toy, harmless, Covering(toy / "map.json"), full=False)["killed_by"] is None
     assert (toy / "kinreach/square.py").read_text() == text
+
+
+def test_a_process_that_forks_judges_as_new_ones_do(toy):
+    """Closures, methods and what was cached are the mutant's; what a test does to the process is gone after it."""
+    source = toy / "kinreach/shapes.py"
+    source.write_text(SHAPES)
+    for name, tests in (("shapes", SHAPES_TESTS), ("state", STATE_TESTS)):
+        (toy / f"tests/test_{name}.py").write_text(tests)
+    random_mutants.write_map(toy, toy / "map.json")
+    covering, judged = Covering(toy / "map.json"), 0
+    forked = Forked(toy, [*mutants.PYTEST], mutants.environment_in(toy))
+    for mutant in changes("kinreach/shapes.py", SHAPES):
+        rows = [judge(toy, mutant, covering, full=False, forked=process) for process in (forked, None)]
+        assert rows[0]["killed_by"] == rows[1]["killed_by"], mutant.id
+        judged += 1
+    forked.close()
+    assert judged >= 12
 
 
 def test_what_changes_nothing_is_not_counted(monkeypatch, capsys):

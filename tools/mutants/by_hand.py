@@ -229,14 +229,19 @@ def killer(copy: Path, arguments: Sequence[str], *, patience: float = PATIENCE, 
     raise InputError(f"pytest {' '.join(arguments)} cannot run: {(done.stdout + done.stderr)[-500:]}")
 
 
+def environment_in(copy: Path) -> dict[str, str]:
+    """The environment of pytest in a copy."""
+    settings = {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    return {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **settings}
+
+
 def _run(
     copy: Path, arguments: Sequence[str], *, timeout: float | None, **more: str
 ) -> subprocess.CompletedProcess[str]:
-    settings = {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     return subprocess.run(
         [*PYTEST, *arguments],
         cwd=copy,
-        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **settings, **more},
+        env=environment_in(copy) | more,
         capture_output=True,
         text=True,
         check=False,

@@ -33,7 +33,8 @@ from typing import Any
 from kinreach._files import make_writable, write_text
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
-from tools.mutants.by_hand import GOAL, READERS, applied, copied, killer
+from tools.mutants.by_hand import GOAL, PYTEST, READERS, applied, copied, environment_in, killer
+from tools.mutants.forked import Forked
 
 PROG = "python -m tools.mutants.drawn"
 
@@ -275,6 +276,10 @@ class Covering:
         others = [test for test in self._tests if test.startswith(room) and test not in asked]
         return [stage for stage in (first, rest, sorted(others, key=self.seconds.__getitem__)) if stage]
 
+    def patience(self, tests: list[str]) -> float:
+        """How long tests may take with a mutant [s]."""
+        return 60.0 + 20.0 * sum(self.seconds[test] for test in tests)
+
     def _fast(self, tests: list[str], seconds: float) -> list[str]:
         """The first of some tests, that take so long together [s]."""
         spent = accumulate(self.seconds[test] + 0.05 for test in tests)
@@ -286,24 +291,38 @@ def room_of(mutant: RandomMutant) -> str:
     return mutant.file.replace("kinreach/", "tests/", 1).rpartition("/")[0].replace("/_", "/")
 
 
-def judge(copy: Path, mutant: RandomMutant, covering: Covering, *, full: bool) -> dict[str, Any]:
-    """Which test kills a mutant, how many were asked, and how long it took [s]."""
+def judge(
+    copy: Path, mutant: RandomMutant, covering: Covering, *, full: bool, forked: Forked | None = None
+) -> dict[str, Any]:
+    """Which test kills a mutant, how many were asked, and how long it took [s].
+
+    With a process that forks, a test that fails there has to fail in a new process too: else all are asked in new ones.
+    """
     start, killed_by, asked = time.perf_counter(), None, 0
-    stages = covering.stages(mutant, (copy / mutant.file).read_text(encoding="utf-8"))
-    chosen = copy / ".tests.json"
+    text = (copy / mutant.file).read_text(encoding="utf-8")
+
+    def new_process(tests: list[str]) -> str | None:
+        chosen = copy / ".tests.json"
+        chosen.write_text(json.dumps(tests), encoding="utf-8")
+        files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
+        listed = ["-p", "tools.mutants.covering", *files]
+        return killer(copy, listed, patience=covering.patience(tests), KINREACH_TESTS=str(chosen))
+
+    def soon(tests: list[str]) -> str | None:
+        nonlocal forked
+        if forked is None:
+            return new_process(tests)
+        found = forked.verdict(mutant.file, text, mutant.applied(text), tests, covering.patience(tests))
+        killing = found.get("killed_by")
+        if found and (killing is None or "::" not in killing or new_process([killing])):
+            return str(killing) if killing else None
+        forked = None
+        return new_process(tests)
+
     with applied(copy, mutant):
-        for tests in stages:
-            chosen.write_text(json.dumps(tests), encoding="utf-8")
+        for tests in covering.stages(mutant, text):
             asked += len(tests)
-            files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
-            patience = 60.0 + 20.0 * sum(covering.seconds[test] for test in tests)
-            killed_by = killer(
-                copy,
-                ["-p", "tools.mutants.covering", *files],
-                patience=patience,
-                KINREACH_TESTS=str(chosen),
-            )
-            if killed_by:
+            if killed_by := soon(tests):
                 break
         if killed_by is None and full:
             killed_by = killer(copy, [*(f"--ignore={name}" for name in READERS), "tests"])
@@ -338,11 +357,13 @@ def main(argv: list[str] | None = None) -> int:
         if not texts:
             raise InputError(f"there is no module in {' '.join(arguments.only)}")
         drawn = draw(texts, arguments.seed, arguments.count)
+        forked = Forked(copy, [*PYTEST], environment_in(copy))
         for mutant in drawn:
             if mutant.id not in results:
-                results[mutant.id] = judge(copy, mutant, covering, full=arguments.full)
+                results[mutant.id] = judge(copy, mutant, covering, full=arguments.full, forked=forked)
                 write_text(out, json.dumps(results, indent=1) + "\n")
                 print(f"{results[mutant.id]['killed_by'] or 'SURVIVES'} | {mutant.id}", flush=True)
+        forked.close()
     return report(drawn, results)
 
 
