@@ -192,6 +192,8 @@ def test_check_says_which_class_an_arm_is_nearly_in(name, backwards, tmp_path, c
     assert kin.no_closed_form.startswith("arm 'arm' is singular in every posture: axes 3 and 4 (j3, j4) coincide;")
     placements[3] = motion(0.3, 0.2, 1e-6, 1e-6)
     assert "axes 3 and 4 (j3, j4) nearly coincide" in kinematics(tmp_path, placements).no_closed_form
+    placements[2:6] = [motion(0.3, 0.1, a, 1e-7) for a in (0.2, 0.3, 0.25, 0.15)]  # five axes almost parallel
+    assert "'arm': its axes make the elimination singular; of random" in kinematics(tmp_path, placements).no_closed_form
 
 
 @pytest.mark.parametrize("backwards", [False, True])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics
 from kinreach.robots import Tool
 from kinreach.robots.inside import ArmFlags
 
@@ -113,7 +114,21 @@ def test_with_degrees_what_turns_is_held_in_degrees_and_what_slides_in_metres(tm
         for unit, words in ((1.0, []), (np.degrees(1.0), ["--degrees"])):
             given = parser.parse_args([*words, "--hold", f"rail={rail},turn={turn * unit}"])
             given.arm = str(file)
-            assert ArmFlags.of(given).held == {"rail": rail, "turn": pytest.approx(turn)}
+            again = parser.parse_args(ArmFlags.words(given))
+            again.arm = given.arm
+            for each in (given, again):
+                assert ArmFlags.of(each).held == {"rail": rail, "turn": pytest.approx(turn)}
+
+
+def test_the_arm_is_where_its_joints_are_held(tmp_path):
+    """One of them has no `<origin>`."""
+    file = tmp_path / "r.urdf"
+    file.write_text(ARM.format(limit=LIMIT))
+    for rail, turn in [(0.0, 0.0), *np.random.default_rng(0).uniform(-1.5, 1.5, (9, 2)).tolist()]:
+        arm = ArmFlags.of(parsed("--hold", f"rail={rail!r},turn={turn!r}")).arm(str(file))
+        c, s = np.cos(turn), np.sin(turn)
+        tip = ArmKinematics(arm).fk([0.0, 0.0])[:3, 3]
+        np.testing.assert_allclose(tip, [rail + 0.3 * c - 0.1 * s, 0.3 * s + 0.1 * c, 0.3], atol=1e-12)
 
 
 def test_the_tip_of_a_file_says_which_joints_are_the_arms(tmp_path):

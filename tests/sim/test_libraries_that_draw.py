@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from kinreach.errors import DrawingError, InstallationError
+from kinreach.sim import ArmSimulation, render
 from kinreach.sim import _rendering as rendering
 from tests.cases import slow
 from tests.sim.test_rendering import run
@@ -58,6 +59,8 @@ def test_a_fork_of_a_process_that_has_drawn_does_not_draw(monkeypatch):
     monkeypatch.setattr(rendering.os, "getpid", lambda: 8)
     with pytest.raises(DrawingError, match="forked from one that had drawn already"):
         rendering._refuse_after_fork()
+    with pytest.raises(DrawingError, match="forked from one that had drawn already"):  # before a library is touched
+        render(ArmSimulation("ur5e"), width=8, height=8)
     assert rendering._drawing_process == 7
 
 
