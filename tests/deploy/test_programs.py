@@ -225,7 +225,7 @@ def test_a_trajectory_has_an_even_rate_that_a_ur_keeps():
 @pytest.mark.parametrize("joint", range(6))
 def test_a_trajectory_begins_in_the_start_posture(joint):
     """No joint of it is further off than the program's own check lets pass."""
-    path, off = swing().resampled(500.0), 0.01 * np.eye(6)[joint]
+    path, off = swing().resampled(500.0), 5e-4 * np.eye(6)[joint]
     for sign in (1.0, -1.0):
         assert Program(path.q[0] + 0.99 * sign * off, np.zeros(6), trajectory=path).trajectory is path
         with pytest.raises(InputError, match="the trajectory does not begin in the start posture"):
