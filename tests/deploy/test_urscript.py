@@ -100,6 +100,15 @@ def test_functions_compute_what_the_manual_says(ur):
         "5", "30", f"{math.pi / 4:.10g}", "-2"]  # fmt: skip
 
 
+def test_random_is_drawn_evenly_from_0_to_1(ur):
+    text = "i = 0\nwhile i < 200:\n  textmsg(random())\n  i = i + 1\nend"
+    drawn = np.array([float(line) for line in said(ur, text)])
+    assert len(set(drawn)) == 200
+    assert ((drawn >= 0.0) & (drawn < 1.0)).all()
+    shares = np.histogram(drawn, bins=4, range=(0, 1))[0] / 200
+    np.testing.assert_allclose(shares, 0.25, atol=0.12)
+
+
 def test_get_inverse_kin_is_nearest(ur):
     """With the arm's own calibration, and the active tool centre point or another one."""
     rng, found = np.random.default_rng(1), 0

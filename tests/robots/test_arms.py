@@ -16,9 +16,11 @@ from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
 from kinreach.robots import (
     PUBLISHED_CALIBRATIONS,
     ArmDescription,
+    BoxRegion,
     CameraMount,
     Tool,
     Workcell,
+    arm_names,
     get_arm,
     register_arm,
 )
@@ -245,6 +247,28 @@ def test_a_changed_arm_keeps_everything_else(arm, change, new):
     assert changed.package_root() == arm.package_root()
     assert changed.urdf != arm.urdf
     assert pickle.loads(pickle.dumps(changed)).urdf == changed.urdf
+
+
+def test_tables_stand_on_the_floor_and_goals_on_them():
+    """Legs end on the upper side of the floor, and goals that are balls lie at least their radius above the table."""
+    stood, above = 0, 0
+    for name in arm_names():
+        cell = get_arm(name).workcell
+        boxes = {box.name: box for box in cell.obstacles}
+        if not name.startswith(("ur", "panda", "so101")) or not {"table", "floor"} <= set(boxes):
+            continue
+        table, floor = boxes["table"], boxes["floor"]
+        ground, top = (box.position[2] + box.size[2] / 2 for box in (floor, table))
+        bottom = top - table.size[2]
+        assert bottom - table.legs == pytest.approx(ground, abs=1e-12)
+        assert ground < bottom - 0.1
+        assert all(floor.size[i] > table.size[i] + 2 * abs(table.position[i]) for i in (0, 1))
+        stood += 1
+        if isinstance(cell.goals, BoxRegion):
+            assert cell.goals.z[0] >= top + cell.ball_radius - 1e-12
+            above += 1
+    assert stood >= 10
+    assert above >= 10
 
 
 def test_a_cell_without_goals_says_so():

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 
 from kinreach.errors import InputError, KinreachError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, URKinematics
@@ -121,6 +122,36 @@ def test_a_urdf_of_the_driver_with_a_prefix(root, tmp_path):
     file.write_text(f'<robot name="left">{text}</robot>')
     expected = read_calibration(PUBLISHED_CALIBRATIONS["ur5e_a"], "ur5e").placements
     np.testing.assert_allclose(read_calibration(file, "ur5e").placements, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("length", [1e-3, 0.5, 1.0, 20.0])
+def test_a_urdf_whose_joints_turn_about_any_axis(length, tmp_path):
+    """Frames that are turned in their links, with the axis in them, of any length or left out, are the same arm."""
+    links = yaml.safe_load(PUBLISHED_CALIBRATIONS["ur5e_a"].read_text())["kinematics"]
+    rng, names = np.random.default_rng(0), ["base_link_inertia", *(f"{link}_link" for link in LINKS), "tool0"]
+    text, before, keys = (
+        "".join(f'<link name="{name}"/>' for name in names),
+        Rotation.identity(),
+        ("roll", "pitch", "yaw"),
+    )
+    for index, (joint, parent, child) in enumerate(zip((*JOINTS, "flange"), names, names[1:], strict=False)):
+        f = links[LINKS[index]] if index < 6 else dict.fromkeys(("x", "y", "z", *keys), 0.0)
+        own = Rotation.random(random_state=rng) if index < 6 else Rotation.identity()
+        if index == 2:
+            own = Rotation.from_matrix(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))  # its x is z
+        turned = before.inv() * Rotation.from_euler("xyz", [f[key] for key in keys]) * own
+        xyz = before.inv().apply([f["x"], f["y"], f["z"]])
+        axis = length * own.inv().apply([0.0, 0.0, 1.0])
+        place = [" ".join(map(repr, row.tolist())) for row in (xyz, turned.as_euler("xyz"), axis)]
+        text += f'<joint name="{joint}" type="{"revolute" if index < 6 else "fixed"}"><origin xyz="{place[0]}" '
+        text += f'rpy="{place[1]}"/><parent link="{parent}"/><child link="{child}"/>'
+        text += "" if index in (2, 6) else f'<axis xyz="{place[2]}"/>'
+        text += ("" if index == 6 else '<limit lower="-6" upper="6" effort="1" velocity="1"/>') + "</joint>"
+        before = own
+    file = tmp_path / "turned.urdf"
+    file.write_text(f'<robot name="turned">{text}</robot>')
+    expected = read_calibration(PUBLISHED_CALIBRATIONS["ur5e_a"], "ur5e").placements
+    np.testing.assert_allclose(read_calibration(file, "ur5e").placements, expected, atol=1e-9)
 
 
 def test_a_folded_file_is_named_and_repaired_only_when_asked():

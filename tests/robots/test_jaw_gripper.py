@@ -89,9 +89,28 @@ def test_a_file_with_a_jaw(tmp_path):
     assert read.locked_joints == arm.locked_joints
 
 
-@pytest.mark.parametrize("wrong", [{"stroke": 0.2}, {"opening": 0.001}, {"opening": 0.11}, {"torque": -1.0},
-                                   {"tip": ""}, {"joint": 3}, {"length": 0.0}, {"least": -2.0}, {"beside": 0.08},
-                                   {"pivot": "far"}], ids=str)  # fmt: skip
-def test_what_no_jaw_has_is_refused(wrong):
-    with pytest.raises(InputError):
-        replace(GRIPPER, **wrong)
+def test_the_angle_of_a_jaw_may_be_counted_from_anywhere():
+    """Where the joint is at 0 and how it closes are two numbers of a gripper, and its openings stay the same."""
+    rng, tried = np.random.default_rng(3), 0
+    openings = rng.uniform(0.003, GRIPPER.stroke, 50)
+    for angle in rng.uniform(-3.0, 3.0, 20):
+        turned = replace(GRIPPER, ahead=GRIPPER.ahead + angle, least=GRIPPER.least + angle)
+        np.testing.assert_allclose(turned.positions(openings), GRIPPER.positions(openings) + angle, atol=1e-12)
+        np.testing.assert_allclose(turned.openings(turned.positions(openings)), openings, atol=1e-12)
+        tried += 1
+    assert tried == 20
+
+
+REFUSED = {
+    "stroke": (0.0, GRIPPER.pivot + GRIPPER.length + 1e-6), "opening": (0.001, GRIPPER.stroke + 1e-6),
+    "torque": (0.0, -1.0, 1.1e6, np.nan), "tip": ("", 3), "joint": (3, ""), "length": (0.0, 1.1),
+    "ahead": (-1.1e6, 1.1e6, "up"), "least": (GRIPPER.ahead - 1.571, GRIPPER.ahead + 1.571),
+    "beside": (GRIPPER.opening + 1e-6, -1e-6), "pivot": ("far", -1e-6, 1.1),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_no_jaw_has_is_refused(name):
+    for wrong in REFUSED[name]:
+        with pytest.raises(InputError, match=f"^{name} of a gripper"):
+            replace(GRIPPER, **{name: wrong})

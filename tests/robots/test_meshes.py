@@ -232,6 +232,8 @@ HOSTILE = {
     "parts.glb": (glb(nodes=[{"mesh": 0}] * 20_000), "places more than"),
     "circle.glb": (glb(nodes=[{"children": [0]}], scenes=[{"nodes": [0]}]), "cannot be read|no triangles"),
     "outside.glb": (glb(buffers=[{"byteLength": 9, "uri": "/etc/passwd"}]), "names other files"),
+    "second.glb": (glb(buffers=[{"byteLength": 9}, {"byteLength": 9, "uri": "a.bin"}]), "names other files"),
+    "image.glb": (glb(images=[{"bufferView": 0}, {"uri": "a.png"}]), "names other files"),
     "deep.glb": (b"glTF\2\0\0\0" + struct.pack("<II", 10**5 + 20, 10**5) + b"JSON" + b"[" * 10**5, "cannot be read"),
 }  # fmt: skip
 

@@ -240,6 +240,28 @@ def test_what_cannot_be_used_is_refused_in_one_line(tmp_path, capsys, name):
     assert line.startswith("kinreach check: error: ")
 
 
+@pytest.mark.parametrize("named", ["", 'name=""'])
+@pytest.mark.parametrize(
+    "inside",
+    [
+        shape(BALL, more=material('rgba="1 0 0"')),
+        shape(BALL, more=material('rgba="red"')),
+        MASS.replace('mass value="1"', 'mass value="-1"'),
+        shape('<sphere radius="big"/>', "collision"),
+        shape('<box size="1 1 0"/>'),
+        shape('<mesh filename="a.stl" scale="2"/>'),
+        shape(""),
+    ],
+)
+def test_a_part_without_a_name_is_refused_whatever_else_is_repaired(tmp_path, named, inside):
+    link = f"<link {named}>{inside}</link>"
+    with pytest.raises(InputError, match="the URDF has a nameless part"):
+        ArmDescription.from_urdf(write(tmp_path, arm(more=link)))
+    text = arm(joints=limits('lower="-3" upper="3" effort="max" velocity="-1"', 6)).replace('name="j6"', named)
+    with pytest.raises(InputError, match="joint without a name"):
+        ArmDescription.from_urdf(write(tmp_path, text))
+
+
 #: Collision shapes that are unread cost the collisions.
 UNREAD = {
     "below zero": ('<box size="-1 1 1"/>', "size of <box> is '-1 1 1'"),

@@ -90,6 +90,24 @@ def test_unknown_links_are_named(file, capsys):
 
 
 @pytest.mark.parametrize(
+    "more",
+    [
+        '<disable_collisions link1="l0"/>',
+        '<disable_collisions link2="l0"/>',
+        "<disable_default_collisions/>",
+        '<enable_collisions link1="l3"/>',
+        '<enable_collisions link2="l3"/>',
+    ],
+)
+def test_an_element_that_lacks_a_link_changes_nothing(file, more):
+    plain = ArmDescription.from_urdf(file)
+    described, known = (plain.with_srdf(write(file, srdf([("l0", "l2")], each))) for each in (more, ""))
+    assert CollisionChecker(described).pairs == CollisionChecker(known).pairs
+    (note,) = described.notes
+    assert "names a link that the arm does not have" in note
+
+
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         (srdf([("hand", "finger")]), "names no two links of this arm"),
