@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import threading
+from contextlib import nullcontext
 from dataclasses import replace
 from time import monotonic, sleep
 from types import SimpleNamespace
@@ -158,6 +159,36 @@ def own_handlers():
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
+
+
+def test_only_the_first_of_some_signals_interrupts_and_only_once(own_handlers):
+    """At once where it is armed; else where it is asked for, or at the end."""
+
+    def interrupts(steps):
+        """Which of some steps are interrupted: "check", the number of a signal, or one in a tuple for an armed one."""
+        came = []
+        try:
+            with Interruption() as interruption:
+                for step in steps:
+                    armed = interruption.armed() if isinstance(step, tuple) else nullcontext()
+                    try:
+                        with armed:
+                            interruption.check() if step == "check" else signal.raise_signal(
+                                step[0] if isinstance(step, tuple) else step
+                            )
+                    except KeyboardInterrupt:
+                        came.append(step)
+        except KeyboardInterrupt:
+            came.append("end")
+        return came
+
+    tried = 0
+    for first, second in itertools.product(map(int, SIGNALS), map(int, SIGNALS)):
+        assert interrupts(["check", (first,), (second,), second, "check"]) == [(first,)]
+        assert interrupts([first, second, "check", (second,), "check"]) == ["check"]
+        assert interrupts(["check", first, second]) == ["end"]
+        tried += 1
+    assert tried == 9
 
 
 def test_a_signal_while_handlers_are_replaced_leaves_those_of_before(own_handlers, monkeypatch):

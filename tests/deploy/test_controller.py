@@ -307,6 +307,22 @@ class TestProtectiveStops:
         assert ur.safety_mode is SafetyMode.PROTECTIVE_STOP
         assert re.fullmatch(r"protective stop: elbow_joint is 0\.\d\d rad from its target", ur.log[-1])
 
+    def test_an_arm_that_is_pushed_away_while_no_program_runs_is_put_back_where_it_was_placed(self, ur):
+        rng, placed = np.random.default_rng(0), 0
+        for q in HOME + rng.uniform(-0.2, 0.2, (5, 6)):
+            ur.place(q)
+            ur.tick()
+            ur.simulation.data.qpos[2] += 0.4
+            ur.tick()
+            assert ur.safety_mode is SafetyMode.PROTECTIVE_STOP
+            ur.release()
+            assert ur.safety_mode is SafetyMode.NORMAL
+            for posture in (ur.actual_q, ur.target_q):
+                np.testing.assert_array_equal(posture, q)
+            assert not ur.target_qd.any()
+            placed += 1
+        assert placed == 5
+
 
 def test_a_time_is_kept_with_an_acceleration_that_may_have_to_be_raised():
     raised, rng = 0, np.random.default_rng(0)

@@ -445,6 +445,30 @@ textmsg(read_output_float_register(3))
         assert tuple(_server.output(ur, name)) == values, name
 
 
+@pytest.mark.parametrize(
+    ("kind", "count", "default", "value"),
+    [("float", 48, "0", "1.5"), ("integer", 48, "0", "-3"), ("boolean", 128, "False", "True")],
+)
+def test_each_register_has_its_own_value_and_one_that_nobody_wrote_is_zero(ur, kind, count, default, value):
+    rng, tried = np.random.default_rng(0), 0
+    for place in (0, count - 1, *rng.integers(1, count - 1, 3).tolist()):
+        others = [other for other in (0, place - 1, place + 1, count - 1) if 0 <= other < count and other != place]
+        ur.io, ur.registers = type(ur.io)(), {}
+        read = [f"read_output_{kind}_register({place})", *(f"read_output_{kind}_register({i})" for i in others)]
+        read += [f"read_input_{kind}_register({i})" for i in (place, *others)]
+        text = "\n".join(f"textmsg({each})" for each in read)
+        assert said(ur, text) == [default] * len(read)
+        assert said(ur, f"write_output_{kind}_register({place}, {value})\n{text}") == [
+            value,
+            *[default] * (len(read) - 1),
+        ]
+        tried += len(read)
+    assert tried > 25
+    for place in (-1, count, 0.5):
+        for call in (f"read_output_{kind}_register({place})", f"read_input_{kind}_register({place})"):
+            assert f"must be from 0 to {count - 1}" in ur.run(program(f"textmsg({call})")).reason
+
+
 def test_a_secondary_program_runs_beside(ur):
     ur.start(program('sleep(0.1)\ntextmsg("main")'))
     ur.tick()
