@@ -325,7 +325,8 @@ class RealArmEpisodes(MovedEpisodes):
         scene = self._scenes[index]
         if scene is None:
             scene = self._scenes[index] = self.place(index).scene()
-            scene.put(self.home, ball=self.balls[index, 0])
+            moved = self._moves[index] or self._level[index]
+            scene.put(self.at[index], ball=self.balls[index, -1 if moved else 0])
         return scene
 
     def seed(self, index: int, rng: np.random.Generator) -> None:

@@ -63,6 +63,45 @@ def test_moves_to_a_ball(env):
     assert np.median(info["distance"][~over]) < 4e-4
 
 
+def test_what_is_observed_after_each_of_up_to_three_moves(env):
+    """The mean of what the tip was off, and the last miss alone; episodes end after the moves that were drawn."""
+    world, seen, done = env.unwrapped.episodes, env.unwrapped.episodes.observe(), np.zeros(COUNT, dtype=int)
+    rng, lengths, reached = np.random.default_rng(3), [], 0
+    off, noise = ([[] for _ in range(COUNT)] for _ in range(2))
+    for step in range(9):
+        aim = seen[:, arms.BALL] - (0.0 if step % 3 == 0 else seen[:, arms.OFF])
+        q = tool_down_postures(arms.ur5(), aim) + (rng.uniform(-0.05, 0.05, (COUNT, 6)) if step % 3 == 2 else 0.0)
+        tips, balls = world.tips(q), world.goals.copy()
+        then, reward, over, cut, info = env.step(q / np.pi)
+        last, told = then.copy(), info
+        if over.any():
+            last[over], told = info["final_obs"][over], info["final_info"]
+        for row in range(COUNT):
+            off[row].append(tips[row] - arms.ur5().chain.positions(q[[row]])[0])
+            ours = told if over[row] else info
+            away = np.linalg.norm(tips[row] - balls[row])
+            assert ours["distance"][row] == pytest.approx(away, abs=1e-12)
+            assert ours["reached"][row] == ours["is_success"][row] == (away < 5e-4)
+            assert -reward[row] == pytest.approx(away, abs=1e-12)
+            assert not ours["impossible"][row]
+            reached += ours["reached"][row]
+            np.testing.assert_allclose(last[row, arms.OFF], np.mean(off[row], axis=0), atol=6e-4)
+            np.testing.assert_allclose(last[row, arms.MISSED], tips[row] - seen[row, arms.BALL], atol=6e-4)
+            noise[row].append(last[row, arms.MISSED] - (tips[row] - seen[row, arms.BALL]))
+            done[row] += 1
+            assert last[row, arms.DONE] == done[row]
+            if over[row]:
+                lengths.append(done[row])
+                assert len(np.unique(np.round(noise[row], 9), axis=0)) == done[row]  # each look has its own
+                done[row], off[row], noise[row] = 0, [], []
+        np.testing.assert_allclose(last[:, arms.LOOKED :], seen[:, arms.LOOKED :], rtol=0, atol=1e-6)
+        assert not cut.any()
+        seen = then
+    assert np.unique(lengths).tolist() == [1, 2, 3]
+    assert len(lengths) >= 3 * COUNT
+    assert 50 < reached < 9 * COUNT - 50
+
+
 def test_the_objective_is_the_distance_of_the_true_tip():
     recipe = replace(get_recipe("random-arms"), num_envs=COUNT, window=COUNT)
     trainee = build(recipe, 0, steps=1000)

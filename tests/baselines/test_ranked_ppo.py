@@ -7,6 +7,7 @@ import pytest
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 
 from kinreach.baselines import get_recipe
@@ -60,6 +61,44 @@ def test_updates_are_those_of_ppo_with_other_advantages(name):
     start = torch.cat([value.ravel() for value in before.values()])
     assert (weights[0] != start).float().mean() > 0.5
     assert torch.equal(*weights)
+
+
+class Events(BaseCallback):
+    """What an algorithm tells its callback; the training ends in a step if asked to."""
+
+    def __init__(self, last):
+        super().__init__()
+        self.last, self.told = last, []
+
+    def _on_training_start(self):
+        self.told.append(("training", self.num_timesteps))
+
+    def _on_rollout_start(self):
+        self.told.append(("rollout", self.num_timesteps))
+
+    def _on_step(self):
+        self.told.append(("step", self.num_timesteps, self.locals["rewards"].shape))
+        return self.num_timesteps < self.last
+
+    def _on_rollout_end(self):
+        self.told.append(("collected", self.num_timesteps))
+
+    def _on_training_end(self):
+        self.told.append(("trained", self.num_timesteps))
+
+
+@pytest.mark.parametrize("last", [10_000, 128])
+def test_a_callback_is_told_what_ppo_tells_it(last):
+    """Where it returns False the training ends, in mid-rollout."""
+    recipe = replace(get_recipe("ranked-single"), num_envs=64, steps=64 * 3, segments=1, window=64)
+    trainee, told = build(recipe, 5, steps=recipe.steps), []
+    ppo = PPO("MlpPolicy", trainee.env, n_steps=1, batch_size=64, n_epochs=1, gae_lambda=1.0, device="cpu")
+    for model in (trainee.model, ppo):
+        told.append(events := Events(last))
+        model.learn(recipe.steps, callback=events)
+    trainee.env.close()
+    assert told[0].told == told[1].told
+    assert len(told[0].told) == (11 if last > recipe.steps else 7)
 
 
 def test_samples_come_in_opposite_pairs():

@@ -1,5 +1,6 @@
 """The loop between policies and environments, where these are anybody's."""
 
+import zlib
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -46,6 +47,31 @@ def test_chance_takes_observations_of_any_size(observation):
         policy.reset(observation, {})
         drawn.append(policy.act(observation))
     np.testing.assert_array_equal(*drawn)
+
+
+def test_chance_draws_what_it_drew_in_earlier_versions():
+    """Seeded by numpy's hash of the seed and of the observation: its words of 32 bits, or the CRC of odd bytes."""
+    space, twin = (gym.spaces.Box(-1.0, 1.0, (3,)) for _ in range(2))
+    rng, drawn = np.random.default_rng(0), []
+    cases = [rng.normal(size=5), rng.normal(size=3).astype(np.float32), np.arange(7, dtype=np.uint8)]
+    cases.append({"pixels": np.arange(16, dtype=np.uint8), "numbers": rng.normal(size=2)})
+    for seed in (0, 4):
+        policy = RandomPolicy(space, seed=seed)
+        for observation in cases:
+            if isinstance(observation, dict):
+                words = [zlib.crc32(part.tobytes()) for part in observation.values()]
+            elif observation.nbytes % 4:
+                words = [zlib.crc32(observation.tobytes())]
+            else:
+                words = [
+                    int.from_bytes(observation.tobytes()[k : k + 4], "little") for k in range(0, observation.nbytes, 4)
+                ]
+            twin.seed(int(np.random.SeedSequence([seed, *words]).generate_state(1)[0]))
+            policy.reset(observation, {})
+            for _ in range(2):
+                drawn.append(policy.act(observation))
+                np.testing.assert_array_equal(drawn[-1], twin.sample())
+    assert len(np.unique(drawn, axis=0)) == 2 * 2 * len(cases)
 
 
 def test_an_evaluation_has_what_each_episode_says():

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
+from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, PICK_AND_PLACE, PUSH, REAL_ARM, SINGLE, SPACE
 from kinreach.errors import InputError
 from kinreach.sim import BatchSimulation
 from kinreach.sim.inside import FrameRenderer
@@ -283,6 +283,27 @@ def test_arguments_are_keywords(name):
     none = {"boxes", "control", "controls", "depth", "dtype", "frames", "goal_env", "goal_in", "info", "randomise"}
     none |= {"sights", "render_mode", "render_camera", "render_width", "render_height"}
     assert flagless == none.intersection(names) | ({"reward"} if name == LIFT else set())
+
+
+@pytest.mark.parametrize("name", [SINGLE, MULTI, SPACE, BUTTON, LIFT, PUSH, PICK_AND_PLACE])
+def test_a_batch_steps_its_dynamics_on_as_many_threads_as_are_asked_for(name, monkeypatch):
+    """Those that MuJoCo is told to use, the caller's included."""
+    import mujoco.batch
+
+    told, begin = [], mujoco.batch.Batch.__init__
+
+    def noted(self, model, nsim, nthread=0, **more):
+        told.append((nsim, nthread))
+        begin(self, model, nsim, nthread, **more)
+
+    monkeypatch.setattr(mujoco.batch.Batch, "__init__", noted)
+    for count, threads in ((3, 2), (2, 1)):
+        env = gym.make_vec(name, count, "vector_entry_point", threads=threads)
+        env.reset(seed=0)
+        env.close()
+        assert told[-1] == (count, threads)
+    gym.make_vec(name, 2, "vector_entry_point").close()
+    assert {each[1] for each in told[2:]} == {1}
 
 
 @pytest.mark.parametrize("name", [SINGLE, MULTI, SPACE, BUTTON, MOVING, LIFT, REAL_ARM, OBSTACLES])

@@ -167,3 +167,17 @@ def test_nobody_gets_the_scene_that_is_kept():
         assert new() is not first
         assert new().opt.gravity[2] == pytest.approx(-9.81)
         assert (new().body_mass != 5.0).any()
+
+
+@pytest.mark.parametrize("name", DYNAMIC)
+def test_only_what_is_drawn_has_looks(name):
+    """More shapes, without contacts and masses, that the physics does not know of."""
+    plain, drawn = (made(name, render_mode=mode).unwrapped for mode in (None, "rgb_array"))
+    for env in (plain, drawn):
+        env.reset(seed=0)
+    models = [plain.model, drawn.scene.model]
+    solid = [((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum() for model in models]
+    looks = [model.ngeom - count for model, count in zip(models, solid, strict=True)]
+    assert solid[0] == solid[1] > 5
+    assert looks[1] > looks[0] + 4
+    np.testing.assert_allclose(models[0].body_mass.sum(), models[1].body_mass.sum(), rtol=1e-12)

@@ -218,6 +218,34 @@ def test_an_episode():
     np.testing.assert_array_equal(again, first)
 
 
+def test_a_move_pays_minus_the_mean_distance_and_is_judged_by_the_median():
+    """One of three balls far off changes the mean alone; ends without errors but noise are reached."""
+    kin, near, far = URKinematics("ur5-thesis", tip="tcp", base="world"), 0, 0
+    env = make(budgets=(0,), again=1, balls=3, noise=1e-9).unwrapped
+    for seed, errors in enumerate((*RIGID, *NONGEOMETRIC)):
+        _, info = env.reset(seed=seed, options={"errors": errors, "calibration": "ur5_a"})
+        assert info["distance"] == info["error_0_0"] == info["error_0_1"] == np.inf
+        place, balls, start = env.episodes.place(0), env.episodes.balls[0].copy(), np.array(kin.arm.home)
+        aims = [tool_down_postures(kin, balls)]
+        aims.append(tool_down_postures(kin, 2 * balls - place.tips(aims[0], start)))  # the errors taken off
+        aims[1][0, 0] += 0.3
+        for move, q in enumerate(aims):
+            observation, reward, over, _, info = env.step(q / np.pi)
+            tips = place.tips(q, start)
+            away, start = np.linalg.norm(tips - balls, axis=1), q[-1]
+            assert reward == info["reward_terms"]["distance"] == pytest.approx(-np.mean(away), abs=1e-9)
+            assert info["distance"] == info[f"error_0_{move}"] == pytest.approx(np.median(away), abs=1e-9)
+            assert info["reached"] == info["is_success"] == (np.median(away) < 5e-4)
+            assert not info["impossible"]
+            np.testing.assert_allclose(observation[:, SEEN_TIP], place.seen(tips), atol=1e-6)
+            assert over == (move == 1)
+            near, far = near + info["reached"], far + (not info["reached"])
+        assert info["reached"]
+        assert reward < -0.02
+    assert near >= 9
+    assert far >= 4
+
+
 def test_a_batch_looks_as_single_environments_do():
     options = {"balls": 3, "budgets": (0, 5), "again": 0, "errors": ("everything",)}
     batch = gym.make_vec(REAL_ARM, 3, "vector_entry_point", **options).unwrapped

@@ -106,6 +106,38 @@ def test_ids_without_a_simulation_of_bodies_have_every_mode(name, monkeypatch):
     assert shapes["rgb_array_list"][1:] == (36, 64, 3)
 
 
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_scene_shows_the_arm_as_it_is_whenever_it_is_asked_for(name):
+    """One that is asked for in mid-episode is where one has come that followed from the start; states come with it."""
+    early, late = (made(name, None).unwrapped for _ in range(2))
+    for env in (early, late):
+        env.reset(seed=3)
+    calls, home, begun = [], early.scene.q, early.scene.data.time
+    early.scene.watch = lambda: calls.append(early.scene.data.time)
+    rng, over, steps = np.random.default_rng(1), False, 0
+    while steps < 2 and not over:
+        before = len(calls)
+        action = home / np.pi - [0.0, 0.05, 0.0, 0.0, 0.0, 0.0] + rng.uniform(-0.02, 0.02, early.action_space.shape)
+        for env in (early, late):
+            *_, over, _, info = env.step(action)
+        steps += 1
+        assert len(calls) > before
+        if name in ("kinreach/Moving-v0", "kinreach/RandomArm-v0"):
+            assert calls == pytest.approx([begun + (step + 1) / early.metadata["render_fps"] for step in range(steps)])
+    here, ball = early.scene.q, early.scene.data.mocap_pos[0].copy()
+    assert np.abs(here - home).max() > 1e-3
+    if name != "kinreach/RealArm-v0":  # of a tray, the last ball is shown
+        np.testing.assert_allclose(here, early.episodes.q[0], atol=1e-12)
+        np.testing.assert_allclose(ball, info["goal"], atol=1e-12)
+    state = late.save_state()
+    for _ in range(2):
+        np.testing.assert_allclose(late.scene.q, here, atol=1e-12)
+        np.testing.assert_allclose(late.scene.data.mocap_pos[0], ball, atol=1e-12)
+        late.reset(seed=4)
+        np.testing.assert_array_equal(late.scene.q, home)
+        late.restore_state(state)
+
+
 def test_a_camera_may_stand_anywhere(needs_gl):
     """From 12 places it looks at the ball, which is in the middle of the picture."""
     simulation, rng = ArmSimulation("ur5-thesis", visual=False), np.random.default_rng(5)

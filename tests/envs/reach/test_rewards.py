@@ -6,6 +6,7 @@ import pytest
 
 from kinreach.envs._reach.rewards import DirectedReward, DistanceReward, ThesisReward
 from kinreach.errors import InputError
+from kinreach.thesis import distance_reward
 from tests.envs.reach.test_space import angle_of
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
@@ -65,6 +66,27 @@ def test_what_is_impossible_reaches_nothing_however_near_the_arm_stands():
     for reward in (DistanceReward(0.05), ThesisReward()):
         score = reward.score(np.full(2, 0.001), np.tile(NATURAL, (2, 1)), np.array([True, False]))
         assert score.reached.tolist() == [False, True]
+
+
+def test_what_is_on_a_limit_is_not_within_it():
+    """On the radius, and at the largest angle or error of the posture; a rounding error less is enough."""
+    radius, angle = 0.01, 0.15
+    d = np.array([radius, np.nextafter(radius, 0.0), radius / 2, radius / 2, 2 * radius])
+    angles = np.array([0.0, 0.0, angle, np.nextafter(angle, 0.0), 0.0])
+    near, free = np.array([False, True, True, True, False]), np.zeros(5, dtype=bool)
+    assert DistanceReward(radius).score(d, np.zeros((5, 6)), free).reached.tolist() == near.tolist()
+    directed = DirectedReward(radius).score(d, np.zeros((5, 6)), free, angles)
+    assert directed.reached.tolist() == [False, True, False, True, False]
+    np.testing.assert_array_equal(directed.terms["distance"], np.where(near, 0.0, distance_reward(d)))
+    np.testing.assert_array_equal(directed.terms["direction"], [0.0, 0.0, -angle, 0.0, 0.0])
+    posture = ThesisReward().of_errors(d, np.zeros(5), angles, free)
+    assert posture.reached.tolist() == directed.reached.tolist()
+    np.testing.assert_array_equal(directed.terms["special"], posture.terms["special"])
+    assert len(set(directed.terms["special"])) == 3
+    barred = DirectedReward(radius).score(d, np.zeros((5, 6)), ~free, angles)
+    assert not barred.reached.any()
+    assert (barred.terms["special"] == barred.reward).all()
+    assert len(set(barred.reward)) == 1
 
 
 def test_rewards_can_be_called_as_a_users_function_is():
