@@ -6,7 +6,10 @@ Pinocchio is the oracle of each kind: where it reads a file, so does kinreach, o
 from __future__ import annotations
 
 import argparse
+import contextlib
+import copy
 import re
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -238,6 +241,54 @@ def test_what_cannot_be_used_is_refused_in_one_line(tmp_path, capsys, name):
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(said, line)
     assert line.startswith("kinreach check: error: ")
+
+
+PLACE = '<origin xyz="0 0.01 0.02" rpy="0.1 0 0.2"/>'
+#: An arm with every part that a reader knows.
+FULL = arm(
+    links={
+        2: MASS.replace("<mass", f"{PLACE}<mass")
+        + shape('<box size="0.05 0.06 0.07"/>', "collision", PLACE)
+        + shape('<cylinder radius="0.02" length="0.1"/>', more=material('rgba="0.5 0.6 0.7 1"', "own") + PLACE),
+        4: shape('<capsule radius="0.02" length="0.1"/>', "collision", PLACE)
+        + shape('<mesh filename="box.stl" scale="1 1 1"/>', more='<material name="shared"/>'),
+    },
+    joints={2: {"axis": '<axis xyz="0.6 0 0.8"/>', "inside": f'{LIMIT}<dynamics damping="0.1" friction="0.2"/>'}},
+    more=material('rgba="1 0 0 1"', "shared") + '<link name="r"/>' + ROD,
+)
+
+
+@pytest.mark.parametrize("part", ["l2", "l4", "j2", "rod", "shared"])
+def test_whatever_is_left_out_of_a_part_the_arm_is_that_of_the_file_or_refused_in_one_line(tmp_path, part):
+    """Each attribute and each element in turn."""
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "box.stl")
+    whole, read, refused = ET.fromstring(FULL), 0, 0
+    (place,) = (i for i, each in enumerate(whole) if each.get("name") == part)
+    for index, element in enumerate(whole[place].iter()):
+        for key in (*element.attrib, None):
+            changed = copy.deepcopy(whole)
+            lacking = list(changed[place].iter())[index]
+            if key is not None:
+                del lacking.attrib[key]
+            else:
+                next(each for each in changed.iter() if lacking in list(each)).remove(lacking)
+            file = write(tmp_path, ET.tostring(changed, encoding="unicode"))
+            try:
+                described, said = ArmDescription.from_urdf(file), ""
+            except InputError as error:
+                said = str(error)
+            if said:
+                assert re.fullmatch(r".*(joint '(j2|j4|rod)'|name|must hang on one).*", said)  # one line
+                refused += 1
+                continue
+            assert not any("\n" in note for note in described.notes)
+            link_shapes(described)
+            with contextlib.suppress(ValueError):  # of what Pinocchio does not read
+                assert part not in ("j2", "rod") or off(file, ArmKinematics(described, base="world")) < 1e-12
+            read += 1
+    assert read >= (0 if part == "rod" else 2)
+    assert refused >= (0 if part == "shared" else 1)
+    assert read + refused >= 4
 
 
 @pytest.mark.parametrize("named", ["", 'name=""'])
