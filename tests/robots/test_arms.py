@@ -9,7 +9,9 @@ from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics
@@ -249,13 +251,17 @@ def test_a_changed_arm_keeps_everything_else(arm, change, new):
     assert pickle.loads(pickle.dumps(changed)).urdf == changed.urdf
 
 
+#: Those of kinreach, without any that a test has registered.
+OWN = [name for name in arm_names() if name.startswith(("ur", "panda", "so101", "arm3"))]
+
+
 def test_tables_stand_on_the_floor_and_goals_on_them():
     """Legs end on the upper side of the floor, and goals that are balls lie at least their radius above the table."""
     stood, above = 0, 0
-    for name in arm_names():
+    for name in OWN:
         cell = get_arm(name).workcell
         boxes = {box.name: box for box in cell.obstacles}
-        if not name.startswith(("ur", "panda", "so101")) or not {"table", "floor"} <= set(boxes):
+        if not {"table", "floor"} <= set(boxes):
             continue
         table, floor = boxes["table"], boxes["floor"]
         ground, top = (box.position[2] + box.size[2] / 2 for box in (floor, table))
@@ -269,6 +275,136 @@ def test_tables_stand_on_the_floor_and_goals_on_them():
             above += 1
     assert stood >= 10
     assert above >= 10
+
+
+def test_the_overview_shows_the_arm_and_its_goals():
+    """The base, the tip at home and all goals are in the picture, and fill some of it; the thesis's are alike."""
+    seen, corners = 0, []
+    for name in OWN:
+        kin = ArmKinematics.of(name, base="world")
+        (camera,) = (mount for mount in kin.arm.cameras if mount.name == "overview")
+        sight = np.subtract(camera.target, camera.position)
+        right = np.cross(sight, camera.up)
+        down = np.cross(sight, right)
+        axes = np.array([each / np.linalg.norm(each) for each in (right, down, sight)])
+        goals = kin.arm.workcell.draw_goals(np.random.default_rng(0), 200)
+        x, y, z = axes @ (np.vstack([goals, kin.fk(kin.arm.home)[:3, 3], np.zeros(3)]) - camera.position).T
+        assert (z > 0.2).all()
+        half = np.tan(np.radians(camera.fovy / 2))
+        assert np.abs(y / z).max() < 0.95 * half
+        assert 0.35 * half < np.abs(x / z).max() < 0.7 * half * 16 / 9
+        seen += 1
+        if name in FAMILY:
+            region = kin.arm.workcell.goals
+            ends = [(x, y, region.z[0]) for x in region.x for y in region.y]
+            x, y, z = axes @ np.subtract(ends, camera.position).T
+            corners.append(np.array([x / z, y / z]) / half)
+    assert seen >= 18
+    assert len(corners) == 3
+    assert np.ptp(corners, axis=0).max() < 0.15
+
+
+def test_no_arm_moves_faster_than_its_slowest_joint():
+    """Of the file, or 3 rad/s where no joint is slower."""
+    compared = 0
+    for name in OWN:
+        arm = get_arm(name)
+        slowest = min(float(joint.find("limit").get("velocity")) for joint in arm.robot.iterfind("joint")
+                      if joint.get("name") in arm.joints)  # fmt: skip
+        assert min(3.0, 0.99 * slowest) <= arm.speed_limit <= slowest
+        assert 5.0 < arm.acceleration_limit <= 10.0
+        assert len(arm.position_gains) == len(arm.joints)
+        assert (np.diff(arm.position_gains) < 0.2 * arm.position_gains[0]).all()  # later joints carry less
+        compared += 1
+    assert compared >= 18
+
+
+def vector(text):
+    return np.array(text.split(), dtype=float)
+
+
+#: Joints of `so101_new_calib.urdf`: place in the one before [m, rad], limits [rad], and of the link that each moves the
+#: mass [kg] and its centre [m].
+SO101 = {
+    "shoulder_pan": ("0.0388353 -8.97657e-09 0.0624", "3.14159 0 -3.14159", (-1.91986, 1.91986), 0.100006,
+                     (-0.0307604, -1.66727e-05, -0.0252713)),
+    "shoulder_lift": ("-0.0303992 -0.0182778 -0.0542", "-1.5708 -1.5708 0", (-1.74533, 1.74533), 0.103,
+                      (-0.0898471, -0.00838224, 0.0184089)),
+    "elbow_flex": ("-0.11257 -0.028 0", "0 0 1.5708", (-1.69, 1.69), 0.104, (-0.0980701, 0.00324376, 0.0182831)),
+    "wrist_flex": ("-0.1349 0.0052 0", "0 0 -1.5708", (-1.65806, 1.65806), 0.079,
+                   (-0.000103312, -0.0386143, 0.0281156)),
+    "wrist_roll": ("0 -0.0611 0.0181", "1.5708 0.0486795 3.14159", (-2.74385, 2.84121), 0.087,
+                   (0.000213627, 0.000245138, -0.025187)),
+    "gripper": ("0.0202 0.0188 -0.0234", "1.5708 0 0", (-0.174533, 1.74533), 0.012,
+                (-0.00157495, -0.0300244, 0.0192755)),
+}  # fmt: skip
+
+
+def test_an_so101_is_that_of_its_maker():
+    """Poses are those of the maker's file, as Pinocchio has them; servos are as strong and fast as is said of them."""
+    arm = get_arm("so101")
+    text = '<robot name="so101"><link name="gripper_frame_link"/><link name="base_link"/>'
+    before = "base_link"
+    for joint, (xyz, rpy, _, _, _) in list(SO101.items())[:5]:
+        text += f'<link name="{joint}_link"/><joint name="{joint}" type="revolute"><parent link="{before}"/><child '
+        text += f'link="{joint}_link"/><origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/>'
+        text += '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        before = f"{joint}_link"
+    text += f'<joint name="end" type="fixed"><parent link="{before}"/><child link="gripper_frame_link"/>'
+    model = pin.buildModelFromXML(
+        f'{text}<origin xyz="-0.0079 -0.000218121 -0.0981274" rpy="0 3.14159 0"/></joint></robot>'
+    )
+    data, frame, kin = model.createData(), model.getFrameId("gripper_frame_link"), ArmKinematics(arm, base="base_link")
+    for q in np.random.default_rng(0).uniform(-1.6, 1.6, (50, 5)):
+        pin.framesForwardKinematics(model, data, q)
+        np.testing.assert_allclose(kin.fk(q), data.oMf[frame].homogeneous, atol=2e-5)
+    joints = {joint.get("name"): joint for joint in arm.robot.iterfind("joint")}
+    links = {link.get("name"): link for link in arm.robot.iterfind("link")}
+    for name, (xyz, _, limits, mass, centre) in SO101.items():
+        limit = {key: float(value) for key, value in joints[name].find("limit").attrib.items()}
+        np.testing.assert_allclose((limit["lower"], limit["upper"]), limits, atol=1.1e-6)
+        assert limit["effort"] == pytest.approx(19.5 * 9.80665e-2, rel=0.01)
+        assert limit["velocity"] == pytest.approx(np.radians(60) / 0.222, rel=0.01)
+        np.testing.assert_allclose(vector(joints[name].find("origin").get("xyz")),
+                                   vector(xyz), atol=1e-8)  # fmt: skip
+        link = links[joints[name].find("child").get("link")]
+        assert float(link.find("inertial/mass").get("value")) == pytest.approx(mass, abs=1e-5)
+        body = link.find("collision")
+        place, turned, size = (vector(body.find(path).get(key)) for path, key in (
+            ("origin", "xyz"), ("origin", "rpy"), ("geometry/box", "size")))  # fmt: skip
+        inside = Rotation.from_euler("xyz", turned).inv().apply(np.subtract(centre, place))
+        assert (np.abs(inside) < size / 2).all()  # the centre of mass of its parts is in it
+        assert 400 < mass / size.prod() < 1500  # servos and plastic
+    assert (arm.speed_limit, arm.acceleration_limit) == (3.0, 10.0)
+    assert arm.armature == pytest.approx(2e-7 * 345**2, rel=0.02)
+
+
+def test_the_gripper_as_a_tool_is_that_of_the_thesis():
+    """On an arm that carries none: its tip, its boxes as they are when the arm reaches, and its mass."""
+    tooled, own = get_arm("ur5").with_tool("gripper"), get_arm("ur5-thesis")
+    q = np.random.default_rng(0).uniform(-3, 3, (5, 6))
+    ends = [[np.linalg.inv(ArmKinematics(arm, tip="tool0").fk(row)) @ ArmKinematics(arm, tip=tip).fk(row) for row in q]
+            for arm, tip in ((tooled, "tool"), (own, "tcp"))]  # fmt: skip
+    np.testing.assert_allclose(*ends, atol=1e-9)
+    links = {link.get("name"): link for link in (*own.robot.iterfind("link"), *tooled.robot.iterfind("link"))}
+
+    def boxes(link, y=0.0):
+        return [(vector(each.find("geometry/box").get("size")),
+                 np.add(vector(each.find("origin").get("xyz")), (0.0, y, 0.0)))
+                for each in links[link].iterfind("collision")]  # fmt: skip
+
+    half = own.gripper.opening / 2
+    expected = [*boxes("gripper_palm"), *boxes("finger_left", half), *boxes("finger_right", -half)]
+    np.testing.assert_allclose(boxes("tool_body"), expected, atol=1e-9)
+    masses = {name: float(links[name].find("inertial/mass").get("value"))
+              for name in ("gripper_palm", "finger_left", "finger_right", "tool_body")}  # fmt: skip
+    whole = masses.pop("tool_body")
+    assert whole == pytest.approx(sum(masses.values()))
+    middles = {"gripper_palm": boxes("gripper_palm")[0][1], "finger_left": boxes("finger_left", half)[0][1],
+               "finger_right": boxes("finger_right", -half)[0][1]}  # fmt: skip
+    centre = sum(mass * middles[name] for name, mass in masses.items()) / whole
+    found = vector(links["tool_body"].find("inertial/origin").get("xyz"))
+    np.testing.assert_allclose(found, centre, atol=3e-3)
 
 
 def test_a_cell_without_goals_says_so():
