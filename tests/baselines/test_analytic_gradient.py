@@ -13,7 +13,7 @@ import torch
 from stable_baselines3.common.logger import configure
 
 from kinreach.baselines import VALIDATION, evaluate, get_recipe, train
-from kinreach.baselines._descent import DOWN, GRIPPER_CLEARANCE, LEVER, WAY
+from kinreach.baselines._descent import CLEARANCE, DOWN, FOLDED, GRIPPER_CLEARANCE, LEVER, WAY
 from kinreach.baselines._models import build
 from kinreach.baselines.expert import table_top, tool_down_postures
 from kinreach.baselines.random_arms import ur5
@@ -131,6 +131,28 @@ def test_a_folded_elbow_costs(trainee, observations, monkeypatch):
             monkeypatch.setattr(trainee.model, "largest", limits)
             costs.append(float(objective(means, torch.tensor([0]))))
         assert costs[0] - costs[1] == pytest.approx(max(abs(angle) - largest[2], 0.0), abs=1e-5)
+
+
+def test_without_limits_and_feelers_what_is_made_small_is_the_error_alone(trainee, observations):
+    """By Pinocchio; with them the depth of the feelers is added, and what joints are folded."""
+    settings = {name: value for name, value in SMALL.settings.items() if name not in ("largest", "feelers")}
+    bare, task = build(replace(SMALL, settings=settings), 0, steps=SMALL.steps), SpaceTask.of(SMALL.options)
+    bare.env.close()
+    objectives = [one.model.objective(observations) for one in (bare, trainee)]
+    kin, rng, deep, folded = ArmKinematics("ur5-thesis", tip="tcp", base="world"), np.random.default_rng(1), 0, 0
+    for row in range(100):
+        q = rng.uniform(-np.pi, np.pi, 6)
+        T = kin.fk(q)
+        off = np.linalg.norm(T[:3, 3] - goal_in_world(kin.arm, observations[row, :6], [True, True]))
+        turn = np.linalg.norm(T[:3, 2] - observations[row, task.layout.direction])
+        corners = T[2, 3] + np.array(SMALL.settings["feelers"]) @ T[2, :3]
+        more = np.maximum(-0.2 + CLEARANCE - corners, 0.0).sum(), max(abs(q[2]) - 2.8, 0.0)
+        means, rows = torch.as_tensor(q[None] / np.pi, dtype=torch.float32), torch.tensor([row])
+        found = [float(objective(means, rows)) for objective in objectives]
+        assert found == pytest.approx([off + LEVER * turn, off + LEVER * turn + more[0] + FOLDED * more[1]], abs=2e-5)
+        deep, folded = deep + (more[0] > 0.0), folded + (more[1] > 0.0)
+    assert 5 < deep < 80
+    assert 3 < folded < 50
 
 
 def test_a_ball_is_to_be_met_where_it_will_be():

@@ -38,6 +38,14 @@ def test_balls_are_those_of_the_environment(trainee):
     assert balls.rolls.shape == (60, 30 * moving.PARTS + 1, 2)
     np.testing.assert_allclose(balls.rolls[30:, :, 0], balls.rolls[:30, :, 0])
     np.testing.assert_allclose(balls.rolls[30:, :, 1], -balls.rolls[:30, :, 1])
+    starts, steps = balls.rolls[:, 0], np.diff(balls.rolls, axis=1) * moving.FRAMES * moving.PARTS
+    assert (starts >= low + moving.INSIDE - 1e-9).all()
+    assert (starts <= high - moving.INSIDE + 1e-9).all()
+    speeds = np.linalg.norm(steps, axis=2)
+    np.testing.assert_allclose(speeds, speeds[:, :1] * np.ones(speeds.shape[1]), rtol=5e-3)
+    assert 0.14 < speeds.min() < 0.3 < 1.0 < speeds.max() < 1.26
+    straight = np.abs(np.diff(steps, axis=1)).max(axis=(1, 2)) < 1e-9
+    assert straight.sum() == len(straight) / len(moving.PATHS)
     left = 0
     for roll, end in zip(balls.rolls, balls.ends, strict=True):
         inside = ((roll >= low) & (roll <= high)).all(axis=1)

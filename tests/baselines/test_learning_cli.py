@@ -1,5 +1,6 @@
 """`kinreach train` and `kinreach evaluate`: what they print, write and refuse."""
 
+import io
 import json
 import re
 import shlex
@@ -10,9 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from rich.progress import Progress
 
 from kinreach import _provenance as provenance
 from kinreach import plots
+from kinreach._terminal import Console
 from kinreach.baselines import HELD_OUT, VALIDATION, evaluate, load_policy
 from kinreach.baselines import _evaluate_cli as evaluate_cli
 from kinreach.baselines import _train_cli as train_cli
@@ -303,6 +306,33 @@ def test_a_bar_shows_each_seed_and_how_far_it_is(tmp_path, monkeypatch, capsys):
     assert f"{tmp_path / 'ranked-single' / 'seed-4'}: " in said
     assert "seed 3" in said
     assert "evaluate " in said
+
+
+def test_a_terminal_shows_what_share_is_done_of_what_is_planned(tmp_path, monkeypatch):
+    """Read from what is drawn: the seed, per cent, and the figures of the last row; no lines of a log."""
+
+    def train(recipe, folder, *, progress, **options):
+        for done in (10, 25, 40):
+            progress(done, 160, {"reward": 0.5 * done, "reached": None, "distance": None})
+        raise InputError("enough")
+
+    class Bar(Progress):
+        def update(self, task, **given):
+            super().update(task, **given)
+            self.refresh()
+
+    file = io.StringIO()
+    monkeypatch.setattr("kinreach.baselines._training.train", train)
+    monkeypatch.setattr(train_cli, "Progress", Bar)
+    monkeypatch.setattr(train_cli, "Console", lambda **options: Console(file=file, force_terminal=True, width=120))
+    assert main(["train", "ranked-single", "--seed", "3", "--out", str(tmp_path)]) == 2
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", file.getvalue())
+    drawn = [line.split() for line in re.split(r"[\r\n]", text) if " % " in line]
+    shares = [int(words[words.index("%") - 1]) for words in drawn]
+    assert sorted(set(shares)) == [0, 6, 16, 25]
+    assert shares == sorted(shares)
+    assert all(words[:3] == ["ranked-single,", "seed", "3"] for words in drawn[1:])
+    assert drawn[-1][-4:] == ["reward", "20.00", "a", "step"]
 
 
 def test_what_a_bar_says_of_a_row():

@@ -15,7 +15,6 @@ GEOMETRY = [
 
 
 @pytest.mark.parametrize(("what", "shape", "bound"), GEOMETRY)
-@pytest.mark.slow
 def test_what_fingers_close_around_by_geometry(what, shape, bound):
     """The object at the tip, half an object of 2 cm beside a finger, and so on: just within the bound, and just not."""
     size = 0.035 if shape == "large ball" else 0.02

@@ -99,6 +99,56 @@ def test_a_weaker_arm_is_slower_than_its_limits_say():
     assert fastest == pytest.approx(0.7 * world.speed_limit)
 
 
+@pytest.mark.parametrize("collisions", [False, True])
+def test_a_frame_is_paid_and_ended_by_what_happens_in_its_parts(collisions):
+    """Beside the parts one by one, of arms that come down on balls: Pinocchio's tips, and what the checker says."""
+    count, kinematics = 8, URKinematics("ur5-thesis", tip="tcp", base="world")
+    checker = CollisionChecker(kinematics)
+    batch = gym.make_vec(MOVING, count, "vector_entry_point", collisions=collisions)
+    batch.reset(seed=2, options={"speed": 0.05, "path": "circle"})
+    world, least, over = batch.unwrapped.episodes, np.full(count, np.inf), np.zeros(count, dtype=bool)
+    beside = np.arange(count) % 2 == 0  # every other one comes down into the table
+    dive = np.arange(count) % 4 == 1  # too fast to stop after the touch
+    limits, ends, both = {"speed": world.speed_limit, "acceleration": world.acceleration_limit}, [], 0
+    for frame in range(70):
+        height = max(0.0, 0.1 - 0.002 * frame) + np.where(beside, -0.02, 0.008)
+        height[dive] = 0.12 if frame < 25 else -0.1
+        places = world.rolls[:, 8 * frame + 20] + np.column_stack([0.05 * beside, 0.0 * beside, height])
+        actions = tool_down_postures(kinematics, places) / np.pi
+        q, v, parts = world.q.copy(), world.v.copy(), []
+        for part in range(PARTS):
+            q, v = moved(q, v, np.pi * np.clip(actions, -1.0, 1.0), 1.0 / (FRAMES * PARTS), **limits)
+            away = np.linalg.norm(kinematics.positions(q) - world.rolls[:, PARTS * frame + 1 + part], axis=1)
+            parts.append((q, away, checker.impossible(q) if collisions else np.zeros(count, dtype=bool)))
+        rested = world.q[over], world.v[over], world.frames[over]
+        outcome = world.step(actions, ~over)
+        reward, terminated, info = outcome.reward, outcome.terminated, outcome.info
+        for before, now in zip(rested, (world.q, world.v, world.frames), strict=True):
+            np.testing.assert_array_equal(now[over], before)  # of ended episodes nothing moves
+        assert not (terminated | info["reached"])[over].any()
+        assert not reward[over].any()
+        for i in np.flatnonzero(~over):
+            nearest, hit = min(away[i] for _, away, _ in parts), [part for part in parts if part[2][i]]
+            least[i] = min(least[i], nearest)
+            touched = nearest <= 0.01 and not hit
+            both += nearest <= 0.01 and bool(hit)
+            assert info["distance"][i] == pytest.approx(least[i], abs=1e-9)
+            assert reward[i] == pytest.approx(-nearest + touched - bool(hit), abs=1e-9)
+            assert info["reached"][i] == touched
+            assert info["impossible"][i] == bool(hit)
+            assert terminated[i] == (touched or bool(hit))
+            np.testing.assert_allclose(info["q"][i], (hit or parts[-1:])[0][0][i], atol=1e-9)
+            assert np.abs(world.v[i]).max() == 0.0 if hit else np.abs(world.v[i] - v[i]).max() < 1e-9
+            ends += [bool(hit)] if terminated[i] else []
+        assert not outcome.truncated.any()
+        over |= terminated
+        if over.all():
+            break
+    assert sum(ends) >= (5 if collisions else 0)
+    assert len(ends) - sum(ends) >= 2
+    assert both >= collisions
+
+
 @pytest.mark.slow
 def test_touching_ends_it():
     env = make(noise=1e-12, dtype="float64")

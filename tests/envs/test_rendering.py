@@ -138,6 +138,23 @@ def test_a_scene_shows_the_arm_as_it_is_whenever_it_is_asked_for(name):
         late.restore_state(state)
 
 
+@pytest.mark.parametrize("name", IDS)
+def test_a_restored_environment_draws_what_was_restored(name, monkeypatch):
+    """As if it had been drawn from the start; where nothing is drawn while bodies move, of a state without pictures."""
+    stand_in(monkeypatch, FrameRenderer, Places)
+    plain, drawn, same = (made(name, mode, **SMALL).unwrapped for mode in (None, "rgb_array", "rgb_array"))
+    for env, seed in ((plain, 3), (drawn, 4), (same, 3)):
+        env.reset(seed=seed)
+    action = plain.action_space.sample()
+    for env in (plain, same):
+        env.step(action)
+    frames = [drawn.render()]
+    drawn.restore_state((plain if name in OTHERS else same).save_state())
+    frames += [drawn.render(), same.render()]
+    np.testing.assert_array_equal(frames[1], frames[2])
+    assert (frames[0] != frames[1]).any()
+
+
 def test_a_camera_may_stand_anywhere(needs_gl):
     """From 12 places it looks at the ball, which is in the middle of the picture."""
     simulation, rng = ArmSimulation("ur5-thesis", visual=False), np.random.default_rng(5)
