@@ -1,6 +1,7 @@
 """What the tests have of the machine: folders of their own, and graphics only where a test asks for them."""
 
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -77,3 +78,9 @@ def no_graphics() -> Iterator[None]:
 
 def _refuse(*_: object) -> NoReturn:
     raise InstallationError("cannot draw: this test does not ask for the fixture `needs_gl`")
+
+
+def compile_kernels_quickly() -> None:
+    """Have Warp compile its kernels without optimization, in half the time: tests take few steps. Skip without it."""
+    pytest.importorskip("mujoco_warp")
+    sys.modules["warp"].config.optimization_level = 0

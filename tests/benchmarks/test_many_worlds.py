@@ -7,8 +7,9 @@ import pytest
 from benchmarks.studies import many_worlds
 from kinreach.cli import finish
 from kinreach.errors import InputError
+from tests.machine import compile_kernels_quickly
 
-pytest.importorskip("mujoco_warp")
+compile_kernels_quickly()
 NAMES = ["UR5SingleStep", "UR5MultiStep", "Lift", "Push", "PickAndPlace"]
 
 

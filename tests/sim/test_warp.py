@@ -12,10 +12,12 @@ from kinreach.compare import get_task
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.kinematics import URKinematics
 from kinreach.sim import BatchSimulation
+from tests.machine import compile_kernels_quickly
 
 COUNT = 12
-#: The first run compiles Warp's kernels, some 100 s of processor time; they are kept in Warp's cache.
+#: The first run compiles Warp's kernels, some 50 s of processor time; they are kept in Warp's cache.
 pytestmark = pytest.mark.slow
+compile_kernels_quickly()
 
 
 @pytest.fixture(scope="module")
