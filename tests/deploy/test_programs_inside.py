@@ -1,6 +1,8 @@
 """How programs are checked and begun, in their parts."""
 
 import re
+from collections import Counter
+from dataclasses import fields, is_dataclass
 
 import numpy as np
 import pytest
@@ -10,8 +12,24 @@ from hypothesis import strategies as st
 from kinreach.deploy import Move, Program, read_trajectory, write_trajectory
 from kinreach.deploy._controller import FINISHED, NOT_AT_START, Controller
 from kinreach.deploy._model import MAX_OFF, MAX_OFF_CALIBRATED, ModelCheck
-from kinreach.deploy._script_functions import FUNCTIONS
-from kinreach.deploy._script_tree import ScriptError, number_text
+from kinreach.deploy._script_functions import FUNCTIONS, Required
+from kinreach.deploy._script_tree import (
+    Assignment,
+    Call,
+    Choice,
+    Constant,
+    Definition,
+    Element,
+    Name,
+    Negative,
+    Numbers,
+    Operation,
+    Order,
+    OwnCall,
+    ScriptError,
+    While,
+    number_text,
+)
 from kinreach.deploy._urscript import parse
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
@@ -127,6 +145,77 @@ def test_defaults_are_those_of_universal_robots_manual():
 def test_levels_count_within_one_another_and_not_one_after_another():
     part = "  x = [1, -2]\n  y = -x[1] - norm(-x[0])\n  if y > 1:\n    sleep(1)\n  else:\n    sleep(2)\n  end\n"
     assert len(parse(f"def f():\n{60 * part}end\n").body) == 180
+
+
+WHOLE = """def main():
+  def f(b, c=2):
+    return -b + c
+  end
+  a = 1
+  local x = -a
+  q = [1, 2.5, a]
+  q[1] = p[0, 0, 0, 0, 0, 0]
+  if not (a == 2) and True:
+    textmsg("no", x)
+  else:
+    while a < 2:
+      a = a + q[0]
+      break
+    end
+  end
+  thread t():
+    halt
+  end
+  h = run t()
+  f(1, c=2)
+  join h
+end
+"""
+
+
+def test_a_program_is_what_it_says_wherever_that_stands():
+    """Places of its parts are no part of what is compared, and point at their words."""
+    a, two = Name("a"), Constant(2.0)
+    tree = (
+        Definition("def", "f", {"b": Required, "c": two}, (
+            Order("return", Operation("+", Negative(Name("b")), Name("c"))),)),
+        Assignment("a", Constant(1.0)),
+        Assignment("x", Negative(a), scope="local"),
+        Assignment("q", Numbers((Constant(1.0), Constant(2.5), a), is_pose=False)),
+        Assignment("q", Numbers((Constant(0.0),) * 6, is_pose=True), indices=(Constant(1.0),)),
+        Choice(
+            Operation("and", Negative(Operation("==", a, two), sign="not"), Constant(value=True)),
+            (Call("textmsg", {"s1": Constant("no"), "s2": Name("x")}),),
+            (While(Operation("<", a, two), (
+                Assignment("a", Operation("+", a, Element(Name("q"), Constant(0.0)))), Order("break"))),),
+        ),
+        Definition("thread", "t", {}, (Order("halt"),)),
+        Assignment("h", OwnCall("t", (), {}, is_run=True)),
+        OwnCall("f", (Constant(1.0),), {"c": two}),
+        Order("join", Name("h")),
+    )  # fmt: skip
+    moved = WHOLE.replace("\n", "  # said\n\n\n  ").replace(", ", " ,   ").replace(" = ", "   =  ").replace("-", "- ")
+    lines, seen = {WHOLE: WHOLE.splitlines(), moved: moved.splitlines()}, Counter()
+
+    def check(node, text):
+        if not is_dataclass(node):
+            for part in node.values() if isinstance(node, dict) else node if isinstance(node, tuple) else ():
+                check(part, text)
+            return
+        for part in fields(node):
+            check(getattr(node, part.name), text)
+        word = getattr(node, "sign", "") or getattr(node, "function", "") or getattr(node, "word", "")
+        word = word or getattr(node, "name", "")
+        if hasattr(node, "place"):
+            rest = lines[text][node.place.line - 1][node.place.column - 1 :]
+            assert not word or rest.removeprefix("run ").startswith(word), (rest, node)
+            seen[type(node).__name__] += 1
+
+    for text in lines:
+        assert parse(text).body == tree
+        check(parse(text).body, text)
+    assert len(seen) == 12
+    assert parse(WHOLE.replace("a < 2", "a < 3")).body != tree
 
 
 @pytest.mark.parametrize("text", REFUSED)

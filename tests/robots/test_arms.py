@@ -251,6 +251,26 @@ def test_a_changed_arm_keeps_everything_else(arm, change, new):
     assert pickle.loads(pickle.dumps(changed)).urdf == changed.urdf
 
 
+@pytest.mark.parametrize("name", FAMILY)
+def test_the_thesis_arm_stands_on_a_plate_behind_its_table(name):
+    """The plate is as wide as the arm's foot and little more, and lies on a pedestal that stands on the floor."""
+    boxes = {box.name: box for box in get_arm(name).workcell.obstacles}
+    low, high = ({key: np.subtract(box.position, side * np.array(box.size) / 2) for key, box in boxes.items()}
+                 for side in (1, -1))  # fmt: skip
+    foot = get_arm(name.split("-")[0]).robot.find("link[@name='base_link']/collision/geometry/cylinder")
+    radius = float(foot.get("radius"))
+    assert high["mount"][2] == pytest.approx(0.0, abs=1e-12)
+    assert (low["mount"][:2] < -radius).all()
+    assert (high["mount"][:2] > radius).all()
+    assert 2 * radius < boxes["mount"].size[1] < 2.6 * radius
+    assert 3 * radius < boxes["mount"].size[0] < 4.2 * radius
+    assert 0.0 < boxes["mount"].size[2] <= 0.02 < low["table"][0] - high["mount"][0]
+    assert high["pedestal"][2] == pytest.approx(low["mount"][2], abs=1e-12)
+    assert low["pedestal"][2] == pytest.approx(high["floor"][2], abs=1e-12)
+    for axis in (0, 1):
+        assert low["mount"][axis] - 1e-3 <= low["pedestal"][axis] < high["pedestal"][axis] <= high["mount"][axis] + 1e-3
+
+
 #: Those of kinreach, without any that a test has registered.
 OWN = [name for name in arm_names() if name.startswith(("ur", "panda", "so101", "arm3"))]
 
@@ -272,6 +292,8 @@ def test_tables_stand_on_the_floor_and_goals_on_them():
         stood += 1
         if isinstance(cell.goals, BoxRegion):
             assert cell.goals.z[0] >= top + cell.ball_radius - 1e-12
+            for axis, ends in enumerate((cell.goals.x, cell.goals.y)):
+                assert np.abs(np.subtract(ends, table.position[axis])).max() < table.size[axis] / 2
             above += 1
     assert stood >= 10
     assert above >= 10

@@ -19,7 +19,7 @@ from kinreach.kinematics import (
 )
 from kinreach.robots import PUBLISHED_CALIBRATIONS, THESIS_ARM, arm_names, get_arm
 from kinreach.robots._ur import ENDLESS, UR_MODELS
-from kinreach.robots.inside import JOINTS, ur_model, ur_speeds
+from kinreach.robots.inside import JOINTS, origin_of, ur_model, ur_speeds
 from kinreach.sim import ArmSimulation
 
 TURN = 2.0 * math.pi
@@ -46,6 +46,96 @@ def test_limits_and_speeds_are_the_makers(name):
     np.testing.assert_allclose(limits.speed, speeds, rtol=1e-15)
     assert limits.acceleration.max() <= 5.0
     assert kin.model.effortLimit.tolist() == np.repeat(np.array(model.torques, dtype=float), (2, 1, 3)).tolist()
+
+
+#: Masses of shoulder, upper arm, forearm and the three wrists [kg], by `config/MODEL/physical_parameters.yaml` of the
+#: maker's ROS description; written here a second time.
+MASSES = {
+    "ur3": (2.0, 3.42, 1.26, 0.8, 0.8, 0.35), "ur3e": (1.98, 3.4445, 1.437, 0.871, 0.805, 0.261),
+    "ur5": (3.7, 8.393, 2.33, 1.219, 1.219, 0.1879), "ur5e": (3.761, 8.058, 2.846, 1.37, 1.3, 0.365),
+    "ur7e": (3.761, 8.058, 2.846, 1.37, 1.3, 0.365), "ur10": (7.1, 12.7, 4.27, 2.0, 2.0, 0.365),
+    "ur10e": (7.369, 13.051, 3.989, 2.1, 1.98, 0.615), "ur12e": (7.369, 13.051, 3.989, 2.1, 1.98, 0.615),
+    "ur16e": (7.369, 10.45, 4.321, 2.18, 2.033, 0.907), "ur20": (16.343, 29.632, 7.879, 3.054, 3.126, 0.926),
+    "ur30": (16.343, 28.542, 7.156, 3.054, 3.126, 0.926),
+}  # fmt: skip
+
+
+@MAKERS
+def test_links_weigh_what_the_maker_says(name):
+    """Models without figures of their own have those of a UR20 in the proportion of their volume."""
+    links = {link.get("name"): link.find("inertial/mass") for link in get_arm(name).robot.iterfind("link")}
+    weighed = [float(mass.get("value")) for mass in links.values() if mass is not None]
+    scaled = np.round(np.array(MASSES["ur20"]) * 0.9**3, 4)
+    np.testing.assert_allclose(weighed, MASSES.get(name, scaled), rtol=1e-12)
+
+
+def cylinders(robot, link, T, axis):
+    """Begin, end and radius of the cylinders of a link about an axis; T is its frame in that of the axis."""
+    for shape in robot.iterfind(f"link[@name='{link}']/collision"):
+        placed, solid = T @ origin_of(shape), shape.find("geometry/cylinder")
+        middle, half = placed[:3, 3] @ axis, float(solid.get("length")) / 2
+        if abs(placed[:3, 2] @ axis) > 0.999 and np.linalg.norm(placed[:3, 3] - middle * axis) < 1e-6:
+            yield middle - half, middle + half, float(solid.get("radius"))
+
+
+@MAKERS
+def test_housings_of_neighbours_meet_at_their_joint(name):
+    """One ends where the next begins, with nearly its radius, from the table to the flange."""
+    robot = get_arm(name).robot
+    joints = {joint.get("name"): joint for joint in robot.iterfind("joint")}
+    met = 0
+    for joint in JOINTS:
+        axis = np.array(joints[joint].find("axis").get("xyz").split(), dtype=float)
+        ends = [joints[joint].find(end).get("link") for end in ("parent", "child")]
+        T = np.linalg.inv(origin_of(joints[joint]))
+        *below, (low, high, radius) = cylinders(robot, ends[0], T, axis)
+        ((begin, end, other),) = cylinders(robot, ends[1], np.eye(4), axis)
+        assert -0.0105 < max(begin - high, low - end) < 0.0065, joint
+        if joint == JOINTS[0]:
+            ((floor, foot, widest),) = below
+            assert foot == pytest.approx(low, abs=2e-4)
+            assert floor == pytest.approx(-UR_MODELS[name].lengths.d1, abs=1e-9)
+            assert other < radius < widest < 1.6 * radius
+            assert end == pytest.approx(other, abs=1e-9)  # as far as the housing across it
+        else:
+            assert not below
+            assert radius == pytest.approx(other, abs=2.1e-3)
+            assert 1.0 * radius < high - low < 3.1 * radius
+        assert 0.65 * other < end - begin < 3.0 * other
+        met += 1
+    assert met == 6
+    assert end == pytest.approx(UR_MODELS[name].lengths.d6, abs=1e-9)
+
+
+@MAKERS
+def test_tubes_are_between_the_housings_at_their_ends(name):
+    """Each ends at the axes of two joints, within the width of their housings, with collars that are wider than it."""
+    robot, lengths, found = get_arm(name).robot, UR_MODELS[name].lengths, 0
+    for link, long in (("upper_arm_link", -lengths.a2), ("forearm_link", -lengths.a3)):
+        housings, along = [], []
+        for shape in robot.iterfind(f"link[@name='{link}']/collision"):
+            T, solid = origin_of(shape), shape.find("geometry/cylinder")
+            length, radius = (float(solid.get(key)) for key in ("length", "radius"))
+            is_across = abs(T[1, 2]) > 0.999
+            middle = T[1 if is_across else 2, 3]
+            span = middle - length / 2, middle + length / 2
+            (housings if is_across else along).append((*(span if is_across else (*span, T[1, 3])), radius))
+        (start, end, aside, thick), *collars = along
+        assert (start, end) == pytest.approx((0.0, long), abs=1e-9)
+        assert len(housings) == 2
+        for low, high, radius in housings:
+            assert low - 6e-3 < aside - thick
+            assert aside + thick < high
+            assert 0.6 * radius < thick <= 1.15 * radius
+        assert len(collars) == (2 if link == "upper_arm_link" else 1)
+        for begin, stop, place, wide in collars:
+            assert place == aside
+            assert min(abs(begin), abs(stop - long)) < 1e-9  # from one of the axes
+            radius = housings[0][2] if begin == 0.0 else housings[1][2]
+            assert thick <= wide <= 1.15 * radius
+            assert 0.95 * radius < stop - begin < 2.4 * radius
+            found += 1
+    assert found == 3
 
 
 @MAKERS
