@@ -51,6 +51,28 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
     assert main(["evaluate", policies[0], "--goals", "3", "--backend", "kinematic"]) == 0
 
 
+def test_an_evaluation_is_written_as_it_is_printed(capsys, tmp_path, monkeypatch):
+    """JSON of two spaces, with the command that gives the same numbers again, split and options included."""
+    written = tmp_path / "new" / "found.json"
+    options = ["--goals", "3", "--split", "validation", "--backend", "kinematic"]
+    for names in (["ranked-single"], ["ranked-single", "ppo-single"]):
+        assert main(["evaluate", *names, *options, "--out", str(written)]) == 0
+        printed, text = capsys.readouterr().out, written.read_text()
+        found = json.loads(text)
+        assert text == json.dumps(found, indent=2) + "\n"
+        assert list(found) == ["policies", "split", "command", "versions"]
+        assert found["command"] == f"kinreach evaluate {' '.join([*names, *options])}"
+        assert f"Again: {found['command']}" in printed
+        assert f"Results: {written}" in printed
+        assert (found["split"], list(found["policies"])) == ("validation", names)
+        assert main(shlex.split(found["command"])[1:] + ["--out", str(tmp_path / "again.json")]) == 0
+        again = json.loads((tmp_path / "again.json").read_text())
+        for name in names:
+            assert again["policies"][name]["goals"] == 3
+            assert again["policies"][name]["distance_mm"] == found["policies"][name]["distance_mm"]
+        capsys.readouterr()
+
+
 def test_finished_trainings_are_drawn_without_training_again(trained, capsys, tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(plots, "draw_training", lambda curves, **words: drawn.append((curves, words)) or Figure())

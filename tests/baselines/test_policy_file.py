@@ -3,6 +3,7 @@
 import itertools
 import json
 import pickle
+import warnings
 import zipfile
 from dataclasses import replace
 
@@ -64,6 +65,21 @@ def test_round_trip(tmp_path):
         np.testing.assert_allclose(read(x[0]), made(x)[0], rtol=1e-12, atol=1e-12)
         covered += len(x)
     assert covered == 600
+
+
+@pytest.mark.parametrize("spoilt", [[0], [5], [1, 3], range(6)])
+def test_an_answer_with_any_number_that_is_none_is_refused(spoilt):
+    """Of finite weights that are too large; without a warning of NumPy's."""
+    made, gain = network(), np.ones(6)
+    x = np.random.default_rng(1).normal(size=(4, 6))
+    assert np.isfinite(LearnedPolicy(CARD, replace(made, gain=gain)).act(x)).all()
+    gain[list(spoilt)] = 1e308
+    policy = LearnedPolicy(CARD, replace(made, gain=gain, shift=1e308 * (gain > 1.0)))
+    for ask in (policy.act, policy.posture):
+        for observation in (x, x[0]):
+            with warnings.catch_warnings(), pytest.raises(InputError, match="answers with NaN or infinity"):
+                warnings.simplefilter("error")
+                ask(100.0 * np.sign(observation))
 
 
 def test_every_truncation_is_refused(file):

@@ -258,3 +258,17 @@ def test_a_run_that_cannot_be_read_is_no_shorter_one():
     for run in ({}, {"recipe": {}}, {"recipe": None}, {"recipe": 3, "seed": 3}):
         assert training._is_shorter(run, identity) is False
     assert training._is_shorter({**identity, "recipe": {"name": "b", "steps": 60}}, identity) is False
+
+
+def test_a_refused_training_leaves_no_folders_but_those_that_were_there(tmp_path):
+    recipe = small("ranked-single")
+    refused = replace(recipe, num_envs=63, settings={**recipe.settings, "tries": 7})
+    (tmp_path / "there").mkdir()
+    for folder in ("a/b/c", "there/a/b", "there"):
+        with pytest.raises(InputError, match="even number of tries"):
+            train(refused, tmp_path / folder, seed=0)
+        assert [*tmp_path.rglob("*")] == [tmp_path / "there"]
+    (tmp_path / "there" / "mine").write_text("kept")
+    with pytest.raises(InputError, match="even number of tries"):
+        train(refused, tmp_path / "there" / "a", seed=0)
+    assert [*(tmp_path / "there").rglob("*")] == [tmp_path / "there" / "mine"]

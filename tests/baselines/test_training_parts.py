@@ -228,6 +228,19 @@ def test_what_was_reached_lately_is_of_the_last_row_in_which_an_episode_ended():
         assert env.reached_lately == lately
 
 
+@pytest.mark.parametrize(("after", "first"), [(0, 4), (7, 8), (8, 12), (9, 12), (12, 16)])
+def test_the_traced_episode_begins_after_so_many_steps(after, first):
+    """Of four environments whose episodes have one step each: the first one that ends with more steps than those."""
+    env = LearningCurve(batch(SINGLE, 4), window=8, trace_after=after)
+    env.reset(seed=0)
+    seen = []
+    for _ in range(6):
+        _, rewards, _, _, info = env.step(np.random.default_rng(len(seen)).uniform(-1.0, 1.0, (4, 6)))
+        seen.append([env.steps, info["final_info"]["distance"][0], rewards[0]])
+        assert env.traced == (env.steps >= first)
+    assert env.trace == [pytest.approx(row) for row in seen if row[0] == first]
+
+
 def test_an_episode_is_traced_where_there_is_no_distance():
     same_step = {"autoreset_mode": AutoresetMode.SAME_STEP}
     batch = gym.make_vec("CartPole-v1", 2, vectorization_mode="sync", vector_kwargs=same_step)
