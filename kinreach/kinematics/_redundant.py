@@ -146,7 +146,8 @@ class RedundantKinematics(ArmKinematics):
             if longest < SHORTEST or size < SHORTEST:
                 break
             step = way * min(1.0, size / longest) if gradient is not None else way * (size / longest)
-            trial = self._back(np.clip(q + step, self.lower, self.upper), T, free)
+            within = np.clip(q + step, self.lower, self.upper)
+            trial = self._back(within, T, free & (within == q + step))  # what arrives at a limit stays there
             if trial is not None and (better := measure(trial)) > value:
                 q, value, size = trial, better, min(2.0 * size, FIRST)
             else:

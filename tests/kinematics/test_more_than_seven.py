@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from kinreach._rotations import small_motion
 from kinreach.cli import main
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker, RedundantKinematics, Status, pose_vector
@@ -51,6 +52,62 @@ def test_nearest_is_exact_and_no_posture_next_to_it_is_nearer(tmp_path):
             nearer += np.linalg.norm(scale * (found.q - seed)) <= np.linalg.norm(scale * (q - seed)) + 1e-6
             count += 1
     assert (count, nearer) == (12, 12)
+
+
+def around(kin, q, by):
+    """Postures of the same pose, a step of so many scaled radians from one, either way along each free direction.
+
+    Joints at a limit stay there.
+    """
+    held = np.eye(kin.n)[np.minimum(q - kin.lower, kin.upper - q) < 1e-9]
+    still = np.vstack([kin.jacobian(q) / kin._scale, held])
+    null = np.linalg.svd(still)[2][len(still) :]
+    for way in np.vstack([null, -null]):
+        other, T = q + by * way / kin._scale, kin.fk(q)
+        for _ in range(5):  # back to the pose
+            J = np.vstack([kin.jacobian(other), held])
+            other = other + np.linalg.pinv(J) @ np.append(small_motion(T, kin.fk(other)), 0.0 * held @ q)
+        assert np.abs(kin.fk(other) - T).max() < 1e-12
+        yield other
+
+
+@pytest.mark.parametrize("slides", [0, 2])
+def test_no_posture_beside_the_nearest_is_nearer_and_none_beside_the_most_manipulable_more_so(slides, tmp_path):
+    rng, count = np.random.default_rng(5), 0
+    kin = written(tmp_path, random_arm(rng, 8, slides), joints=[f"q{i}" for i in range(8)])
+    q = rng.uniform(0.5 * kin.lower, 0.5 * kin.upper)
+    T, seed = kin.fk(q), q + rng.uniform(-0.3, 0.3, kin.n)
+    for found, measure in (
+        (kin.nearest(T, seed), lambda q: -np.linalg.norm(kin._scale * (q - seed))),
+        (kin.manipulable(T), lambda q: np.prod(np.linalg.svd(kin.jacobian(q) / kin._scale)[1])),
+    ):
+        assert found.success
+        assert np.abs(kin.fk(found.q) - T).max() < 1e-8
+        for other in around(kin, found.q, 0.02):
+            if kin.within_limits(other):
+                assert measure(other) < measure(found.q)
+                count += 1
+    assert count >= 4
+
+
+@pytest.mark.parametrize("slides", [0, 2])
+def test_joints_at_limits_are_held_where_the_nearest_posture_would_pass_them(slides, tmp_path):
+    rng, count, at_limits = np.random.default_rng(6), 0, 0
+    kin = written(tmp_path, random_arm(rng, 9, slides), joints=[f"q{i}" for i in range(9)])
+    for _ in range(3):
+        q = rng.uniform(0.6 * kin.lower, 0.6 * kin.upper)
+        q[-2:] = 0.9 * kin.upper[-2:]
+        T, seed = kin.fk(q), q + rng.uniform(-0.1, 0.1, kin.n)
+        seed[-2:] += 0.5
+        found = kin.nearest(T, seed)
+        assert found.success
+        at_limits += (np.minimum(found.q - kin.lower, kin.upper - found.q) < 1e-9).sum()
+        for other in around(kin, found.q, 0.02):
+            if kin.within_limits(other):
+                assert np.linalg.norm(kin._scale * (other - seed)) > np.linalg.norm(kin._scale * (found.q - seed))
+                count += 1
+    assert at_limits >= 2
+    assert count >= 4
 
 
 def test_the_most_manipulable_is_more_so_than_what_it_started_from(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.ik_arms import arms
-from benchmarks.ik_arms.arms import singular_poses
+from benchmarks.ik_arms.arms import _singular, singular_poses
 from benchmarks.ik_arms.random_arms import (
     CLASSES,
     OTHERS,
@@ -149,6 +149,55 @@ def test_no_posture_misses_where_others_reach(name):
                 assert off.max() < 1e-9
                 poses += 1
     assert poses >= 48
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-4])
+@pytest.mark.parametrize("name", ["right angles", "three parallel axes, 5 and 6 meet", "no class"])
+def test_what_is_just_out_of_reach_is_missed_by_no_more_than_the_tolerance(name, off, tmp_path):
+    """A stretched arm whose goal is 0.03 mm farther the way in which its tip cannot go."""
+    rng, goals = np.random.default_rng(len(name)), 0
+    kin = kinematics(tmp_path, some_arm(rng, name, off=off))
+    q = rng.uniform(-np.pi, np.pi, (4, 6))
+    q[:, 2] = _singular(kin, q, 2)
+    for posture in q[np.isfinite(q).all(axis=1)]:
+        way = np.linalg.svd(kin.jacobian(posture))[0][:3, -1]
+        for sign in (-1.0, 1.0):
+            T = kin.fk(posture)
+            T[:3, 3] += sign * 3e-5 * way / np.linalg.norm(way)
+            if not kin.all_solutions(T, limits=False):  # it may be reached by other postures
+                for limits in (False, True):
+                    found = kin.all_solutions(T, seed=posture, limits=limits, tol=1e-3)
+                    assert len(found)
+                    off_by = np.array([pose_error(T, kin.fk(one)) for one in found.q])
+                    np.testing.assert_allclose(found.residual, off_by, rtol=1e-2, atol=1e-9)
+                    assert 1e-7 < off_by.max() <= 1e-3
+                    assert np.abs(found.q[0] - posture).max() < 0.1
+                goals += 1
+    assert goals >= 1
+
+
+def test_the_tolerance_holds_in_a_batch_for_a_posture_next_to_a_limit(tmp_path):
+    """As above, with a limit of the first joint that the posture is past by 1e-8."""
+    rng = np.random.default_rng(12)
+    placements = some_arm(rng, "right angles", off=1e-4)
+    kin = kinematics(tmp_path, placements)
+    q = rng.uniform(-1.0, 1.0, (9, 6))
+    q[0, 2] = _singular(kin, q[:1], 2)[0]
+    T = kin.fk(q)
+    way = np.linalg.svd(kin.jacobian(q[0]))[0][:3, -1]
+    for sign in (-1.0, 1.0):
+        T[0, :3, 3] = kin.fk(q[0])[:3, 3] + sign * 3e-5 * way / np.linalg.norm(way)
+        if not kin.all_solutions(T[0], limits=False):
+            break
+    first = kin.all_solutions(T[0], seed=q[0], limits=False, tol=1e-3).q[0, 0]
+    limits = np.tile([[-3.0], [3.0]], 6)
+    limits[:, 0] = first - 1.0, first - 1e-8
+    limited = kinematics(tmp_path, placements, limits)
+    for tol, reached in ((1e-3, True), (1e-7, False)):
+        alone, every = limited.all_solutions(T[0], tol=tol), limited.batch(T, tol=tol)
+        assert alone.success == reached
+        assert np.flatnonzero(every.valid[0]).tolist() == sorted(alone.branch)
+        np.testing.assert_allclose(every.q[0][alone.branch], alone.q, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("digits", [3, 4, 5, 6])

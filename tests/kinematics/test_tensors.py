@@ -5,7 +5,7 @@ import pytest
 
 from kinreach._tensors import parts
 from kinreach.errors import InputError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, pose
 from kinreach.robots import get_arm
 
 torch = pytest.importorskip("torch")
@@ -119,6 +119,44 @@ def test_postures_next_to_a_singular_one_are_as_exact_as_those_of_numpy(joint):
     assert (off < best + 1e-11).all()
 
 
+def test_a_base_frame_of_ones_own_is_that_of_the_goals():
+    """It stands beside the arm, and leans."""
+    kin = URKinematics("ur10e", base=pose([0.3, -0.2, 0.5, 0.4, -0.3, 0.2]))
+    q = np.random.default_rng(5).uniform(-np.pi, np.pi, (200, 6))
+    T = kin.fk(q)
+    found = kin.batch(torch.tensor(T), limits=False)
+    valid = found.valid.numpy()
+    assert np.abs(kin.fk(found.q.numpy()[valid]) - np.repeat(T, valid.sum(axis=1), axis=0)).max() < 1e-9
+    away = np.abs(np.remainder(found.q.numpy() - q[:, None] + np.pi, 2 * np.pi) - np.pi).max(axis=-1)
+    assert np.nanmin(away, axis=1).max() < 1e-6
+    assert valid.sum() > 800
+    np.testing.assert_allclose(found.q.numpy(), kin.batch(T, limits=False).q, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("tol", "least"), [(1e-3, 50), (1e-7, 30)])
+def test_postures_next_to_limits_are_those_of_single_poses(tol, least):
+    """A joint is past its limit by 1e-8; half of the goals are beyond a stretched elbow by 0.01 mm."""
+    arm = get_arm("ur5").with_limits({"shoulder_pan_joint": (-1.0, 1.0), "wrist_3_joint": (-2.0, 2.0)})
+    kin, rng = URKinematics(arm, tip="tool0"), np.random.default_rng(6)
+    q = rng.uniform(0.5, 1.5, (80, 6)) * rng.choice([-1, 1], (80, 6))
+    q[::2, 0], q[1::2, 5] = rng.choice([-1.0, 1.0], 40), rng.choice([-2.0, 2.0], 40)
+    q *= 1 + 1e-8
+    q[:40, 2] = 0.0
+    T = kin.fk(q)
+    T[:40, :3, 3] *= 1 + 1e-5 / np.linalg.norm(T[:40, :3, 3], axis=1)[:, None]
+    expected = np.full((80, 8, 6), np.nan)
+    for row, goal in enumerate(T):
+        alone = kin.all_solutions(goal, tol=tol)
+        expected[row, alone.branch] = alone.q
+    reached = np.isfinite(expected[..., 0])
+    assert reached.any(axis=1).sum() >= least
+    for goals in (T, torch.tensor(T)):
+        found = kin.batch(goals, tol=tol)
+        np.testing.assert_array_equal(np.asarray(found.valid), reached)
+        np.testing.assert_allclose(np.asarray(found.q), expected, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(kin.nearest_batch(T, q, tol=tol).success, reached.any(axis=1))
+
+
 def test_arms_without_formulas_for_tensors_go_by_way_of_numpy():
     arm3, so101, rng = Arm3Kinematics(), ArmKinematics.of("so101"), np.random.default_rng(4)
     poses = so101.fk(rng.uniform(so101.lower, so101.upper, (5, so101.n)))
@@ -128,6 +166,9 @@ def test_arms_without_formulas_for_tensors_go_by_way_of_numpy():
             np.testing.assert_array_equal(found.q.numpy(), expected.q)
             np.testing.assert_array_equal(found.valid.numpy(), expected.valid)
             assert found.valid.any()
+            assert found.q.dtype == torch.float64
+            assert kin.batch(torch.tensor(goals).float()).q.dtype == torch.float32
+    assert arm3.batch(torch.ones(2, 3, dtype=torch.int64)).q.dtype == torch.float64
 
 
 def test_rows_are_computed_in_blocks_on_the_processor_alone():
