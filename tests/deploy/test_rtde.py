@@ -5,11 +5,12 @@ import struct
 import threading
 import time
 from contextlib import suppress
+from inspect import signature
 
 import numpy as np
 import pytest
 
-from kinreach.deploy import SimulatedUR
+from kinreach.deploy import SimulatedUR, URClient
 from kinreach.deploy._controller import Controller
 from kinreach.deploy._primary import Message, news_in
 from kinreach.deploy._rtde import (
@@ -18,7 +19,10 @@ from kinreach.deploy._rtde import (
     IN_USE,
     NOT_FOUND,
     Kind,
+    RobotMode,
     RtdeRecipe,
+    RuntimeState,
+    SafetyMode,
     names_in,
     package,
     packages_in,
@@ -183,6 +187,27 @@ def test_types_are_those_of_the_guide():
     for name in ("", "actual_Q", "output_int_register_48", "output_bit_register_63", "speed_slider_fraction"):
         assert type_of(name) == NOT_FOUND
     assert type_of("actual_q", inputs=True) == type_of("output_int_register_1", inputs=True) == NOT_FOUND
+
+
+def test_numbers_are_those_of_the_guides():
+    """Ports, kinds of packages, and modes, of Universal Robots' guides to RTDE and to its interfaces."""
+    robot = ["DISCONNECTED", "CONFIRM_SAFETY", "BOOTING", "POWER_OFF", "POWER_ON", "IDLE", "BACKDRIVE", "RUNNING",
+             "UPDATING_FIRMWARE"]  # fmt: skip
+    assert {mode.name: mode.value for mode in RobotMode} == {
+        "NO_CONTROLLER": -1, **{name: i for i, name in enumerate(robot)}
+    }  # fmt: skip
+    safety = ["NORMAL", "REDUCED", "PROTECTIVE_STOP", "RECOVERY", "SAFEGUARD_STOP", "SYSTEM_EMERGENCY_STOP",
+              "ROBOT_EMERGENCY_STOP", "VIOLATION", "FAULT", "VALIDATE_JOINT_ID", "UNDEFINED_SAFETY_MODE"]  # fmt: skip
+    assert {mode.name: mode.value for mode in SafetyMode} == {name: i for i, name in enumerate(safety, start=1)}
+    runtime = ["STOPPING", "STOPPED", "PLAYING", "PAUSING", "PAUSED", "RESUMING"]
+    assert {state.name: state.value for state in RuntimeState} == {name: i for i, name in enumerate(runtime)}
+    kinds = {"TEXT_MESSAGE": 77, "DATA": 85, "PROTOCOL_VERSION": 86, "CONTROLLER_VERSION": 118, "SETUP_OUTPUTS": 79,
+             "SETUP_INPUTS": 73, "START": 83, "PAUSE": 80}  # fmt: skip
+    assert {kind.name: kind.value for kind in Kind} == kinds
+    ports = {each.__name__: {name: given.default for name, given in signature(each).parameters.items()
+                             if name.endswith("_port")} for each in (SimulatedUR, URClient)}  # fmt: skip
+    assert ports == {"SimulatedUR": {"rtde_port": 30004, "script_port": 30002},
+                     "URClient": {"rtde_port": 30004, "script_port": 30001}}  # fmt: skip
 
 
 def test_every_output_is_the_controllers():
