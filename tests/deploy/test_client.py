@@ -95,6 +95,13 @@ def test_every_state_is_kept_while_a_program_runs(robot, monkeypatch):
     assert len(seen) > 200
 
 
+def test_few_states_wait_for_a_client_that_runs_no_program(robot, monkeypatch):
+    monkeypatch.setattr("kinreach.deploy._states.KEPT", 20)
+    with connected(robot) as client:
+        wait_for_clock(robot, 0.1)
+        assert len(client._states._waiting) <= 20
+
+
 def test_threads_end_with_their_client(robot):
     before = threading.active_count()
     for _ in range(5):

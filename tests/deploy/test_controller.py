@@ -307,6 +307,18 @@ class TestProtectiveStops:
         assert ur.safety_mode is SafetyMode.PROTECTIVE_STOP
         assert re.fullmatch(r"protective stop: elbow_joint is 0\.\d\d rad from its target", ur.log[-1])
 
+    def test_after_a_stop_the_arm_is_put_back_to_where_that_program_began(self, ur):
+        rng, stopped = np.random.default_rng(1), 0
+        for goal in HOME + rng.uniform(-0.1, 0.1, (3, 6)):
+            assert ur.run(program(f"movej({listed(goal)}, a=20, v=3)")).reason == ""
+            began = ur.actual_q
+            assert "asked for it" in ur.run(program(f"movej({listed(HOME)}, a=20, v=3)", "protective_stop()")).reason
+            assert np.abs(ur.actual_q - began).max() > 0.01
+            ur.release()
+            np.testing.assert_allclose(ur.actual_q, began, atol=1e-3)
+            stopped += 1
+        assert stopped == 3
+
     def test_an_arm_that_is_pushed_away_while_no_program_runs_is_put_back_where_it_was_placed(self, ur):
         rng, placed = np.random.default_rng(0), 0
         for q in HOME + rng.uniform(-0.2, 0.2, (5, 6)):

@@ -100,6 +100,47 @@ def test_functions_compute_what_the_manual_says(ur):
         "5", "30", f"{math.pi / 4:.10g}", "-2"]  # fmt: skip
 
 
+def test_the_state_is_read_on_the_way(ur):
+    """By a program beside the one that moves, of the cycle before."""
+    ur.tcp, tried = pose([0.01, 0.02, 0.15, 0.1, 0, 0]), 0
+    goal = np.add(HOME, [0.5, 0.2, -0.3, 0.2, 0.3, 0.4])
+    ur.start(program(f"set_payload(1.5, [0.01, 0.02, 0.03])\nmovej({listed(goal)}, a=4, v=1)"))
+    for _ in range(6):
+        for _ in range(30):
+            ur.tick()
+        q, qd, actual, speeds = ur.target_q, ur.target_qd, ur.actual_q, ur.actual_qd
+        J, target = KIN.jacobian(q), KIN.fk(q) @ ur.tcp
+        arm = (target - KIN.fk(q))[:3, 3]
+        twist = J @ qd
+        expected = {
+            "get_target_joint_positions()": q, "get_target_joint_speeds()": qd,
+            "get_actual_joint_positions()": actual, "get_actual_joint_speeds()": speeds,
+            "get_target_tcp_pose()": target, "get_actual_tcp_pose()": KIN.fk(actual) @ ur.tcp,
+            "get_actual_tool_flange_pose()": KIN.fk(actual), "get_forward_kin()": KIN.fk(actual) @ ur.tcp,
+            "get_target_waypoint()": KIN.fk(goal) @ ur.tcp, "get_tcp_offset()": ur.tcp,
+            "get_target_tcp_speed()": np.concatenate([twist[:3] + np.cross(twist[3:], arm), twist[3:]]),
+            "get_target_payload()": [1.5], "get_target_payload_cog()": [0.01, 0.02, 0.03], "get_steptime()": [0.002],
+            "is_steady()": ["False"],
+        }  # fmt: skip
+        ur.log.clear()
+        ur.start("sec ask():\n" + "\n".join(f"  textmsg({call})" for call in expected) + "\nend\n")
+        ur.tick()
+        lines = [line.removeprefix("textmsg: ") for line in ur.log if line.startswith("textmsg")]
+        for (call, value), text in zip(expected.items(), lines, strict=True):
+            words = text.removeprefix("p").strip("[]").split(", ")
+            if np.shape(value) == (4, 4):
+                np.testing.assert_allclose(pose([float(word) for word in words]), value, atol=1e-7, err_msg=call)
+            elif call == "is_steady()":
+                assert words == value
+            else:
+                np.testing.assert_allclose([float(word) for word in words], value, atol=1e-7, err_msg=call)
+            tried += 1
+    assert tried == 6 * 15
+    while ur.runtime_state is not RuntimeState.STOPPED:
+        ur.tick()
+    assert said(ur, "sleep(0.1)\ntextmsg(is_steady())") == ["True"]
+
+
 def test_random_is_drawn_evenly_from_0_to_1(ur):
     text = "i = 0\nwhile i < 200:\n  textmsg(random())\n  i = i + 1\nend"
     drawn = np.array([float(line) for line in said(ur, text)])

@@ -224,6 +224,27 @@ def test_the_figures_of_a_program_are_read(tmp_path, model, packed):
         )
 
 
+def test_the_tool_of_a_program_is_taken_where_it_has_just_one(tmp_path):
+    """Two are named in a note, and of none nothing is said; a given one counts."""
+    figures, tools = figures_of("ur5e", 3), ["0, 0, 0.15, 0, 0, 0", "0, 0.02, 0.1, 0, 0.3, 0"]
+    ways = [urp(figures, [name], tcp=tool) for name, tool in zip("AB", tools, strict=True)]
+    bare = re.sub("<TCPOffset [^>]*>", "", ways[0])
+    for parts, tool, notes in (
+        ([bare], None, ()), (ways[:1], tools[0], ()), ([bare, ways[1], ways[1]], tools[1], ()),
+        (ways, None, ("the waypoints have 2 tool centre points",)),
+    ):  # fmt: skip
+        file = saved(tmp_path, *parts)
+        result = calibrate(file)
+        assert result.notes == notes
+        if tool is None:
+            assert result.tcp is None
+        else:
+            np.testing.assert_allclose(pose_vector(result.tcp), list(map(float, tool.split(","))), atol=1e-12)
+    given = calibrate(file, tool=TCP)
+    np.testing.assert_allclose(given.tcp, TCP, atol=1e-12)
+    assert given.notes == ()
+
+
 def test_programs_of_several_robots_say_which(tmp_path):
     one, other = figures_of("ur5e", 1), figures_of("ur5e", 2)
     file = saved(tmp_path, urp(one, ["A", "B", "C"]), urp(other, ["D"]))
