@@ -65,7 +65,7 @@ def test_an_evaluation_is_written_as_it_is_printed(capsys, tmp_path, monkeypatch
         assert f"Again: {found['command']}" in printed
         assert f"Results: {written}" in printed
         assert (found["split"], list(found["policies"])) == ("validation", names)
-        assert main(shlex.split(found["command"])[1:] + ["--out", str(tmp_path / "again.json")]) == 0
+        assert main([*shlex.split(found["command"])[1:], "--out", str(tmp_path / "again.json")]) == 0
         again = json.loads((tmp_path / "again.json").read_text())
         for name in names:
             assert again["policies"][name]["goals"] == 3

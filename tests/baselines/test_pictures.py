@@ -57,6 +57,26 @@ def test_eyes_answer_as_torchs(shape):
     assert compared == 5 * 20 * 32
 
 
+def test_an_eye_goes_on_from_the_weights_of_an_exported_one():
+    pictures = np.random.default_rng(0).integers(0, 256, (4, 31, 48, 3), dtype=np.uint8)
+    torch.manual_seed(1)
+    eye, other = TorchEye(), TorchEye()
+    with torch.no_grad():
+        eye.sharpness.fill_(7.0)
+    ours = eye.exported()
+    assert np.abs(ours(pictures) - other.exported()(pictures)).max() > 0.01
+    other.take(ours)
+    np.testing.assert_array_equal(other.exported()(pictures), ours(pictures))
+    for one, same in zip(eye.parameters(), other.parameters(), strict=True):
+        assert torch.equal(one, same)
+        assert same.requires_grad
+    with torch.no_grad():
+        other.layers[0].weight.zero_()
+    assert ours.layers[0][0].any()  # a copy
+    with pytest.raises(ValueError, match="zip"):
+        other.take(replace(ours, layers=ours.layers[:2]))
+
+
 def test_eyes_find_where_something_is():
     """A kernel for red: the place is that of the only red pixel."""
     eye = TorchEye()

@@ -3,7 +3,6 @@
 import itertools
 import json
 import pickle
-import warnings
 import zipfile
 from dataclasses import replace
 
@@ -67,6 +66,7 @@ def test_round_trip(tmp_path):
     assert covered == 600
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("spoilt", [[0], [5], [1, 3], range(6)])
 def test_an_answer_with_any_number_that_is_none_is_refused(spoilt):
     """Of finite weights that are too large; without a warning of NumPy's."""
@@ -77,8 +77,7 @@ def test_an_answer_with_any_number_that_is_none_is_refused(spoilt):
     policy = LearnedPolicy(CARD, replace(made, gain=gain, shift=1e308 * (gain > 1.0)))
     for ask in (policy.act, policy.posture):
         for observation in (x, x[0]):
-            with warnings.catch_warnings(), pytest.raises(InputError, match="answers with NaN or infinity"):
-                warnings.simplefilter("error")
+            with pytest.raises(InputError, match="answers with NaN or infinity"):
                 ask(100.0 * np.sign(observation))
 
 

@@ -77,14 +77,14 @@ class Events(BaseCallback):
         self.told.append(("rollout", self.num_timesteps))
 
     def _on_step(self):
-        self.told.append(("step", self.num_timesteps, self.locals["rewards"].shape))
+        self.told.append(("step", self.num_timesteps, self.locals["rewards"].shape, self.model.policy.training))
         return self.num_timesteps < self.last
 
     def _on_rollout_end(self):
         self.told.append(("collected", self.num_timesteps))
 
     def _on_training_end(self):
-        self.told.append(("trained", self.num_timesteps))
+        self.told.append(("trained", self.num_timesteps, self.model.policy.training))
 
 
 @pytest.mark.parametrize("last", [10_000, 128])

@@ -94,6 +94,23 @@ def test_what_learned_from_a_script_brings_objects_to_their_places(task):
     assert learned["reached"] >= 0.9
 
 
+def test_an_object_is_lifted_before_it_is_carried():
+    """On its way up nobody drags it over the table, however far it has to go."""
+    batch, script = gym.make_vec(PICK_AND_PLACE, 6, "vector_entry_point"), PickAndPlaceScript(gym.make(PICK_AND_PLACE))
+    observations, info = batch.reset(seed=3)
+    start, far = info["position"], np.linalg.norm((info["goal"] - info["position"])[:, :2], axis=1) > 0.15
+    lifted, dragged = np.zeros(6, dtype=bool), np.zeros(6)
+    for _ in range(66):
+        observations, _, ended, cut, info = batch.step(script.act(observations))
+        assert not (ended | cut).any()
+        way = info["position"] - start
+        lifted |= way[:, 2] > 0.03
+        dragged = np.where(lifted, dragged, np.maximum(dragged, np.linalg.norm(way[:, :2], axis=1)))
+    assert (lifted & far).sum() >= 4
+    assert dragged.max() < 0.005
+    assert np.linalg.norm(way[:, :2], axis=1).max() > 0.05  # and then it is
+
+
 def test_an_object_that_is_lost_is_grasped_again():
     """It is put elsewhere, by hand, while it is carried."""
     env = gym.make(PICK_AND_PLACE, dtype="float64")

@@ -355,6 +355,42 @@ def test_a_collision_ends_an_episode_of_small_steps(kind):
     assert reward == sum(info["reward_terms"].values())
 
 
+@pytest.mark.parametrize("reward", ["dense", "sparse"])
+@pytest.mark.parametrize("form", FORMS)
+def test_who_finds_no_grasp_ends_the_episode_where_the_arm_stands(form, reward):
+    """Impossible, whatever was reached before; paid by the distance that is left."""
+    env = make(attempts=2, reward=reward, dtype="float64", **FORMS[form]).unwrapped
+    env.reset(seed=0)
+    if form == "multi":
+        observation, *_, info = env.step([0.4, 0.3, 0.0, 0.0, 0.0, 0.0, -1.0])
+    else:
+        observation, *_, info = env.step(np.append(env.home / np.pi, 0.0))  # a grasp of nothing
+        assert info["attempts"] == 1
+    same, paid, terminated, truncated, told = env.forfeit("no way there")
+    assert (terminated, truncated) == (True, False)
+    assert (told["status"], told["impossible"], told["impossible_reason"]) == ("forfeited", True, "no way there")
+    assert (told["is_success"], told["reached"], told["cause"]) == (False, False, "reached")
+    np.testing.assert_array_equal(same, observation)
+    np.testing.assert_array_equal(told["q"], observation[8:14])
+    assert told["distance"] == info["distance"]
+    if form == "multi":
+        assert told["distance"] == pytest.approx(np.linalg.norm(env.kinematics.positions(told["q"]) - told["goal"]))
+    if reward == "sparse":
+        assert (paid, told["reward_terms"]) == (-1.0, {"sparse": -1.0})
+    else:
+        expected = {
+            "distance": -told["distance"] * (0.04 if form == "multi" else 1.0),
+            "closed": 0.0,
+            "height": 0.0,
+            "lifted": 0.0,
+        }
+        assert told["reward_terms"] == pytest.approx(expected | {"impossible": -1.0}, abs=1e-6)
+        assert paid == pytest.approx(expected["distance"] - 1.0, abs=1e-6)
+    with pytest.raises(InputError, match="over"):
+        env.step(np.zeros(7))
+    assert env.reset(seed=1)[1]["impossible_reason"] == ""
+
+
 @pytest.mark.slow
 def test_geometry_predicts_what_the_dynamics_do():
     """The kinematic backend's verdict on grasps that are a little off, beside that of MuJoCo."""

@@ -155,6 +155,33 @@ def test_a_restored_environment_draws_what_was_restored(name, monkeypatch):
     assert (frames[0] != frames[1]).any()
 
 
+@pytest.mark.parametrize("name", [f"kinreach/{name}-v0" for name in ("ButtonPress", "UR5MultiStepKinematic", "Reach")])
+def test_a_batch_draws_each_environment_as_it_would_be_drawn_alone(name, monkeypatch):
+    """Its arm where it stands, and its ball; after resets and steps, over the ends of episodes."""
+    stand_in(monkeypatch, FrameRenderer, Places)
+    options = {"max_episode_steps": 2} if "Reach" not in name else {"backend": "kinematic"}
+    batch = gym.make_vec(name, 3, "vector_entry_point", render_mode="rgb_array", autoreset_mode="NextStep", **SMALL,
+                         **options)  # fmt: skip
+    batch.reset(seed=5)
+    singles, drawn = [made(name, "rgb_array", **SMALL, **options) for _ in range(3)], []
+    for row, env in enumerate(singles):
+        env.reset(seed=5 + row)
+    over = np.zeros(3, dtype=bool)
+    for _ in range(5):
+        frames = batch.render()
+        assert len(frames) == 3
+        for frame, env in zip(frames, singles, strict=True):
+            np.testing.assert_array_equal(frame, env.render())
+            drawn.append(int(frame[0, 0, 0]))
+        actions = np.full(3, 13) if "Button" in name else np.full((3, 6), 0.3)
+        batch.step(actions)
+        for row, env in enumerate(singles):
+            if over[row]:
+                env.reset()
+            over[row] = not over[row] and any(env.step(actions[row])[2:4])
+    assert len(set(drawn)) >= 9
+
+
 def test_a_camera_may_stand_anywhere(needs_gl):
     """From 12 places it looks at the ball, which is in the middle of the picture."""
     simulation, rng = ArmSimulation("ur5-thesis", visual=False), np.random.default_rng(5)
