@@ -7,11 +7,12 @@ import time
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from kinreach.deploy import _server
 from kinreach.deploy._controller import Controller
 from kinreach.deploy._interpreter import STEPS
-from kinreach.deploy._rtde import RuntimeState
+from kinreach.deploy._rtde import RobotMode, RuntimeState
 from kinreach.deploy._script_functions import FUNCTIONS
 from kinreach.deploy._script_tree import ScriptError
 from kinreach.deploy._urscript import parse
@@ -139,6 +140,136 @@ def test_the_state_is_read_on_the_way(ur):
     while ur.runtime_state is not RuntimeState.STOPPED:
         ur.tick()
     assert said(ur, "sleep(0.1)\ntextmsg(is_steady())") == ["True"]
+
+
+def answers(ur, expected):
+    """Ask for values, and compare each with the expected one: a number, numbers, a pose, a truth value or a text."""
+    lines = said(ur, "\n".join(f"textmsg({call})" for call in expected))
+    for (call, value), text in zip(expected.items(), lines, strict=True):
+        if isinstance(value, str):
+            assert text == value, call
+            continue
+        words = text.removeprefix("p").strip("[]").split(", ")
+        truths = {"True": True, "False": False}
+        found = [truths[word] if word in truths else float(word) for word in words]
+        if np.shape(value) == (4, 4):
+            assert text.startswith("p["), call
+            np.testing.assert_allclose(pose(found), value, atol=1e-7, err_msg=call)
+        else:
+            assert [type(each) is bool for each in found] == [
+                type(each) is bool for each in np.atleast_1d(value).tolist()
+            ]
+            np.testing.assert_allclose(found, np.atleast_1d(value), atol=1e-8, rtol=1e-8, err_msg=call)
+    return len(lines)
+
+
+def test_functions_of_numbers_and_lists_compute_what_their_names_say(ur):
+    rng, tried = np.random.default_rng(4), 0
+    for _ in range(5):
+        x, y = rng.uniform(0.1, 0.9, 2).tolist()
+        angles, vector = rng.uniform(-1.5, 1.5, 3), rng.uniform(-1.5, 1.5, 3)
+        bits = rng.integers(0, 2, 32).astype(bool)
+        bits[31] = False  # the numbers of a program have a sign
+        whole = int(sum(1 << place for place in np.flatnonzero(bits).tolist()))
+        one, other = rng.uniform(-1, 1, (2, 6))
+        expected = {
+            **{f"{name}({x!r})": getattr(math, name)(x)
+               for name in ("acos", "asin", "atan", "cos", "sin", "sqrt", "tan")},
+            f"ceil({5 * x!r})": math.ceil(5 * x), f"floor(-{5 * x!r})": math.floor(-5 * x),
+            f"atan2({-x!r}, {-y!r})": math.atan2(-x, -y), f"pow({x!r}, {y!r})": x**y,
+            f"log({2 + x!r}, {y!r})": math.log(y, 2 + x), f"d2r({100 * x!r})": math.radians(100 * x),
+            f"r2d({x!r})": math.degrees(x), f"norm(-{x!r})": x, f"norm({listed(vector)})": np.linalg.norm(vector),
+            f"rpy2rotvec({listed(angles)})": Rotation.from_euler("xyz", angles).as_rotvec(),
+            f"rotvec2rpy({listed(vector)})": Rotation.from_rotvec(vector).as_euler("xyz"),
+            f"point_dist(p{listed(one)}, p{listed(other)})": np.linalg.norm(one[:3] - other[:3]),
+            f"integer_to_binary_list({whole})": bits.tolist(),
+            f"binary_list_to_integer([{', '.join(map(str, bits.tolist()))}])": whole,
+            f"length({listed(one)})": 6, 'length("abcd")': 4, 'str_len("abc")': 3, 'str_empty("")': True,
+            'str_empty(" ")': False, 'str_sub("abcdef", 2)': "cdef", 'str_sub("abcdef", 2, 3)': "cde",
+            'str_sub("abcdef", 4, 9)': "ef", 'str_sub("abcdef", 1, -1)': "bcdef", 'str_at("abcdef", 5)': "f",
+            'str_find("abcabc", "c", 3)': 5, 'str_find("abc", "d")': -1, f'str_cat({3}, "a")': "3a",
+            f'to_num("{x!r}")': x, f"to_str({7})": "7", "to_str(True)": "True",
+        }  # fmt: skip
+        tried += answers(ur, expected)
+    assert tried == 5 * 37
+
+
+def test_a_payload_is_what_was_set_last(ur):
+    """Without a centre it is at the tool for `set_payload` and at the flange for `set_target_payload`."""
+    ur.tcp, zero = pose([0.01, 0.02, 0.15, 0.1, 0, 0]), [0.0] * 6
+    inertia, tried = [0.1, 0.2, 0.3, 0.01, 0.02, 0.03], 0
+    for order, mass, centre, turned in (
+        ("set_payload(1.5)", 1.5, (0.01, 0.02, 0.15), zero),
+        ("set_payload(2, [0.1, 0.2, 0.3])", 2.0, (0.1, 0.2, 0.3), zero),
+        ("set_payload_mass(3)", 3.0, (0.1, 0.2, 0.3), zero),
+        ("set_payload_cog([0.3, 0.2, 0.1])", 3.0, (0.3, 0.2, 0.1), zero),
+        (f"set_target_payload(1, [0.1, 0, 0], {inertia})", 1.0, (0.1, 0.0, 0.0), inertia),
+        ("set_payload_mass(2)", 2.0, (0.1, 0.0, 0.0), inertia),
+        ("set_target_payload(4)", 4.0, (0.0, 0.0, 0.0), zero),
+        (f"set_target_payload(5, inertia={inertia})", 5.0, (0.0, 0.0, 0.0), inertia),
+        ("set_payload(0.5)", 0.5, (0.01, 0.02, 0.15), zero),
+    ):
+        assert said(ur, order) == []
+        tried += answers(ur, {
+            "get_target_payload()": mass, "get_target_payload_cog()": centre, "get_target_payload_inertia()": turned,
+        })  # fmt: skip
+        assert tuple(_server.output(ur, "payload_inertia")) == pytest.approx(turned)
+        assert tuple(_server.output(ur, "payload_cog")) == pytest.approx(centre)
+    assert tried == 27
+
+
+def test_each_output_is_set_and_read_by_its_number(ur):
+    """Standard outputs are digital outputs 0 to 7, configurable ones 8 to 15, and those of the tool 16 and 17."""
+    tried = 0
+    for kind, count, first in (("standard_", 8, 0), ("configurable_", 8, 8), ("tool_", 2, 16), ("", 18, 0)):
+        for place in (0, count - 1):
+            ur.io = type(ur.io)()
+            expected = {f"get_digital_out({number})": number == first + place for number in range(18)}
+            expected[f"get_{kind}digital_out({place})"] = True
+            expected |= {f"get_{kind}digital_in({place})": False, f"get_flag({place})": False}
+            assert said(ur, f"set_{kind}digital_out({place}, True)") == []
+            tried += answers(ur, expected)
+            assert _server.output(ur, "actual_digital_output_bits") == (1 << first + place,)
+            assert said(ur, f"set_{kind}digital_out({place}, False)") == []
+            assert _server.output(ur, "actual_digital_output_bits") == (0,)
+        for call in (f"set_{kind}digital_out({count}, True)", f"x = get_{kind}digital_out({count})",
+                     f"x = get_{kind}digital_in(-1)"):  # fmt: skip
+            assert f"must be from 0 to {count - 1}" in ur.run(program(call)).reason
+    assert said(ur, "set_flag(32, True)\nset_analog_out(0, 0.25)\nset_standard_analog_out(1, 1)") == []
+    tried += answers(ur, {
+        "get_flag(32)": True, "get_flag(0)": False, "get_analog_out(0)": 0.25, "get_standard_analog_out(0)": 0.25,
+        "get_analog_out(1)": 1.0, "get_analog_in(3)": 0.0, "get_standard_analog_in(0)": 0.0,
+    })  # fmt: skip
+    for call, last in (("get_flag(33)", 32), ("get_analog_out(2)", 1), ("get_analog_in(4)", 3)):
+        assert f"must be from 0 to {last}" in ur.run(program(f"x = {call}")).reason
+    assert tried == 8 * 21 - 2 + 7
+
+
+def test_poses_of_joints_and_what_is_in_reach(ur):
+    rng, tried = np.random.default_rng(5), 0
+    ur.tcp = pose([0.01, 0.02, 0.15, 0.1, 0, 0])
+    for _ in range(5):
+        q, tool = HOME + rng.uniform(-1, 1, 6), rng.uniform(-0.3, 0.3, 6)
+        T = KIN.fk(q)
+        tried += answers(ur, {
+            f"get_forward_kin({listed(q)})": T @ ur.tcp,
+            f"get_forward_kin({listed(q)}, p{listed(tool)})": T @ pose(tool),
+            f"get_forward_kin(tcp=p{listed(tool)})": KIN.fk(ur.actual_q) @ pose(tool),
+            f"get_inverse_kin_has_solution(p{listed(pose_vector(T @ ur.tcp))})": True,
+            f"is_within_safety_limits(p{listed(pose_vector(T @ ur.tcp))})": True,
+            f"is_within_safety_limits({listed(q)})": True,
+            f"is_within_safety_limits({listed([*q[:5], 2 * math.pi + rng.uniform(0.01, 1)])})": False,
+            f"get_inverse_kin_has_solution(p{listed([1.5, *pose_vector(T)[1:]])})": False,
+            f"is_within_safety_limits(p{listed([1.5, *pose_vector(T)[1:]])})": False,
+        })  # fmt: skip
+    assert tried == 45
+
+
+def test_a_program_may_take_the_arms_power(ur):
+    assert said(ur, "textmsg(1)\npowerdown()\nsleep(0.01)\ntextmsg(2)")[:1] == ["1"]
+    assert ur.robot_mode is RobotMode.POWER_OFF
+    assert ur.runtime_state is RuntimeState.STOPPED
+    assert [line for line in ur.log if "power" in line] == ["the power of the arm is off"]
 
 
 def test_random_is_drawn_evenly_from_0_to_1(ur):
