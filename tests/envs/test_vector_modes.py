@@ -330,3 +330,4 @@ def test_pictures_of_a_batch_are_those_of_single_environments(needs_gl):
 def test_pictures_that_a_batch_does_not_make(options, message):
     with pytest.raises(InputError, match=message):
         batch("single", **options)
+    assert batch("single", count=64, render_mode="rgb_array").render_mode == "rgb_array"

@@ -251,6 +251,25 @@ def test_a_free_posture_is_refused_where_the_arm_would_touch_itself_on_the_way()
     assert ends[False].count("self-collision") >= 5
 
 
+def test_under_dynamics_a_posture_is_accepted_where_the_way_there_is_free():
+    """Beside 400 samples of the way in two phases; without dynamics, and at once in place, only its end counts."""
+    env, at_once = (make(backend=backend, disable_env_checker=True).unwrapped for backend in ("mujoco", "kinematic"))
+    checker, rng, ways = CollisionChecker("ur5-thesis"), np.random.default_rng(0), []
+    for _ in range(160):
+        start, target = rng.uniform(-2.0, 2.0, (2, 6))
+        start += 0.5 * env.home
+        if checker.in_collision(start) or checker.in_collision(target):
+            continue
+        for one in (env, at_once):
+            one.reset(options={"q": start, "direction": env.kinematics.fk(target)[:3, 2]})
+        between = np.where(np.arange(6) == 1, start, target)  # the shoulder's lift moves last
+        way = np.concatenate([np.linspace(*ends, 200) for ends in ((start, between), (between, target))])
+        ways.append(not checker.impossible(way).any())
+        assert env.accept(target) == ways[-1]
+        assert at_once.accept(target)
+    assert 5 < sum(ways) < len(ways) - 5
+
+
 def test_goals_in_a_volume_need_one():
     """A work cell with goals in four quadrants, or without any, has none."""
     arm = get_arm("ur5e")
