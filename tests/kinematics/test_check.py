@@ -18,6 +18,7 @@ from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
 from kinreach.robots.inside import without_shapes
 from kinreach.view import TargetModel
 from tests import kept
+from tests.robots.peoples_files import arm as peoples_arm
 
 ROOT = Path(__file__).parents[2]
 CALIBRATIONS = ROOT / "tests/data/calibrations"
@@ -226,6 +227,39 @@ def test_what_five_axes_leave_of_orientations():
     assert 0.3 < np.median(found.left) < 2.5
     assert 0.0 < found.down < 1.0
     assert found.time > 0.0
+
+
+def test_what_five_axes_leave_is_printed(capsys):
+    assert main(["check", "so101", "--poses", "15", "--seed", "3"]) == 0
+    text = capsys.readouterr().out
+    kin = ArmKinematics.of("so101")
+    found = check.nearest_orientations(kin, check.random_postures(kin, 15, 4), seed=3)
+    median, late = np.degrees(np.quantile(found.left, (0.5, 0.95)))
+    count, shown, p95, time, down = map(float, re.search(
+        r"\norientation  (\d+) points, each with a random orientation: (\d+)° are left in the median, p95 (\d+)°; "
+        r"([\d.]+) ms\n +at (\d+) % of them the tip's z axis points straight down\n", text).groups())  # fmt: skip
+    assert (count, shown, p95, down) == (15, round(median), round(late), round(100 * found.down))
+    assert 0.0 < time < 1000.0
+    assert late > 20
+
+
+def test_joints_are_printed_with_their_units(tmp_path, capsys):
+    """One that turns without end, one that slides, and others; in degrees, too, where they turn."""
+    slides = '<limit lower="-0.25" upper="0.5" effort="1" velocity="0.125"/>'
+    turns = '<limit lower="-1.5" upper="2" effort="1" velocity="1.25"/>'
+    file = tmp_path / "a.urdf"
+    file.write_text(peoples_arm(joints={
+        1: {"kind": "continuous", "inside": ""}, 2: {"inside": turns}, 3: {"kind": "prismatic", "inside": slides},
+    }))  # fmt: skip
+    assert main(["check", str(file), "--poses", "1", "--tip", "l6"]) == 0
+    text = capsys.readouterr().out.splitlines()
+    begin = next(place for place, line in enumerate(text) if line.startswith("joints"))
+    printed = [re.sub(" +", " ", line).strip() for line in text[begin : begin + 6]]
+    assert printed[0].startswith("joints j1 turns without end, ")
+    assert printed[0].endswith("rad/s, starts at +0.000")
+    assert printed[1] == "j2 -1.500 to +2.000 rad (201°), 1.25 rad/s, starts at +0.250"
+    assert printed[2] == "j3 -0.250 to +0.500 m, 0.12 m/s, starts at +0.125 m"
+    assert printed[3] == "j4 -3.100 to +3.100 rad (355°), 1.00 rad/s, starts at +0.000"
 
 
 def test_an_arm_whose_shapes_are_missing_is_not_one_without_shapes(tmp_path):
