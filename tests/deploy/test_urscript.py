@@ -333,6 +333,82 @@ def test_movec_is_on_the_circle_through_three_points(ur, mode):
     assert "not on a line" in ur.run(program(f"movec(p{listed(end)}, p{listed(end)})")).reason
 
 
+@pytest.mark.parametrize("mode", [0, 1])
+def test_a_small_arc_is_followed_and_turned_along(ur, mode):
+    """As far as it has come, it has turned: to the rotation of the end, or with the circle."""
+    ur.tcp = pose([0.01, 0.02, 0.15, 0.1, 0, 0])
+    start = KIN.fk(HOME) @ ur.tcp
+    angle, radius = 0.6, 0.03
+    x, y, _ = start[:3, :3] @ Rotation.random(random_state=3).as_matrix()
+    centre = start[:3, 3] - radius * x
+    via, end = (centre + radius * (np.cos(each) * x + np.sin(each) * y) for each in (0.35, angle))
+    T = start.copy()
+    T[:3, 3], own = end, Rotation.from_rotvec(0.4 * np.array([0.6, 0.0, 0.8]))
+    T[:3, :3] = start[:3, :3] @ own.as_matrix()
+    goal = KIN.nearest(T @ np.linalg.inv(ur.tcp), HOME).q
+    to = listed(goal) if mode == 0 else f"p{listed(pose_vector(T))}"  # where joints are given, their pose is meant
+    middle = np.concatenate([via, pose_vector(start)[3:]])
+    done = ur.run(program(f"movec(p{listed(middle)}, {to}, a=8, v=2, mode={mode})"))
+    assert done.reason == ""
+    seen, most = 0, angle if mode else 0.4
+    for q in done.commanded.q[:: max(1, len(done.commanded.q) // 20)]:
+        now = KIN.fk(q) @ ur.tcp
+        way = now[:3, 3] - centre
+        assert abs(way @ np.cross(x, y)) < 1e-7
+        assert np.linalg.norm(way) == pytest.approx(radius, abs=1e-7)
+        covered = math.atan2(way @ y, way @ x) / angle
+        assert -1e-6 < covered < 1 + 1e-6
+        turned = Rotation.from_matrix(now[:3, :3] @ start[:3, :3].T).as_rotvec()
+        axis = np.cross(x, y) if mode else start[:3, :3] @ [0.6, 0.0, 0.8]
+        np.testing.assert_allclose(turned, covered * most * axis, atol=1e-5)
+        seen += 1
+    assert seen >= 20
+    np.testing.assert_allclose((KIN.fk(ur.target_q) @ ur.tcp)[:3, 3], end, atol=1e-7)
+
+
+@pytest.mark.parametrize("turning", [None, 3.0])
+def test_tool_speeds_change_with_their_accelerations(ur, turning):
+    """Those of the tool centre point, and those of its turns, which are the same number where just one is given."""
+    ur.tcp, rng = pose([0.01, 0.02, 0.15, 0.1, 0, 0]), np.random.default_rng(6)
+    ways = rng.normal(size=(2, 3))
+    wanted = (ways / np.linalg.norm(ways, axis=1)[:, None] * [[0.08], [0.15]]).ravel()
+    more = "" if turning is None else f", aRot={turning}"
+    done = ur.run(program(f"speedl({listed(wanted)}, 0.8, t=0.25{more})\nstopl(1.5{more})"))
+    assert done.reason == ""
+    speeds = np.array([ur.tcp_speed(q, qd) for q, qd in zip(done.commanded.q, done.commanded.qd, strict=True)])
+    np.testing.assert_allclose(speeds[120], wanted, atol=2e-3)
+    assert not speeds[-1].any()
+    for part, change, stop in ((slice(3), 0.8, 1.5), (slice(3, 6), turning or 0.8, turning or 1.5)):
+        size, full = np.linalg.norm(speeds[:, part], axis=1), np.linalg.norm(wanted[part])
+        begin = np.flatnonzero(size > 0)[0]
+        t = ur.cycle * np.arange(1, 60)
+        np.testing.assert_allclose(size[begin : begin + 59], np.minimum(change * t, full), atol=0.02 * full + 1e-3)
+        direction = speeds[begin + 20, part] / size[begin + 20]
+        np.testing.assert_allclose(direction, wanted[part] / full, atol=0.02)
+        last = np.flatnonzero(size > 0.98 * full)[-1]
+        np.testing.assert_allclose(size[last : last + 20], np.maximum(full - stop * ur.cycle * np.arange(20), 0.0),
+                                   atol=0.03 * full + 3e-3)  # fmt: skip
+
+
+def test_moves_to_poses_and_to_joints_end_there(ur):
+    goal, moved = np.add(HOME, [0.03, 0.02, -0.03, 0, 0.02, 0]), 0
+    ur.tcp = pose([0.01, 0.02, 0.15, 0.1, 0, 0])
+    joints, target = listed(goal), f"p{listed(pose_vector(KIN.fk(goal) @ ur.tcp))}"
+    for line in (f"movej({target}, a=20, v=3)", f"movej({joints}, a=20, t=0.1)", f"movel({joints}, a=3, v=1)",
+                 f"movel({target}, t=0.2)", f"movep({target}, a=3, v=1)", f"movep({joints}, a=3, v=1)"):  # fmt: skip
+        ur.place(HOME)
+        done = ur.run(program(line))
+        assert done.reason == ""
+        np.testing.assert_allclose(ur.target_q, goal, atol=1e-6)
+        if "t=" in line:
+            seconds = float(line[line.index("t=") + 2 : -1])
+            assert np.count_nonzero(done.commanded.qd.any(axis=1)) * ur.cycle == pytest.approx(seconds, abs=0.005)
+        moved += 1
+    assert moved == 6
+    for line in (f"movep({joints[:-1]}, 1])", "movec([1, 2], p[0, 0, 0, 0, 0, 0])", "servoj(p[0, 0, 0, 0, 0, 0])"):
+        assert "takes a" in ur.run(program(line)).reason
+
+
 def test_speeds_are_reached_and_kept(ur):
     wanted = np.array([0.2, 0, 0, 0, -0.1, 0])
     done = ur.run(program(f"speedj({listed(wanted)}, 1, 0.8)\nstopj(4)"))
