@@ -285,6 +285,37 @@ def test_arguments_are_keywords(name):
     assert flagless == none.intersection(names) | ({"reward"} if name == LIFT else set())
 
 
+#: Numbers that are options: id, name, the least and the largest that are taken (None: not tried), in lists of one value
+#: where an option has several.
+ENDS = [
+    (SINGLE, "exposure", 1.0, 100.0), (SINGLE, "looks", 0, 10**6), (SINGLE, "rgb_noise", 0.0, 255.0),
+    (SINGLE, "depth_noise", 0.0, 1.0), (SINGLE, "width", 16, 16384), (SINGLE, "height", 16, 16384),
+    (SINGLE, "render_width", 1, 1920), (SINGLE, "render_height", 1, 1080), (SINGLE, "margin", 0.0, None),
+    (SPACE, "goal_height", 0.0, 2.0), (SPACE, "tilt", 0.0, 90.0), (SPACE, "start_spread", 0.0, np.pi),
+    (BUTTON, "frames", 1, 16), (LIFT, "attempts", 1, 10), (LIFT, "sizes", (0.01,), (0.045,)),
+    (LIFT, "masses", (0.001,), (1.0,)), (LIFT, "frictions", (0.0,), (3.0,)), (LIFT, "table", None, (0.05, 0.05, 0.05)),
+    (OBSTACLES, "margin", 5e-4, 0.05), (OBSTACLES, "heights", None, (1.0, 1.0)), (OBSTACLES, "clutter", (0,), (20,)),
+    (MOVING, "delay", 0.0, 1.0), (MOVING, "noise", 0.0, 0.1), (MOVING, "strength", 0.1, 1.0), (MOVING, "sights", 1, 90),
+    (MOVING, "hidden", 0.0, 0.2), (MOVING, "speeds", None, (2.0,)), (MOVING, "margin", 0.0, None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "option", "least", "most"), ENDS)
+def test_a_number_may_be_the_least_and_the_largest_and_nothing_beyond(name, option, least, most):
+    options, tried = type(gym.make(name).unwrapped).Options, 0
+    for end, side in ((least, -1), (most, 1)):
+        if end is None:
+            continue
+        assert getattr(options(**{option: end}), option) == end
+        first = end[0] if isinstance(end, tuple) else end
+        step = side if isinstance(first, int) else side * 1e-6
+        beyond = (*[value + step for value in end],) if isinstance(end, tuple) else end + step
+        with pytest.raises(InputError, match=r"at (least|most)|from 0\.01 to 0\.045 m|within|0\.05"):
+            options(**{option: beyond})
+        tried += 1
+    assert tried >= 1
+
+
 @pytest.mark.parametrize("name", [SINGLE, MULTI, SPACE, BUTTON, LIFT, PUSH, PICK_AND_PLACE])
 def test_a_batch_steps_its_dynamics_on_as_many_threads_as_are_asked_for(name, monkeypatch):
     """Those that MuJoCo is told to use, the caller's included."""

@@ -321,11 +321,30 @@ def test_the_scene_is_the_true_arm(errors):
         ({"calibrations": (["ur5_a"],)}, InputError, "calibration cannot be a path"),
         ({"calibrations": (300 * "x",)}, InputError, "too long"),
         ({"arm": "ur5"}, InputError, "unexpected keyword"),
+        ({"balls": 0}, InputError, "balls must be at least 1, got 0"),
+        ({"balls": 100_001}, InputError, "balls must be at most 100000, got 100001"),
+        ({"balls": 2.5}, InputError, "balls must be"),
+        ({"again": -1}, InputError, "again must be at least 0, got -1"),
+        ({"again": 21}, InputError, "again must be at most 20, got 21"),
+        ({"noise": 0.0}, InputError, r"noise \[m\] must be finite and at least 1e-09 and at most 1, got 0"),
+        ({"noise": 1.1}, InputError, r"noise \[m\] must be .* at most 1, got 1.1"),
     ],
 )
 def test_bad_options(options, error, said):
     with pytest.raises(error, match=said):
         make(**options)
+
+
+def test_options_may_be_as_small_and_as_large_as_is_said():
+    env = make(balls=1, again=20, noise=1e-9, budgets=(100,))
+    (observation, _), moves, over = env.reset(seed=0), 0, False
+    assert observation.shape == (1, 14)
+    while not over:
+        observation, _, over, _, info = env.step(np.zeros((1, 6)))
+        moves += 1
+    assert moves == 21
+    assert np.isfinite(info["error_100_20"])
+    assert make(balls=2, again=0, noise=1.0).observation_space.shape == (2, 14)
 
 
 def test_bad_input():

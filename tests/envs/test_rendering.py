@@ -106,6 +106,29 @@ def test_ids_without_a_simulation_of_bodies_have_every_mode(name, monkeypatch):
     assert shapes["rgb_array_list"][1:] == (36, 64, 3)
 
 
+@pytest.mark.parametrize("name", [name for name in IDS if name not in (*OTHERS, "kinreach/ButtonPress-v0")])
+def test_a_window_shows_where_a_step_has_led(name, monkeypatch):
+    """The last that it is told to show is the scene as it stands then."""
+    shown = []
+
+    def window(model, data, *, camera):
+        return SimpleNamespace(sync=lambda: shown.append(data.qpos.copy()), close=lambda: None)
+
+    monkeypatch.setattr("kinreach.sim._picture.SceneViewer", window)
+    monkeypatch.setattr("time.sleep", lambda seconds: None)
+    env = made(name, "human").unwrapped
+    for seed in (0, 1):
+        env.reset(seed=seed)
+        count, before = len(shown), env.scene.data.qpos.copy()
+        action = np.full(env.action_space.shape, 0.1 + 0.1 * seed)
+        action[:6] += env.home / np.pi if "Single" in name or "Reach" in name or "Lift" in name else 0.0
+        env.step(action)
+        assert len(shown) > count
+        np.testing.assert_array_equal(shown[-1], env.scene.data.qpos)
+        assert (shown[-1] != before).any()
+    env.close()
+
+
 @pytest.mark.parametrize("name", OTHERS)
 def test_a_scene_shows_the_arm_as_it_is_whenever_it_is_asked_for(name):
     """One that is asked for in mid-episode is where one has come that followed from the start; states come with it."""
