@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.studies.moving_ball import RULES, Timed, make_world
 from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line
-from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
+from benchmarks.studies.trainings import POLICY, policies_in, trainings_interval, with_interval
 from kinreach._checks import check_count, check_known
 from kinreach._files import make_writable, replacing
 from kinreach.baselines import load_policy
@@ -104,7 +104,9 @@ def _planner(method: str, env: Any, first: LearnedPolicy | None = None) -> Any:
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe for rolling balls")
+    parser.add_argument(
+        "--trainings", type=Path, help="folder of the seeds of a recipe for rolling balls, or of its logs"
+    )
     parser.add_argument(
         "--methods", nargs="+", help=f"of the task, {NETWORK}, {FIRST}PLANNER (default: three, the network and two)"
     )
@@ -125,7 +127,7 @@ def main(argv: list[str] | None = None) -> int:
     for method in arguments.methods or ():
         check_known("method", method.partition("@")[0], (*get_task("moving").methods, NETWORK, *afterwards))
     make_writable(arguments.out)
-    found = sorted(arguments.trainings.glob(f"seed-*/{POLICY}")) if arguments.trainings else []
+    found = policies_in(arguments.trainings) if arguments.trainings else []
     learned = (NETWORK, *afterwards) if found else ()
     files = {
         name: [str(file) for file in found] if name == NETWORK or name.startswith(FIRST) else [""]

@@ -32,7 +32,7 @@ import numpy as np
 
 from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line, share
-from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
+from benchmarks.studies.trainings import policies_in, trainings_interval, with_interval
 from kinreach._checks import check_count
 from kinreach._files import make_writable, replacing
 from kinreach.baselines import load_policy
@@ -187,7 +187,7 @@ def caused(policy: str, balls: int, seed: int) -> list[object]:
 def of_trainings(folder: Path, speed: float, options: Mapping[str, Any], balls: int) -> str:
     """Return the share of held-out balls of one speed that all seeds of a recipe touch [%], with its interval."""
     given = {**get_task("moving").options, **options, "speeds": (speed,)}
-    policies = (load_policy(file) for file in sorted(folder.glob(f"seed-*/{POLICY}")))
+    policies = (load_policy(file) for file in policies_in(folder))
     touched = [evaluate(policy, goals=balls, options=given).reached for policy in policies]
     return with_interval(np.array(touched), unit=100, decimals=1)
 
@@ -272,7 +272,7 @@ def main(argv: list[str] | None = None) -> int:
     speeds, methods = tuple(arguments.speeds or speeds), tuple(arguments.methods or methods)
     files = {name: [name] for name in methods}
     if arguments.trainings:
-        files[methods[-1]] = [str(file) for file in sorted(arguments.trainings.glob(f"seed-*/{POLICY}"))]
+        files[methods[-1]] = [str(file) for file in policies_in(arguments.trainings)]
     print(head("collisions" if worlds is RULES else "world", "method", *(f"{speed:g} m/s" for speed in speeds)))
     if arguments.paths:
         worlds = {name: {**world, "paths": tuple(arguments.paths)} for name, world in worlds.items()}

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("torch")
 from benchmarks.studies import commitment
 from benchmarks.studies.moving_ball import make_world
-from benchmarks.studies.trainings import POLICY
+from benchmarks.studies.trainings import POLICY, policies_in
 from kinreach.errors import InputError
 
 PRETRAINED = resources.files("kinreach.baselines") / "pretrained"
@@ -42,6 +42,20 @@ def test_the_table_is_resumed_and_drawn(tmp_path, capsys, monkeypatch):
     assert commitment.main([*arguments, "--figure", str(figure)]) == 0
     assert capsys.readouterr().out == table
     assert figure.stat().st_size > 10_000
+
+
+def test_policies_of_trainings_and_of_logs_are_found(tmp_path):
+    for name in (
+        "runs/seed-0/policy.safetensors",
+        "runs/seed-1/curve.csv",
+        "logs/seed-1.safetensors",
+        "logs/seed-0.csv",
+    ):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    assert policies_in(tmp_path / "runs") == [tmp_path / "runs/seed-0/policy.safetensors"]
+    assert policies_in(tmp_path / "logs") == [tmp_path / "logs/seed-1.safetensors"]
+    assert policies_in(tmp_path / "none") == []
 
 
 def test_frames_are_timed(tmp_path, capsys, monkeypatch):
