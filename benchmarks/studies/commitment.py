@@ -104,9 +104,7 @@ def _planner(method: str, env: Any, first: LearnedPolicy | None = None) -> Any:
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--trainings", type=Path, help="folder of the seeds of a recipe for rolling balls, or of its logs"
-    )
+    parser.add_argument("--trainings", type=Path, help="folder of a recipe's seeds for rolling balls, or of its logs")
     parser.add_argument(
         "--methods", nargs="+", help=f"of the task, {NETWORK}, {FIRST}PLANNER (default: three, the network and two)"
     )
