@@ -142,9 +142,10 @@ def test_a_solver_that_finds_nothing_is_impossible_and_says_why():
     (trial,) = rollout(env, SolverPolicy(Nowhere(), env), [{"seed": 0}])
     assert "stretched elbow" in trial["impossible_reason"]
     blind = SolverPolicy(Nowhere(), env)
-    blind.reset(None, {"q": np.zeros(6), "seen": np.full(3, np.nan)})
-    assert blind.act(None) is None
-    assert (blind.reason, blind.diagnostics) == ("no camera found the ball", {"iterations": 0})
+    for unseen in (np.full(3, np.nan), [0.5, np.nan, -0.175], [0.5, 0.1, np.inf]):
+        blind.reset(None, {"q": np.zeros(6), "seen": unseen})
+        assert blind.act(None) is None
+        assert (blind.reason, blind.diagnostics) == ("no camera found the ball", {"iterations": 0})
 
 
 class Low:

@@ -1,6 +1,7 @@
 """The state of an environment: saved in mid-episode and restored, here or in a copy, everything goes on bit for bit."""
 
 import copy
+from typing import NamedTuple
 
 import gymnasium as gym
 import mujoco
@@ -177,6 +178,67 @@ def test_what_is_no_state_of_it_is_refused():
         InputError, match="the state is of an environment with other options: its model has other parts"
     ):
         arms[0].restore_state(arms[1].save_state())
+
+
+class Pair(NamedTuple):
+    first: object
+    second: object
+
+
+def test_every_value_comes_back_and_a_state_can_be_put_back_again():
+    """Into nothing, into what is alike and into what is not; what is done to it later leaves the state as it was."""
+
+    def values():
+        a, rng = np.arange(6.0), np.random.default_rng(4)
+        rng.normal(size=3)
+        deep = {"rows": [a + 1.0, Pair(np.eye(2), "text")], "none": None, "some": (3, a * 2.0)}
+        return [a, a.astype(int).reshape(2, 3), [a, [a + 1.0], 2], {"a": a, "b": 1}, (1, a), Pair(a, [a]), deep, rng]
+
+    def plain(value):
+        return str(value.bit_generator.state) if isinstance(value, np.random.Generator) else repr(value)
+
+    def change(value):
+        """Write into the first array of it, or draw."""
+        if isinstance(value, np.random.Generator):
+            value.normal()
+        elif isinstance(value, np.ndarray):
+            value += 7
+        else:
+            parts = value.values() if isinstance(value, dict) else value
+            change(next(part for part in parts if isinstance(part, np.ndarray | list | dict)))
+
+    others = [None, np.zeros(6), np.zeros((2, 3), dtype=int), [], [1, [2.0]], {"b": [0.0], "z": 1}, (1, 2), Pair(0, 0)]
+    compared = 0
+    for index in range(8):
+        value, same = values()[index], values()[index]
+        state = saved(value)
+        generator = isinstance(value, np.random.Generator)
+        for now in [np.random.default_rng(0)] if generator else others:
+            found = put_back(now, state)
+            assert type(found) is type(value)
+            assert plain(found) == plain(same)
+            for changing in (found, value):
+                change(changing)
+                assert plain(changing) != plain(same)
+            assert plain(put_back(np.random.default_rng(0) if generator else None, state)) == plain(same)
+            compared += 1
+    assert compared == 7 * len(others) + 1
+    fixed = np.zeros(6)
+    fixed.flags.writeable = False
+    restored = put_back(fixed, saved(np.arange(6.0)))  # cannot be in place
+    np.testing.assert_array_equal(restored, np.arange(6.0))
+    assert not fixed.any()
+
+
+def test_an_array_that_is_alike_is_written_in_place():
+    now, then = np.zeros(4), np.arange(4.0)
+    rows, state = [now], saved({"rows": [then], "same": then})
+    holder = {"rows": rows, "same": now[:2]}
+    assert put_back(holder, state) is holder
+    assert holder["rows"] is rows
+    assert rows[0] is now
+    np.testing.assert_array_equal(now, then)
+    np.testing.assert_array_equal(holder["same"], then)  # one of another shape is replaced
 
 
 def test_data_of_a_model_with_other_joints_is_refused():

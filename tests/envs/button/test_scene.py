@@ -135,6 +135,24 @@ def test_depth_is_measured_in_metres(needs_gl):
     env.close()
 
 
+def test_the_window_shows_the_press_that_ends_an_episode(monkeypatch):
+    """Even where the last picture was taken a moment before."""
+    states = []
+    viewer = SimpleNamespace(sync=lambda: states.append(shown(env)), close=lambda: None)
+    monkeypatch.setattr("kinreach.sim._picture.SceneViewer", lambda model, data, *, camera: viewer)
+    monkeypatch.setattr("time.sleep", lambda seconds: None)
+    q = KIN.all_solutions(TARGET).q[0]
+    for actuation in ACTUATIONS:
+        env = make(render_mode="human", actuation=actuation)
+        env.reset(seed=0, options={"goal": TARGET, "q": q})
+        assert states[-1] == [ButtonState.IDLE]
+        assert env.step(PRESS)[2]
+        assert states[-1] == [ButtonState.PRESSED]
+        env.reset(seed=1)
+        assert states[-1] == [ButtonState.IDLE]
+        env.close()
+
+
 def test_the_viewer_runs_no_faster_than_the_clock(monkeypatch):
     """With a viewer that opens no window and a clock that only sleeping moves."""
     clock, syncs = [0.0], []
