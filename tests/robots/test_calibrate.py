@@ -9,7 +9,7 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
-from kinreach.robots import PosePairs, calibrate, get_arm, read_calibration
+from kinreach.robots import PUBLISHED_CALIBRATIONS, PosePairs, calibrate, get_arm, read_calibration
 from kinreach.robots.inside import UR_LENGTHS, frames_of, moved_frames
 from tests.cases import slow
 
@@ -167,6 +167,41 @@ def test_what_is_written_is_read_again(tmp_path, ending):
             frames_of(calibrate(file, arm=model).calibration.placements, WORKSPACE)[-1],
             frames_of(again.placements, WORKSPACE)[-1], atol=1e-12,
         )  # fmt: skip
+
+
+def test_published_calibrations_are_written_in_every_form(tmp_path):
+    """Each again into each kind of file; the controller's has what is to be added to the data sheet's figures."""
+    written, slides = 0, []
+    for name, source in PUBLISHED_CALIBRATIONS.items():
+        model = name.split("_")[0]
+        result = calibrate(source, arm=model)
+        for ending in (".conf", ".yaml", ".urdf"):
+            file = tmp_path / f"{name}{ending}"
+            result.save(file)
+            again = read_calibration(file, model)
+            np.testing.assert_allclose(again.placements, result.calibration.placements, atol=1e-8)
+            written += 1
+        rows = re.findall(r"^(delta_\w+) = \[ (.*) \]$", (tmp_path / f"{name}.conf").read_text(), re.MULTILINE)
+        more = {key: np.array(values.split(", "), dtype=float) for key, values in rows}
+        assert list(more) == ["delta_theta", "delta_a", "delta_d", "delta_alpha"]
+        figures = nominal_dh(model) + np.array(list(more.values()))
+        for q in WORKSPACE[:5]:
+            np.testing.assert_allclose(dh_fk(figures, q), frames_of(result.calibration.placements, q[None])[-1][0],
+                                       atol=1e-8)  # fmt: skip
+        assert np.abs(more["delta_alpha"]).max() < 0.02
+        slides.append(np.abs(more["delta_d"]).max())
+    assert written == 3 * len(PUBLISHED_CALIBRATIONS) == 24
+    assert max(slides) > 1.0  # frames on axes that are almost parallel
+
+
+@pytest.mark.parametrize("model", ["ur3", "ur5e", "ur16e"])
+def test_a_robot_by_its_data_sheet_has_nothing_to_add(tmp_path, model):
+    """Its axes are parallel, and so have no common normal."""
+    result = calibrate(saved(tmp_path, urp(nominal_dh(model), ["A"])), arm=model)
+    result.save(tmp_path / "nominal.conf")
+    numbers = re.findall(r"[-+\d.e]+(?=[,\s])", (tmp_path / "nominal.conf").read_text().split("]", 1)[1])
+    assert len(numbers) == 24
+    np.testing.assert_allclose(np.array(numbers, dtype=float), 0.0, atol=1e-12)
 
 
 def urp(figures, waypoints, status="LINEARIZED", valid="true", head="", tcp="0, 0, 0.15, 0, 0, 0"):
