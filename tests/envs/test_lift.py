@@ -341,6 +341,31 @@ def test_a_simulation_that_diverges_in_a_grasp_ends_the_episode(stage, monkeypat
     assert len(begun) == 1
 
 
+@pytest.mark.parametrize(("form", "lost"), [("multi", [1]), ("multi", [0, 2]), ("single", [1])])
+def test_of_a_batch_only_those_that_diverge_are_put_back(form, lost):
+    """The others go on as if nothing had happened."""
+    options = FORMS[form] | {"dtype": "float64", "autoreset_mode": "NextStep"}
+    hit, plain = (gym.make_vec(LIFT, 3, "vector_entry_point", **options) for _ in range(2))
+    observations, policy = hit.reset(seed=4)[0], scripted(make())
+    plain.reset(seed=4)
+    actions = np.zeros((3, 7)) if form == "multi" else np.array([policy.act(row) for row in observations])
+    world = hit.unwrapped.episodes.world
+    before = world.q.copy()
+    world._plant.qvel[lost] = 1e7
+    (seen, reward, ended, cut, info), (same, paid, over, limit, told) = (each.step(actions) for each in (hit, plain))
+    others = np.setdiff1d(np.arange(3), lost)
+    np.testing.assert_array_equal(seen[others], same[others])
+    np.testing.assert_array_equal(reward[others], paid[others])
+    np.testing.assert_array_equal((ended | cut)[others], (over | limit)[others])
+    assert (info["status"] == "diverged").nonzero()[0].tolist() == lost
+    assert (told["status"] != "diverged").all()
+    assert (ended | cut)[lost].all()
+    assert np.isfinite(seen).all()
+    np.testing.assert_allclose(info["q"][lost], before[lost], atol=1e-9)
+    hit.step(actions)  # starts them anew
+    assert (hit.step(actions)[4]["status"] != "diverged").all()
+
+
 @pytest.mark.parametrize("kind", ["dense", "sparse"])
 def test_a_collision_ends_an_episode_of_small_steps(kind):
     """With sparse rewards it is no terminal state: fewer steps of -1 would make it pay."""

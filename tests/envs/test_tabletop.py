@@ -282,3 +282,28 @@ def test_a_simulation_that_diverges_is_put_back_and_ends_the_episode():
     np.testing.assert_allclose(env.unwrapped.scene.q, before, atol=1e-12)
     env.reset(seed=1)
     assert not env.step(np.zeros(6, dtype=np.float32))[3]
+
+
+@pytest.mark.parametrize("lost", [[1], [0, 2], [0, 1, 2]])
+def test_of_a_batch_only_those_that_diverge_are_put_back(lost):
+    """The others go on as if nothing had happened, and so do all after the next reset."""
+    options = {"dtype": "float64", "autoreset_mode": "NextStep"}
+    hit, plain = (gym.make_vec(ID, 3, "vector_entry_point", **options) for _ in range(2))
+    for batch in (hit, plain):
+        batch.reset(seed=4)
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, hit.action_space.shape)
+    for batch in (hit, plain):
+        told = batch.step(actions)[4]
+    before = told["q"]
+    hit.unwrapped.episodes.world._plant.qvel[lost] = 1e7
+    (seen, reward, ended, cut, info), (same, paid, *_) = (batch.step(actions) for batch in (hit, plain))
+    others = np.setdiff1d(np.arange(3), lost)
+    np.testing.assert_array_equal(seen[others], same[others])
+    np.testing.assert_array_equal(reward[others], paid[others])
+    assert cut.nonzero()[0].tolist() == lost
+    assert not (ended | info["impossible"]).any()
+    np.testing.assert_allclose(info["q"][lost], before[lost], atol=1e-12)
+    assert np.isfinite(seen).all()
+    *_, cut, info = hit.step(actions)
+    assert not cut.any()
+    np.testing.assert_allclose(info["q"][lost], np.tile(hit.unwrapped.episodes.setup.home, (len(lost), 1)), atol=1e-9)
