@@ -522,6 +522,32 @@ def test_columns_are_known_by_the_names_and_units_that_people_write(tmp_path, na
     assert read == 45
 
 
+@pytest.mark.parametrize("count", [6, 5, 7])
+def test_columns_without_names_are_known_by_their_number(tmp_path, count):
+    """Joint angles, the position, then perhaps the rotation vector, then perhaps the tool centre point."""
+    joints = () if count == 6 else tuple(f"joint_{i}" for i in range(count))
+    rng, file = np.random.default_rng(count), tmp_path / "rows.csv"
+    q, six = rng.uniform(-2, 2, (12, count)), rng.uniform(-1, 1, (12, 6))
+    tool = np.tile([0.01, 0.02, 0.15, 0.1, 0.2, 0.3], (12, 1))
+    read = 0
+    for columns in ((q, six[:, :3]), (q, six), (q, six, tool)):
+        file.write_text("\n".join(",".join(map(repr, row)) for row in np.hstack(columns).tolist()))
+        pairs = PosePairs.read(file, joints=joints)
+        np.testing.assert_allclose(pairs.q, q, atol=1e-12)
+        expected = pose(six) if len(columns[1][0]) == 6 else six[:, :3]
+        np.testing.assert_allclose(pairs.seen, expected, atol=1e-9)
+        if len(columns) == 3:
+            np.testing.assert_allclose(pairs.tcp, pose(tool), atol=1e-9)
+        else:
+            assert pairs.tcp is None
+        read += 1
+    assert read == 3
+    for width in (count + 2, count + 4, count + 5, count + 7, count + 11, count + 13):
+        file.write_text("\n".join(",".join(map(repr, row)) for row in rng.uniform(0, 1, (8, width)).tolist()))
+        with pytest.raises(InputError, match=f"has no header and {width} columns; needed are {count} joint angles"):
+            PosePairs.read(file, joints=joints)
+
+
 def test_the_tool_of_a_recording_is_found_beside_torn_rows():
     for seed in range(10):
         q = postures(300, seed)
