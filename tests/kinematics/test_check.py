@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -260,6 +261,18 @@ def test_joints_are_printed_with_their_units(tmp_path, capsys):
     assert printed[1] == "j2 -1.500 to +2.000 rad (201°), 1.25 rad/s, starts at +0.250"
     assert printed[2] == "j3 -0.250 to +0.500 m, 0.12 m/s, starts at +0.125 m"
     assert printed[3] == "j4 -3.100 to +3.100 rad (355°), 1.00 rad/s, starts at +0.000"
+
+
+def test_times_are_those_between_before_and_after(monkeypatch):
+    """A clock that goes on by 0.25 s whenever it is asked."""
+    clock = itertools.count(1000.0, 0.25)
+    monkeypatch.setattr(check, "perf_counter", lambda: next(clock))
+    kin = ArmKinematics.of("so101")
+    assert check.nearest_orientations(kin, check.random_postures(kin, 3, 0)).time == 0.25
+    kin = URKinematics("ur5e")
+    closed_form = check.solvers_of(kin)[0]
+    solved = check.solved(kin, closed_form, check.random_postures(kin, 3, 0), np.empty((0, 6)))
+    assert solved.time == (0.25, 0.25)
 
 
 def test_an_arm_whose_shapes_are_missing_is_not_one_without_shapes(tmp_path):

@@ -445,6 +445,8 @@ def test_the_edge_of_reach_is_reached(kin):
         q[2:4] = min(starts, key=lambda found: found.fun).x
         found = kin.all_solutions(kin.fk(q), limits=False)
         reached += found.success and found.residual[:, 0].max() < 1e-7 and found.left[0] < 1e-3
+        off = np.linalg.norm(kin.fk(found.q)[:, :3, 3] - kin.fk(q)[:3, 3], axis=1)
+        np.testing.assert_allclose(found.residual[:, 0], off, rtol=0, atol=1e-12)
     assert reached == 8
 
 

@@ -91,6 +91,21 @@ def test_an_arm_of_one_joint_has_a_jacobian_of_one_column(kind, tmp_path):
     )
 
 
+def test_links_of_whole_metres_and_right_angles_are_as_exact_as_others(tmp_path):
+    """The chain leaves out sums and products with 0, 1 and -1; 2 and -2 are other numbers."""
+    rng, checked = np.random.default_rng(4), 0
+    for _ in range(2):
+        turns, tilts = rng.integers(-1, 3, (2, 7)) * np.pi / 2
+        along, out = rng.choice([-2.0, -1.0, 0.0, 1.0, 2.0], (2, 7))
+        kin = kinematics(tmp_path, np.array([motion(*link) for link in zip(turns, along, out, tilts, strict=True)]))
+        q = np.vstack([rng.uniform(-np.pi, np.pi, (40, 6)), rng.integers(-2, 3, (40, 6)) * np.pi / 2])
+        exact = np.array([kin.fk(one) for one in q])
+        np.testing.assert_allclose(kin.fk(q), exact, atol=1e-9, rtol=0)
+        np.testing.assert_allclose(kin.jacobian(q), [kin.jacobian(one) for one in q], atol=1e-9, rtol=0)
+        checked += len(q)
+    assert checked == 160
+
+
 @pytest.mark.parametrize("tilt", [1e-9, 1e-8, 3e-8, 1e-6])
 def test_axes_that_are_almost_parallel_are_not_taken_for_parallel(tilt, tmp_path):
     """The cosine of a tilt of 1e-8 is 1 to rounding; its sine moves the tip by 1e-8 m."""

@@ -101,6 +101,27 @@ def test_it_does_not_stop_at_corners_and_is_faster_for_it(limits):
     assert rounds.duration < 0.8 * stops.duration
 
 
+def test_every_corner_is_rounded_by_the_tolerance_or_up_to_the_middle_of_its_lines(limits):
+    """A parabola that leaves both lines at the distance b of the corner passes it by b / 4 times the turn."""
+    rng, by_tolerance, by_middle = np.random.default_rng(3), 0, 0
+    for tolerance in (0.003, 0.02):
+        for _ in range(2):
+            ways = rng.normal(size=(5, 6)) * 10.0 ** rng.uniform(-1.5, 0.0, (5, 1))
+            path = np.cumsum(ways, axis=0)
+            motion = time_path(path, limits, tolerance=tolerance, rate=2000.0)
+            assert off_path(motion.q, path) <= tolerance * (1 + 1e-6)
+            np.testing.assert_allclose(motion.q[[0, -1]], path[[0, -1]], atol=1e-9)
+            length = np.linalg.norm(ways[1:], axis=1)
+            turn = np.linalg.norm(np.diff(ways[1:] / length[:, None], axis=0), axis=1)
+            middle = np.minimum(length[1:], length[:-1]) / 2.0 * turn / 4.0
+            for waypoint, most in zip(path[1:-1], middle, strict=True):
+                nearest = np.linalg.norm(motion.q - waypoint, axis=1).min()
+                assert nearest == pytest.approx(min(tolerance, most), rel=0.02)
+                by_tolerance, by_middle = by_tolerance + (most > tolerance), by_middle + (most < tolerance)
+    assert by_tolerance >= 4
+    assert by_middle >= 3
+
+
 def test_the_same_waypoint_twice_and_no_way_at_all(limits):
     point, other = np.zeros(6), np.ones(6)
     for timed in (time_waypoints, time_path):

@@ -154,6 +154,19 @@ def test_limits_and_collisions_stop_it_and_other_branches_are_named():
         tool_line(limited, start, across)
 
 
+def test_where_there_is_no_way_to_go_the_posture_is_still_looked_at(kin):
+    start = np.array(kin.arm.home)
+    path = tool_line(kin, start, np.tile(kin.fk(start), (3, 1, 1)))
+    np.testing.assert_allclose(path, np.tile(start, (len(path), 1)), atol=1e-9)
+    past = start.copy()
+    past[5] = kin.upper[5] + 0.1
+    with pytest.raises(PathError, match="out of limits: wrist_3_joint"):
+        tool_line(kin, past, kin.fk(past))
+    wall = Box("wall", (0.1, 0.1, 0.1), tuple(kin.fk(start)[:3, 3]))
+    with pytest.raises(PathError, match=r"line 0 stops after 0\.000 m of 0\.000 m, .*: collision: .*wall"):
+        tool_line(kin, start, kin.fk(start), checker=CollisionChecker(kin, obstacles=[wall], margin=0.005))
+
+
 def test_six_numbers_and_calibrated_arms():
     file = next(file for name, file in PUBLISHED_CALIBRATIONS.items() if name.startswith("ur5e"))
     kin = URKinematics.from_calibration(file, model="ur5e")
