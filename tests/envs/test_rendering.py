@@ -205,6 +205,23 @@ def test_a_batch_draws_each_environment_as_it_would_be_drawn_alone(name, monkeyp
     assert len(set(drawn)) >= 9
 
 
+@pytest.mark.parametrize("name", [f"kinreach/{name}-v0" for name in ("UR5SingleStep", "UR5MultiStep", "Reach")])
+def test_without_dynamics_the_scene_moves_where_it_is_drawn_only(name):
+    """Elsewhere nobody waits for it; what steps return is the same."""
+    plain, drawn = (made(name, mode, backend="kinematic").unwrapped for mode in (None, "rgb_array"))
+    goals = [env.reset(seed=2)[1]["goal"] for env in (plain, drawn)]
+    home, ball = plain.scene.q, plain.scene.ball_position
+    np.testing.assert_array_equal(drawn.scene.ball_position, goals[1])
+    assert (ball != goals[0]).any()
+    action = home / np.pi - 0.05 if "Multi" not in name else np.full(6, 0.5)
+    steps = [env.step(action) for env in (plain, drawn)]
+    np.testing.assert_array_equal(steps[0][0], steps[1][0])
+    np.testing.assert_array_equal(plain.scene.q, home)
+    np.testing.assert_array_equal(plain.scene.ball_position, ball)
+    np.testing.assert_allclose(drawn.scene.q, steps[1][-1]["q"], atol=1e-12)
+    assert np.abs(drawn.scene.q - home).max() > 0.02
+
+
 def test_a_camera_may_stand_anywhere(needs_gl):
     """From 12 places it looks at the ball, which is in the middle of the picture."""
     simulation, rng = ArmSimulation("ur5-thesis", visual=False), np.random.default_rng(5)
