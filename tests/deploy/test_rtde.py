@@ -4,7 +4,7 @@ import socket
 import struct
 import threading
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from inspect import signature
 
 import numpy as np
@@ -651,6 +651,56 @@ def test_variables_of_newer_controllers_are_there(robot):
     assert 0.0 <= first["joint_position_deviation_ratio"][0] < 0.1
     assert first["target_gravity"] == (0.0, 0.0, 9.82)
     assert first["ft_raw_wrench"] == (0.0,) * 6
+
+
+def test_inputs_change_what_they_name_and_nothing_else():
+    """Outputs by their masks, registers by their numbers, and the speed slider where its mask is not 0."""
+    rng, tried, log = np.random.default_rng(0), 0, []
+    with closing(SimulatedUR("ur5e", rtde_port=0, script_port=0, log=log.append)) as robot:
+        ur = robot.controller
+        for _ in range(40):
+            before, analog, slider = int(rng.integers(1 << 18)), rng.uniform(0, 1, 2).tolist(), ur.speed_slider
+            ur.io.digital, ur.io.analog = before, analog.copy()
+            expected, values = before, {}
+            for kind, first, width in (("standard_", 0, 8), ("configurable_", 8, 8), ("tool_", 16, 2)):
+                mask, bits = (int(rng.integers(1 << width)) for _ in range(2))
+                if rng.random() < 0.7:
+                    values |= {f"{kind}digital_output_mask": (mask,), f"{kind}digital_output": (bits,)}
+                    expected = expected & ~(mask << first) | (bits & mask) << first
+            mask, shares = int(rng.integers(4)), rng.choice([-0.1, 0.0, 0.4, 1.0, 1.1, np.nan], 2).tolist()
+            values |= {"standard_analog_output_mask": (mask,)}
+            values |= {f"standard_analog_output_{i}": (share,) for i, share in enumerate(shares)}
+            for i, share in enumerate(shares):
+                analog[i] = share if mask >> i & 1 and 0.0 <= share <= 1.0 else analog[i]
+            word, place = int(rng.integers(1 << 32)), int(rng.integers(24, 48))
+            registers = {
+                "input_bit_registers32_to_63": word, f"input_bit_register_{64 + place}": bool(rng.integers(2)),
+                f"input_int_register_{place}": int(rng.integers(-9, 9)),
+                f"input_double_register_{place}": float(rng.normal()),
+            }  # fmt: skip
+            fraction, wanted = float(rng.choice([0.0, 0.3, 0.8, 1.0, 1.5, np.nan])), int(rng.integers(2))
+            values |= {name: (value,) for name, value in registers.items()}
+            values |= {"speed_slider_fraction": (fraction,), "speed_slider_mask": (wanted,)}
+            robot.set_inputs(values)
+            assert ur.io.digital == expected
+            assert ur.io.analog == analog
+            for name, value in registers.items():
+                assert output(ur, name) == (value,)
+            assert output(ur, "input_bit_registers0_to_31") == (0,)
+            assert [output(ur, f"output_{kind}_register_{place}") for kind in ("int", "double")] == [(0,), (0,)]
+            if not wanted:
+                assert ur.speed_slider == slider
+            elif not 0.0 <= fraction <= 1.0:
+                assert ur.speed_slider == slider
+                assert log[-1] == f"speed slider must be from 0 to 1, got {fraction:g}: it stays"
+            else:
+                assert ur.speed_slider == fraction
+                assert slider == fraction or log[-1] == f"speed slider at {100 * fraction:.0f} %"
+            tried += 1
+        robot.set_inputs({"speed_slider_fraction": (0.55,)})
+        assert ur.speed_slider == 0.55
+    assert tried == 40
+    assert {line.partition(" ")[0] for line in log} == {"speed"}
 
 
 def test_a_client_writes_outputs_and_registers_that_programs_read(robot):
