@@ -699,6 +699,10 @@ def test_inputs_change_what_they_name_and_nothing_else():
             tried += 1
         robot.set_inputs({"speed_slider_fraction": (0.55,)})
         assert ur.speed_slider == 0.55
+        words = ["input_bit_register_64", "input_bit_registers32_to_63", "input_bit_registers0_to_31"]
+        for name, value in zip(words, (1, 0x80000001, 0x80000001), strict=True):
+            robot.set_inputs({name: (value,)})  # each leaves those before it as they are
+        assert [output(ur, name) for name in words] == [(True,), (0x80000001,), (0x80000001,)]
     assert tried == 40
     assert {line.partition(" ")[0] for line in log} == {"speed"}
 
