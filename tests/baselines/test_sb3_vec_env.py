@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import kinreach
+from kinreach._registration import MULTI, SINGLE
 from kinreach.errors import InputError
 
 pytest.importorskip("stable_baselines3")
@@ -127,3 +128,44 @@ def test_environments_of_a_batch_have_nothing_of_their_own():
     with pytest.raises(InputError, match="have no methods of their own, such as render"):
         env.env_method("render")
     env.close()
+
+
+def test_seeds_are_those_of_the_next_reset_only():
+    env = SB3VecEnv(gym.make_vec(SINGLE, 3, "vector_entry_point", backend="kinematic"))
+    starts = []
+    for _ in range(2):
+        env.seed(5)
+        starts += [env.reset(), env.reset()]
+    np.testing.assert_array_equal(starts[0], starts[2])
+    np.testing.assert_array_equal(starts[1], starts[3])
+    assert (starts[0] != starts[1]).any(axis=1).all()
+    single = gym.make(SINGLE, backend="kinematic")
+    np.testing.assert_array_equal(starts[0][2], single.reset(seed=7)[0])
+    env.close()
+
+
+@pytest.mark.parametrize("bootstrap", [True, False])
+def test_an_episode_that_is_over_by_itself_is_not_truncated_by_its_limit_too(bootstrap):
+    """The environment says both; what might have followed has no value then."""
+    for name, cut in ((SINGLE, False), (MULTI, True)):
+        batch = gym.make_vec(name, 4, "vector_entry_point", backend="kinematic", max_episode_steps=1)
+        batch.reset(seed=0)
+        _, _, terminated, truncated, _ = batch.step(np.full((4, 6), 0.1))
+        assert truncated.all()
+        assert terminated.all() == (not cut)
+        env = SB3VecEnv(batch, bootstrap=bootstrap)
+        env.seed(0)
+        env.reset()
+        _, _, done, infos = env.step(np.full((4, 6), 0.1))
+        assert done.all()
+        assert [info["TimeLimit.truncated"] for info in infos] == 4 * [cut and bootstrap]
+        env.close()
+
+
+def test_closing_it_closes_the_batch():
+    batch, closed = gym.make_vec(SINGLE, 2, "vector_entry_point", backend="kinematic"), []
+    batch.close = lambda: closed.append(True)
+    env = SB3VecEnv(batch)
+    assert closed == []
+    env.close()
+    assert closed == [True]
