@@ -9,13 +9,15 @@ from kinreach.cli import main
 from kinreach.deploy._check_cli import _class_of, _joints
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import (
+    ArmKinematics,
     AxisGoal,
     PoseGoal,
     Status,
     pose_vector,
 )
+from kinreach.robots import ArmDescription
 from tests.kinematics.test_rail import SIX, on_slide, written
-from tests.robots.peoples_files import arm
+from tests.robots.peoples_files import arm, joint
 
 
 def test_from_the_shell_and_where_there_is_none(tmp_path, capsys):
@@ -51,3 +53,26 @@ def test_from_the_shell_and_where_there_is_none(tmp_path, capsys):
         motions.with_joint("track", 0.0)
     with pytest.raises(InputError, match="value must be"):
         motions.with_joint("rail", np.nan)
+
+
+def test_the_class_of_a_chain_of_few_or_many_joints_is_said(tmp_path):
+    said = {}
+    for count in (1, 2, 8, 9):
+        text = "".join(f'<link name="l{i}"/>' for i in range(count + 1))
+        for i in range(count):
+            axis = f'<axis xyz="{"0 0 1" if i % 2 else "0 1 0"}"/>'
+            text += joint(f"j{i}", f"l{i}", f"l{i + 1}", origin='<origin xyz="0 0.05 0.2"/>', axis=axis)
+        file = tmp_path / "chain.urdf"
+        file.write_text(f'<robot name="chain">{text}</robot>')
+        said[count] = _class_of(ArmKinematics.of(ArmDescription.from_urdf(file)))
+    none = (
+        "no closed form (not the geometry of an arm that kinreach has one for): placo, lm and qp, one posture at a time"
+    )
+    assert said[1] == said[2] == none
+    for count in (8, 9):
+        assert said[count].startswith(f"{count - 6} joints more than a pose needs; numeric: nearest, clearest and")
+    assert _class_of(ArmKinematics("ur5e")) == none  # as long as nobody asks for a closed form
+    family = (
+        "more than a pose needs, so that each pose has a family of postures): placo, lm and qp, one posture at a time"
+    )
+    assert _class_of(ArmKinematics("panda")) == f"no closed form (1 joint {family}"
