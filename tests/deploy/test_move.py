@@ -263,6 +263,14 @@ def run(capsys):
     return command
 
 
+def test_what_a_file_leaves_open_is_said_before_what_is_wrong(capsys):
+    file = ROOT / "tests/data/calibrations/controller_calibration_ur5e.conf"
+    assert main(["move", "--arm", "ur5e", "--calibration", str(file), "--to", "5,0,0,0,0,0"]) == 2
+    note, error = capsys.readouterr().err.splitlines()
+    assert note.startswith("note: controller_calibration_ur5e.conf does not name its model: ur5e is assumed")
+    assert error.startswith("kinreach move: error: ")
+
+
 @pytest.mark.slow
 def test_without_a_robot_it_is_tried_and_written(run, tmp_path):
     path = tmp_path / "motion.script"

@@ -52,6 +52,20 @@ def test_the_start_and_what_is_around_are_chosen(tried):
     assert re.search(r"mine.script does not come to its end: collision: .* touches box", err)
 
 
+def test_the_longest_time_is_above_0_and_at_most_ten_minutes(tried):
+    code, out, err = tried(["sleep(0.02)"], "--longest", "0.5")
+    assert (code, err) == (0, "")
+    assert "goes on" not in out
+    code, out, _ = tried(["sleep(3)"], "--longest", "0.05")
+    assert code == 0
+    assert "it goes on after these 0.05 s; --longest lets it run longer" in out
+    assert "no collision with itself" in out
+    for longest in ("0", "600.1"):
+        code, out, err = tried(["sleep(0.02)"], "--longest", longest)
+        assert (code, out) == (2, "")
+        assert "--longest must be" in err
+
+
 @pytest.mark.parametrize(
     ("lines", "said"),
     [
