@@ -355,6 +355,24 @@ def test_refused_postures_lead_to_the_next_and_nearest_is_near(kin):
         kin.nearest(T, kin.arm.home, margin=-1.0)
 
 
+@pytest.mark.parametrize("margin", [0.2, 0.5, 0.9])
+def test_within_a_margin_of_the_least_the_nearest_posture_is_taken(kin, margin):
+    rng, others, farther = np.random.default_rng(12), 0, 0
+    for T in poses_of(kin, rng, 30):
+        seed = rng.uniform(*kin.sampling_limits)
+        minima = kin.all_solutions(T, seed=seed).minima
+        if not len(minima):
+            continue
+        allowed = minima.q[minima.left <= minima.left.min() + margin]
+        away = np.linalg.norm(allowed - seed, axis=1)
+        found = kin.nearest(T, seed, margin=margin)
+        np.testing.assert_array_equal(found.q, allowed[away.argmin()])
+        others += found.orientation_error > minima.left.min() + 1e-6
+        farther += np.linalg.norm(minima.q - seed, axis=1).min() < away.min()
+    assert others >= 2
+    assert farther >= 1
+
+
 def test_a_path_is_followed_without_jumps(kin):
     """The tip goes around a circle in steps of 2 degrees while its wanted orientation stays."""
     rng, steps = np.random.default_rng(7), 0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kinreach.cli import main
+from kinreach.errors import InputError
 from kinreach.kinematics import (
     ArmKinematics,
     AxisGoal,
@@ -230,6 +231,9 @@ def test_why_there_is_none(tmp_path):
     coupled = written(tmp_path, chain(*COUPLED_WRIST))
     assert type(coupled) is ArmKinematics
     assert "joints follow others, palletizers of four axes have a closed form: first and last" in coupled.no_closed_form
+    alone = written(tmp_path, chain(*[joint for joint in PALLETIZER if "mimic" not in joint[2]]))
+    with pytest.raises(InputError, match="first and last joint turn alone, and rods keep what is between them upright"):
+        PalletizerKinematics(alone.arm)
     half = [(name, kind, dict(options)) for name, kind, options in PALLETIZER]
     half[2][2]["mimic"] = follows("j2", -0.5)
     assert "its rods keep the last axis parallel to the first" in written(tmp_path, chain(*half)).no_closed_form

@@ -110,6 +110,18 @@ def test_batches_are_as_each_alone(tmp_path):
     assert count > 90
 
 
+def test_regular_postures_have_no_flags(tmp_path):
+    rng, count = np.random.default_rng(8), 0
+    for kin in arms(rng, tmp_path):
+        for q in rng.uniform(kin.lower, kin.upper, (4, kin.n)):
+            if np.linalg.svd(kin.jacobian(q))[1].min() > 1e-3:
+                found = kin.all_solutions(kin.fk(q), limits=False)
+                assert found.success
+                assert not found.singularity.any()
+                count += 1
+    assert count > 40
+
+
 @pytest.mark.slow
 def test_a_scara_follows_a_closed_curve_in_its_turns(tmp_path):
     rng, count = np.random.default_rng(2), 0

@@ -151,6 +151,7 @@ def test_a_free_last_joint_is_moved_to_its_limit_where_limits_count():
         np.testing.assert_allclose(within[:, -1], 1.0, atol=1e-12)
         free = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=seed, limits=False).q
         np.testing.assert_allclose(free[:, -1], 2.5, atol=1e-12)
+        assert len(within) == sum(kin.within_limits(np.append(posture[:-1], 1.0)) for posture in free)
         counted += len(within)
     assert counted >= 40
 
