@@ -107,6 +107,19 @@ def test_answers_are_kept_until_newer_ones_take_their_place():
     assert trainee.env.share == pytest.approx(MAX_SHARE)
 
 
+def test_the_learning_rate_falls_to_zero_over_the_training():
+    """From that of the recipe, linearly: by a third in each of three rounds."""
+    trainee, rates = build(SMALL, 0, steps=120), []
+    model, first = trainee.model, SMALL.settings["adaptive"]["first"]
+    model.set_logger(configure(None, []))
+    for _ in range(3):
+        model.learn(40, reset_num_timesteps=False)
+        rates += [group["lr"] for group in model.policy.optimizer.param_groups]
+    trainee.env.close()
+    assert SMALL.settings["adaptive"]["decay"] == 1.0
+    np.testing.assert_allclose(rates, first * np.array([2 / 3, 1 / 3, 0.0]), atol=1e-12)
+
+
 def test_the_expert_of_worlds_in_warp_is_made_of_one_in_mujoco():
     batch = gym.make_vec(PUSH, 3, vectorization_mode="vector_entry_point")
     answers = answered(batch, replace(RECIPE, options={"backend": "warp", "size": 0.03}), own)

@@ -34,6 +34,7 @@ def test_an_update_is_a_step_along_the_gradient_of_the_loss(value_clip):
     model.set_logger(logger)
     assert model.collect_rollouts(model.env, callback, model.rollout_buffer, 32)
     policy = copy.deepcopy(model.policy)
+    assert not model.policy.training
     (batch,) = copy.deepcopy(model.rollout_buffer).get(32)
     losses = []
     for _ in range(2):
@@ -50,6 +51,7 @@ def test_an_update_is_a_step_along_the_gradient_of_the_loss(value_clip):
     before = model._n_updates
     model.train()
     assert model._n_updates == before + 2
+    assert model.policy.training  # as stable-baselines3's
     for own, expected in zip(model.policy.parameters(), policy.parameters(), strict=True):
         torch.testing.assert_close(own, expected, rtol=1e-4, atol=1e-6)
     assert logger.values["train/loss"] == pytest.approx(np.mean(losses), rel=1e-4)

@@ -111,6 +111,32 @@ def test_an_object_is_lifted_before_it_is_carried():
     assert np.linalg.norm(way[:, :2], axis=1).max() > 0.05  # and then it is
 
 
+def test_what_is_carried_stays_high_until_it_is_nearly_over_its_goal():
+    """Above a goal on the table, from a stride and a half on; half a stride before it goes down."""
+    env = gym.make(PICK_AND_PLACE, control="position", dtype="float64").unwrapped
+    script, size, top = PickAndPlaceScript(env), env.task.size, env.region.z[0]
+    observation, _ = env.reset(seed=0)
+    T = np.diag([1.0, -1.0, -1.0, 1.0])
+    T[:3, 3] = 0.45, 0.05, top + size + 0.06  # as high as objects are carried
+    q = env.kinematics.nearest(T, env.home).q
+    ways = {}
+    for away in (0.2, 0.1, 0.05, 0.035, 0.009, 0.004):
+        goal = T[:3, 3] + [0.0, -away, -0.06]
+        held = np.concatenate([q, [2 * size - 1e-3], T[:3, 3], T[:3, 3], np.eye(3)[:, :2].ravel()])
+        ways[away] = script.act(np.append(held, goal))
+        assert ways[away].shape == env.action_space.shape
+        assert ways[away][-1] == -1.0  # the fingers hold
+        assert ways[away][1] < 0.0
+    assert len(held) + 3 == len(observation)
+    for away, way in ways.items():
+        if away > 0.03:
+            assert abs(way[2]) < 0.02
+            assert way[1] < -0.9
+        else:
+            assert way[2] < -0.9
+            assert way[1] > -0.5
+
+
 def test_an_object_that_is_lost_is_grasped_again():
     """It is put elsewhere, by hand, while it is carried."""
     env = gym.make(PICK_AND_PLACE, dtype="float64")
