@@ -353,6 +353,23 @@ SERVO = [f"servoj({listed(np.add(HOME, [0.002 * s, 0, 0, 0, 0, 0]))}, t=0.002, l
          for s in (*range(600), *[600] * 300)]  # fmt: skip
 
 
+def test_a_gentle_stop_of_one_program_makes_no_other_stop_gentle(ur):
+    """`stopj` brakes as it says; the arm of a program that is ended brakes by 10 rad/s^2."""
+    done = ur.run(program("speedj([0.3, 0, 0, 0, 0, 0], 10, 0.05)", "stopj(2)"))
+    assert np.diff(done.commanded.qd[:, 0]).min() == pytest.approx(-2.0 * ur.cycle, abs=1e-9)
+    ur.start(program("speedj([0.3, 0, 0, 0, 0, 0], 10, 5)"))
+    for _ in range(30):
+        ur.tick()
+    ur.end_program()
+    speeds = [ur.target_qd[0]]
+    for _ in range(60):
+        ur.tick()
+        speeds.append(ur.target_qd[0])
+    assert speeds[0] == pytest.approx(0.3)
+    assert speeds[-1] == 0.0
+    assert np.diff(speeds).min() == pytest.approx(-10.0 * ur.cycle, abs=1e-9)
+
+
 @pytest.mark.parametrize("lines", [[MOVE], SERVO], ids=["movej", "servoj"])
 def test_an_emergency_stop_brakes_and_takes_the_power(ur, lines):
     ur.start(program(*lines))

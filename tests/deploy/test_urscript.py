@@ -15,7 +15,7 @@ from kinreach.deploy._interpreter import STEPS
 from kinreach.deploy._rtde import RobotMode, RuntimeState
 from kinreach.deploy._script_functions import FUNCTIONS
 from kinreach.deploy._script_tree import ScriptError
-from kinreach.deploy._urscript import parse
+from kinreach.deploy._urscript import parse, parsing
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, pose, pose_vector
 from kinreach.robots import get_arm
@@ -484,6 +484,13 @@ textmsg("joined")
         assert ur.run(program(text)).reason == ""
         assert not ur.target_qd.any()
         assert 0.02 < ur.target_q[0] - HOME[0] < 0.4
+
+
+@pytest.mark.parametrize("text", ["x = [" + ", ".join(["a"] * 2000) + "]", "x = 1\n" * 500])
+def test_a_long_program_is_read_in_parts_however_long_its_lines_are(text):
+    """The robot's cycle goes on between two parts."""
+    parts = sum(1 for _ in parsing(program("a = 1\n" + text)))
+    assert parts > 80
 
 
 def test_a_value_in_the_next_line_and_two_assignments_in_one(ur):
