@@ -222,6 +222,14 @@ def test_without_dynamics_the_scene_moves_where_it_is_drawn_only(name):
     assert np.abs(drawn.scene.q - home).max() > 0.02
 
 
+@pytest.mark.parametrize("name", [f"kinreach/{name}-v0" for name in ("UR5SingleStep", "UR5MultiStep", "Reach")])
+def test_under_dynamics_the_ball_lies_at_the_goal_of_the_episode(name):
+    env = made(name, None).unwrapped
+    for seed in range(3):
+        _, info = env.reset(seed=seed)
+        np.testing.assert_array_equal(env.scene.ball_position, info["goal"])
+
+
 def test_a_camera_may_stand_anywhere(needs_gl):
     """From 12 places it looks at the ball, which is in the middle of the picture."""
     simulation, rng = ArmSimulation("ur5-thesis", visual=False), np.random.default_rng(5)
