@@ -160,6 +160,16 @@ def test_limits_are_checked(given, said):
         MotionLimits.of("ur10e", **given)
 
 
+def test_limits_are_copies_that_cannot_be_written_to():
+    given = np.full(6, 1.0)
+    limits = MotionLimits.of("ur10e", speed=given, acceleration=given, jerk=given)
+    given[:] = 0.5
+    for values in (limits.speed, limits.acceleration, limits.jerk):
+        np.testing.assert_array_equal(values, np.ones(6))
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 2.0
+
+
 def test_lower_limits_take_longer():
     path = np.array([np.zeros(6), np.ones(6)])
     durations = [time_waypoints(path, MotionLimits.of("ur10e", speed=speed)).duration for speed in (2.0, 1.0, 0.25)]

@@ -202,3 +202,36 @@ def test_no_graphics_before_the_first_picture(ur5, monkeypatch):
     with pytest.raises(InstallationError, match="no library"):
         camera.capture()
     camera.close()
+
+
+def test_a_camera_closes_its_own_renderer_and_no_other(ur5, monkeypatch):
+    made = []
+
+    class Renderer:
+        def __init__(self, model, *, width, height, shadows):
+            self.model, self.width, self.height, self.closed = model, width, height, 0
+            made.append(self)
+
+        def rgb(self, data, camera):
+            return np.zeros((self.height, self.width, 3), np.uint8)
+
+        def depth(self, data, camera):
+            return np.ones((self.height, self.width), np.float32)
+
+        def close(self):
+            self.closed += 1
+
+    monkeypatch.setattr("kinreach.vision._cameras.FrameRenderer", Renderer)
+    with RGBDCamera(ur5, "front", width=16, height=9) as camera:
+        for _ in range(2):
+            assert camera.capture().rgb.shape == (9, 16, 3)
+    assert [renderer.closed for renderer in made] == [1]
+    camera.close()
+    assert made[0].closed == 1
+    camera.capture()
+    camera.close()
+    assert [renderer.closed for renderer in made] == [1, 1]
+    shared = Renderer(ur5.model, width=16, height=9, shadows=False)
+    with RGBDCamera(ur5, "front", width=16, height=9, renderer=shared) as camera:
+        camera.capture()
+    assert (len(made), shared.closed) == (3, 0)
