@@ -19,7 +19,9 @@ from kinreach.errors import InputError
 DIGITS = 4
 COUNTS = ("steps", "episodes")
 #: Seeds whose policies a notebook or a table looks into, by recipe.
-POLICIES = {name: range(5) for name in ("ppo-multi-ending", "thesis-ppo-single", "thesis-ppo-multi")}
+POLICIES = {
+    name: range(5) for name in ("gradient-moving-late", "ppo-multi-ending", "thesis-ppo-single", "thesis-ppo-multi")
+}
 
 
 def write_logs(recipe: str, what: str, runs: Path, folder: Path) -> int:
