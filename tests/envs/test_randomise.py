@@ -322,7 +322,7 @@ def test_a_state_has_what_was_drawn(case):
         ("real", {"randomise": {"friction": (0, 1)}}, InputError, "no masses or torques; available: noise, payload$"),
         ("real", {"randomise": {"payload": (0, 9)}}, InputError, r"randomise\['payload'\] .*at most 5, got 9"),
         ("multi", {"randomise": {"camera": (0, 0.11)}}, InputError, r"randomise\['camera'\] .*at most 0\.1, got 0\.11"),
-        ("multi", {"randomise": {"camera": (-0.11, 0)}}, InputError, r"randomise\['camera'\] .*at least -0\.1 and .*, got -0\.11"),
+        ("multi", {"randomise": {"camera": (-0.11, 0)}}, InputError, r"camera'\] .*at least -0\.1 and .*, got -0\.11"),
         ("real", {"randomise": {"delay": (0, 1)}}, UnknownNameError, "available: noise, payload$"),
         ("moving", {"randomise": {"strength": (0.0, 1)}}, InputError, r"randomise\['strength'\] .*0.1"),
         ("obstacles", {"boxes": False}, InputError, "use boxes=True"),
