@@ -163,6 +163,8 @@ def test_views_that_no_camera_has_are_refused():
     for view, message in ((np.full(6, 3.0), "within ±2 m, got 3"), (np.zeros(3), r"shape \(6,\)")):
         with pytest.raises(InputError, match=message):
             env.reset(options={"view": view})
+    farthest = [2.0, -2.0, 2.0, 0.0, 0.0, 0.0]
+    np.testing.assert_array_equal(env.reset(options={"view": farthest})[1]["view"], farthest)
 
 
 @pytest.mark.slow
