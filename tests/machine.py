@@ -1,7 +1,6 @@
 """What the tests have of the machine: folders of their own, and graphics only where a test asks for them."""
 
 import os
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -83,4 +82,4 @@ def _refuse(*_: object) -> NoReturn:
 def compile_kernels_quickly() -> None:
     """Have Warp compile its kernels without optimization, in half the time: tests take few steps. Skip without it."""
     pytest.importorskip("mujoco_warp")
-    sys.modules["warp"].config.optimization_level = 0
+    pytest.importorskip("warp").config.optimization_level = 0

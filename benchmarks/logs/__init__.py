@@ -78,11 +78,15 @@ def logged_policies(recipe: str, *, runs: str | Path | None = None) -> dict[int,
     Raises:
         InputError: There are none, or a file is damaged.
     """
-    pattern = f"{recipe}/seed-*.safetensors" if runs is None else f"{recipe}/seed-*/policy.safetensors"
-    policies = [load_policy(file) for file in sorted(Path(runs or FOLDER).glob(pattern))]
+    policies = [load_policy(file) for file in policies_in(Path(runs or FOLDER) / recipe)]
     if not policies:
         raise InputError(f"there are no policies with the logs of {recipe!r}")
     return {policy.card.seed: policy for policy in policies}
+
+
+def policies_in(folder: Path) -> list[Path]:
+    """Policies of all seeds of a recipe, in the folder of its trainings or of its logs, `seed-0.safetensors`."""
+    return sorted(folder.glob("seed-*/policy.safetensors")) or sorted(folder.glob("seed-*.safetensors"))
 
 
 def thinned(log: Mapping[str, Array], most: int = MAX_ROWS) -> Log:

@@ -21,10 +21,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.logs import policies_in
 from benchmarks.studies.moving_ball import RULES, Timed, make_world
 from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line
-from benchmarks.studies.trainings import POLICY, policies_in, trainings_interval, with_interval
+from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
 from kinreach._checks import check_count, check_known
 from kinreach._files import make_writable, replacing
 from kinreach.baselines import load_policy

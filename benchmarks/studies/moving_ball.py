@@ -30,9 +30,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from benchmarks.logs import policies_in
 from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line, share
-from benchmarks.studies.trainings import policies_in, trainings_interval, with_interval
+from benchmarks.studies.trainings import trainings_interval, with_interval
 from kinreach._checks import check_count
 from kinreach._files import make_writable, replacing
 from kinreach.baselines import load_policy

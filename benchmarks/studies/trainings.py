@@ -111,11 +111,6 @@ def finished(runs: Path, recipes: Iterable[str]) -> dict[str, list[Path]]:
     return found
 
 
-def policies_in(folder: Path) -> list[Path]:
-    """Policies of all seeds of a recipe, in the folder of its trainings or of its logs, `seed-0.safetensors`."""
-    return sorted(folder.glob(f"seed-*/{POLICY}")) or sorted(folder.glob("seed-*.safetensors"))
-
-
 @dataclass(frozen=True, eq=False)
 class Trainings:
     """What was trained by one recipe.

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 pytest.importorskip("torch")
+from benchmarks.logs import policies_in
 from benchmarks.studies import commitment
 from benchmarks.studies.moving_ball import make_world
-from benchmarks.studies.trainings import POLICY, policies_in
+from benchmarks.studies.trainings import POLICY
 from kinreach.errors import InputError
 
 PRETRAINED = resources.files("kinreach.baselines") / "pretrained"

@@ -170,12 +170,13 @@ def test_only_the_first_of_some_signals_interrupts_and_only_once(own_handlers):
         try:
             with Interruption() as interruption:
                 for step in steps:
-                    armed = interruption.armed() if isinstance(step, tuple) else nullcontext()
+                    armed = isinstance(step, tuple)
                     try:
-                        with armed:
-                            interruption.check() if step == "check" else signal.raise_signal(
-                                step[0] if isinstance(step, tuple) else step
-                            )
+                        with interruption.armed() if armed else nullcontext():
+                            if step == "check":
+                                interruption.check()
+                            else:
+                                signal.raise_signal(step[0] if armed else step)
                     except KeyboardInterrupt:
                         came.append(step)
         except KeyboardInterrupt:

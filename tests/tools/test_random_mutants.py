@@ -9,8 +9,7 @@ import pytest
 
 from tools.mutants import by_hand as mutants
 from tools.mutants import drawn as random_mutants
-from tools.mutants.drawn import Covering, changes, draw, equivalents, judge, report
-from tools.mutants.forked import Forked
+from tools.mutants.drawn import Covering, Forked, changes, draw, equivalents, judge, report
 
 pytestmark = pytest.mark.slow
 
@@ -149,7 +148,7 @@ def test_a_process_that_forks_judges_as_new_ones_do(toy):
         (toy / f"tests/test_{name}.py").write_text(tests)
     random_mutants.write_map(toy, toy / "map.json")
     covering, judged = Covering(toy / "map.json"), 0
-    forked = Forked(toy, [*mutants.PYTEST], mutants.environment_in(toy))
+    forked = Forked(toy)
     for mutant in changes("kinreach/shapes.py", SHAPES):
         rows = [judge(toy, mutant, covering, full=False, forked=process) for process in (forked, None)]
         assert rows[0]["killed_by"] == rows[1]["killed_by"], mutant.id

@@ -20,11 +20,14 @@ import argparse
 import ast
 import copy as copies
 import json
+import os
 import random
+import subprocess
 import tempfile
 import time
 import tomllib
 from collections.abc import Iterator, Sequence
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
@@ -34,7 +37,6 @@ from kinreach._files import make_writable, write_text
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 from tools.mutants.by_hand import GOAL, PYTEST, READERS, applied, copied, environment_in, killer
-from tools.mutants.forked import Forked
 
 PROG = "python -m tools.mutants.drawn"
 
@@ -286,6 +288,51 @@ class Covering:
         return tests[: sum(each <= seconds for each in spent)]
 
 
+class Forked:
+    """A process that has collected the tests of a copy of the checkout.
+
+    Args:
+        copy: The copy.
+    """
+
+    def __init__(self, copy: Path) -> None:
+        theirs, self._jobs = os.pipe()
+        mine, answers = os.pipe()
+        self._process = subprocess.Popen(
+            [*PYTEST, "-p", "tools.mutants.forked", "tests"],
+            cwd=copy,
+            env={**environment_in(copy), "KINREACH_PIPES": f"{theirs} {answers}"},
+            pass_fds=(theirs, answers),
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        os.close(theirs)
+        os.close(answers)
+        self._answers = os.fdopen(mine)
+
+    def verdict(self, file: str, old: str, new: str, tests: list[str], patience: float) -> dict[str, Any]:
+        """Which test fails first, as `killed_by`, None if none does; nothing for a change outside of functions.
+
+        Args:
+            file: Module that is changed, from the root of the copy.
+            old: Its text.
+            new: Its text with the change.
+            tests: To run, in this order.
+            patience: Longest time [s].
+        """
+        job = {"file": file, "old": old, "new": new, "tests": tests, "patience": patience}
+        with os.fdopen(os.dup(self._jobs), "w") as jobs:
+            jobs.write(json.dumps(job) + "\n")
+        found: dict[str, Any] = json.loads(self._answers.readline())
+        return found
+
+    def close(self) -> None:
+        """End the process."""
+        os.close(self._jobs)
+        self._answers.close()
+        self._process.wait()
+
+
 def room_of(mutant: RandomMutant) -> str:
     """The folder of the tests of a mutant's room, from the root."""
     return mutant.file.replace("kinreach/", "tests/", 1).rpartition("/")[0].replace("/_", "/")
@@ -357,13 +404,12 @@ def main(argv: list[str] | None = None) -> int:
         if not texts:
             raise InputError(f"there is no module in {' '.join(arguments.only)}")
         drawn = draw(texts, arguments.seed, arguments.count)
-        forked = Forked(copy, [*PYTEST], environment_in(copy))
-        for mutant in drawn:
-            if mutant.id not in results:
+        pending = [mutant for mutant in drawn if mutant.id not in results]
+        with closing(Forked(copy)) if pending else nullcontext() as forked:
+            for mutant in pending:
                 results[mutant.id] = judge(copy, mutant, covering, full=arguments.full, forked=forked)
                 write_text(out, json.dumps(results, indent=1) + "\n")
                 print(f"{results[mutant.id]['killed_by'] or 'SURVIVES'} | {mutant.id}", flush=True)
-        forked.close()
     return report(drawn, results)
 
 

@@ -13,7 +13,6 @@ import json
 import os
 import select
 import signal
-import subprocess
 from collections import defaultdict
 from inspect import CO_OPTIMIZED
 from pathlib import Path
@@ -28,54 +27,6 @@ ROOT = f"{Path(__file__).resolve().parents[2]}/"
 
 _functions: dict[tuple[str, str, int], list[FunctionType]] = defaultdict(list)
 _caches: list[Any] = []
-
-
-class Forked:
-    """A process that has collected the tests of a copy of the checkout.
-
-    Args:
-        copy: The copy.
-        command: Of pytest, with its options.
-        environment: Of the process.
-        tests: Where they are, from the root of the copy.
-    """
-
-    def __init__(self, copy: Path, command: list[str], environment: dict[str, str], tests: str = "tests") -> None:
-        theirs, self._jobs = os.pipe()
-        mine, answers = os.pipe()
-        self._process = subprocess.Popen(
-            [*command, "-p", "tools.mutants.forked", tests],
-            cwd=copy,
-            env={**environment, "KINREACH_PIPES": f"{theirs} {answers}"},
-            pass_fds=(theirs, answers),
-            stdout=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        os.close(theirs)
-        os.close(answers)
-        self._answers = os.fdopen(mine)
-
-    def verdict(self, file: str, old: str, new: str, tests: list[str], patience: float) -> dict[str, Any]:
-        """Which test fails first, as `killed_by`, None if none does; nothing for a change outside of functions.
-
-        Args:
-            file: Module that is changed, from the root of the copy.
-            old: Its text.
-            new: Its text with the change.
-            tests: To run, in this order.
-            patience: Longest time [s].
-        """
-        job = {"file": file, "old": old, "new": new, "tests": tests, "patience": patience}
-        with os.fdopen(os.dup(self._jobs), "w") as jobs:
-            jobs.write(json.dumps(job) + "\n")
-        found: dict[str, Any] = json.loads(self._answers.readline())
-        return found
-
-    def close(self) -> None:
-        """End the process."""
-        os.close(self._jobs)
-        self._answers.close()
-        self._process.wait()
 
 
 if PIPES:
