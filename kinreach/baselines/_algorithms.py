@@ -191,11 +191,12 @@ def _steering(recipe: Recipe, settings: dict[str, Any]) -> dict[str, Any]:
     """Return the arguments of a policy that steers; its settings `low` and `high` are bounds of the targets [rad]."""
     if recipe.environment != MOVING or recipe.options.get("sights", 1) < MIN_SIGHTS:
         raise InputError(f"features 'steering' are for {MOVING} with {MIN_SIGHTS} sights or more")
-    if hidden := recipe.options.get("hidden"):
-        raise InputError(
-            f"features 'steering' take a sight in every frame: hidden must be 0, got {shown(hidden)}; the features "
-            "'sights' can be trained with it"
-        )
+    for name in ("hidden", "dropped"):
+        if gaps := recipe.options.get(name):
+            raise InputError(
+                f"features 'steering' take a sight in every frame: {name} must be 0, got {shown(gaps)}; the features "
+                "'sights' can be trained with it"
+            )
     seen = {name: settings.pop(name) for name in ("low", "high")}
     seen |= {"sights": recipe.options["sights"], "delay": recipe.options.get("delay", moving.DELAY)}
     return {"features_extractor_class": SteeringFeatures, "features_extractor_kwargs": seen}

@@ -58,7 +58,8 @@ def drawn_balls(world: moving.MovingEpisodes, rng: np.random.Generator, count: i
     kinds = list(moving.PATHS.values())
     speeds = rng.uniform(*SPEEDS, -(-count // 2))
     inside = low + moving.INSIDE, high - moving.INSIDE
-    half = np.array([kinds[i % len(kinds)](rng, speed, times, *inside) for i, speed in enumerate(speeds)])
+    rolled = ((rng, speed, world.rolling(speed, times), *inside) for speed in speeds)
+    half = np.array([kinds[i % len(kinds)](*given) for i, given in enumerate(rolled)])
     mirrored = half * [1.0, -1.0] + [0.0, low[1] + high[1]]
     rolls = np.concatenate([half, mirrored])[:count]
     return Balls(rolls, moving.last_part(rolls, world.area))
@@ -133,8 +134,8 @@ class EpisodeGradient(AveragedActor, SimulatorGradient):
         world, n = self.world, len(balls.rolls)
         rows = self._worlds(n)
         rolls = np.dstack([balls.rolls, np.full(balls.rolls.shape[:2], world.height)])
-        noise = rng.normal(0.0, world.noise[rows, None, None], (n, frames + 1, 3))
-        sights, taken = world.seen(world.due[rows, : frames + 1], rolls, balls.ends, noise)
+        due, noise = world.due[rows, : frames + 1], world.noise[rows, None, None]
+        sights, taken = world.seen(rng, due, rolls, balls.ends, noise)
         ages = (np.arange(frames + 1) * moving.PARTS - taken) / (moving.FRAMES * moving.PARTS)
         observed = []
         for frame in range(frames):

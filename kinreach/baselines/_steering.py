@@ -35,8 +35,8 @@ def sight_fits(sights: int, delay: float) -> Floats:
     """Return how fitted speeds and accelerations depend on earlier sights relative to the last.
 
     Until the delay has passed, sights show where the ball began; of these only the latest is used. Later there is one
-    in every frame: after a ball was hidden (the option `hidden`) speeds and accelerations are wrong as long as a
-    window has a sight that was reported again.
+    in every frame: after one was missed (the options `hidden` and `dropped`) speeds and accelerations are wrong as long
+    as a window has a sight that was reported again.
 
     Args:
         sights: That are observed, as the option of `kinreach/Moving-v0`.

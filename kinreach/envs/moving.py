@@ -38,10 +38,12 @@ DELAY, SECONDS, TOUCH = 0.05, 3.0, 0.01
 RADIUS, SIDEWAYS, HOLD = 0.12, 1.0, 0.25
 #: Of the ball, unless the options say otherwise [m/s].
 SPEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)
-#: How far inside the table area a path begins [m].
-INSIDE = 0.02
+#: How far inside the table area a path begins, and how far off an outlier among the sights is [m].
+INSIDE, OUTLIER = 0.02, 0.05
 #: Widest strip that may be hidden: every ball comes out of it [m].
 MAX_HIDDEN = 0.2
+#: Of a ball that stops within a frame [m/s^2].
+MAX_FRICTION = 60.0
 #: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds, and sights before.
 BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
 JOINTS = 6
@@ -120,6 +122,9 @@ class MovingOptions(EnvOptions):
     delay: float = field(default=DELAY, metadata=about("age of what the cameras report [s]"))
     noise: float = field(default=NOISE, metadata=about("median error of a sight [m]"))
     hidden: float = field(default=0.0, metadata=about("width of the strip along y = 0 that the cameras do not see [m]"))
+    outliers: float = field(default=0.0, metadata=about("share of the sights that are 50 mm off"))
+    dropped: float = field(default=0.0, metadata=about("share of the frames in which the cameras do not see the ball"))
+    friction: float = field(default=0.0, metadata=about("what the ball's speed loses in a second [m/s^2]"))
     sights: int = field(default=1, metadata=about("how many of the last sights are observed", flag=None))
     collisions: bool = field(
         default=True, metadata=about("a collision ends the episode; without, the arm moves through the table")
@@ -140,6 +145,9 @@ class MovingOptions(EnvOptions):
             least, most = DRAWN[name]
             check_number(what, getattr(self, name), least=least, most=most)
         check_number("hidden [m]", self.hidden, least=0.0, most=MAX_HIDDEN)
+        for name in ("outliers", "dropped"):
+            check_number(name, getattr(self, name), least=0.0, most=1.0)
+        check_number("friction [m/s^2]", self.friction, least=0.0, most=MAX_FRICTION)
         check_count("sights", self.sights, most=round(SECONDS * FRAMES))
         check_flag("collisions", self.collisions)
         check_number("margin [m]", self.margin, least=0.0, most=MAX_DISTANCE)
@@ -207,7 +215,7 @@ class MovingEpisodes(Episodes):
             (count, FRAMES * SECONDS + 1).
         noise: Standard deviation of a coordinate of a sight [m], shape (count,).
         strength: The arms' limits of speed and acceleration, as a share of `speed_limit` and `acceleration_limit`,
-            shape (count, 1).
+            shape (count, 1), or (count, 6) for joints that differ.
         rolls: Where the balls are at each part of a frame [m], shape (count, PARTS * FRAMES * SECONDS + 1, 3).
     """
 
@@ -273,30 +281,48 @@ class MovingEpisodes(Episodes):
             speed, path = rng.choice(self.options.speeds), str(rng.choice(list(self.options.paths)))
             speed = float(speed if start.speeds is None else start.speeds[row])
             path = path if start.paths is None else str(start.paths[row])
-            places = PATHS[path](rng, speed, self._times, self.area[0] + INSIDE, self.area[1] - INSIDE)
+            rolling = self.rolling(speed, self._times)
+            places = PATHS[path](rng, speed, rolling, self.area[0] + INSIDE, self.area[1] - INSIDE)
             end = int(last_part(places, self.area))
             self.rolls[index, :, :2], self.rolls[index, :, 2] = places, self.height
-            noise = rng.normal(0.0, self.noise[index], self._sights.shape[1:])
-            self._sights[index], self._taken[index] = self.seen(self.due[index], self.rolls[index], end, noise)
+            sights = self.seen(rng, self.due[index], self.rolls[index], end, self.noise[index])
+            self._sights[index], self._taken[index] = sights
             self._ends[index], self._speeds[index], self._paths[index] = end, speed, path
         self.frames[ids], self.q[ids], self.v[ids], self._nearest[ids] = 0, self.home, 0.0, np.inf
         self._reasons[ids] = ""
 
-    def seen(self, due: Ids, rolls: Floats, ends: Any, noise: Floats) -> tuple[Floats, Ids]:
+    def rolling(self, speed: float, times: Floats) -> Floats:
+        """Return the times after which a ball that keeps its speed [m/s] is where one with friction is at `times`."""
+        friction = self.options.friction
+        if friction == 0.0:
+            return times
+        until = np.minimum(times, speed / friction)
+        return np.asarray(until - friction * until**2 / (2.0 * speed))
+
+    def seen(self, rng: np.random.Generator, due: Ids, rolls: Floats, ends: Any, noise: Any) -> tuple[Floats, Ids]:
         """Return what the cameras report in each frame [m], and the parts of a frame in which they saw it.
 
-        While a ball is hidden they report the last sight again. The first place of a ball is always seen.
+        When they do not see the ball they report the last sight again. The first place of a ball is always seen.
 
         Args:
+            rng: Draws noise, outliers and the frames in which the ball is not seen.
             due: As the attribute, shape (..., frames).
             rolls: Where balls are at each part [m], shape (..., parts, 3).
             ends: The part from which on they are gone, shape (...).
-            noise: Of the sights [m], shape (..., frames, 3).
+            noise: Standard deviation of a coordinate of a sight [m], a number or shape (..., 1, 1).
         """
+        errors, options = rng.normal(0.0, noise, (*due.shape, 3)), self.options
+        visible = np.ones(due.shape, dtype=np.bool_)
+        if options.outliers:
+            angles = rng.uniform(0.0, 2.0 * math.pi, due.shape)
+            off = OUTLIER * (rng.random(due.shape) < options.outliers)
+            errors[..., :2] += np.stack([off * np.cos(angles), off * np.sin(angles)], axis=-1)
+        if options.dropped:
+            visible = rng.random(due.shape) >= options.dropped
         places = np.take_along_axis(rolls, np.minimum(due, np.asarray(ends)[..., None])[..., None], axis=-2)
-        visible = (np.abs(places[..., 1]) >= self.options.hidden / 2.0) | (due == 0)
+        visible = (visible & (np.abs(places[..., 1]) >= options.hidden / 2.0)) | (due == 0)
         last = np.maximum.accumulate(np.where(visible, np.arange(due.shape[-1]), 0), axis=-1)
-        sights = np.take_along_axis(places + noise, last[..., None], axis=-2)
+        sights = np.take_along_axis(places + errors, last[..., None], axis=-2)
         return sights, np.take_along_axis(due, last, axis=-1)
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
@@ -436,7 +462,7 @@ class MovingBallEnv(PosedEnv):
 
     | Key | Value |
     |-----|-------|
-    | `goal`, `speed`, `path` | where the ball is [m], its speed [m/s] and its path |
+    | `goal`, `speed`, `path` | where the ball is [m], its first speed [m/s] and its path |
     | `q`, `time` | joint angles [rad], after a collision the first that collide; time in the episode [s] |
     | `distance` | least distance of tip and ball so far [m] |
     | `impossible`, `impossible_reason` | whether the arm collided, and with what, such as `finger_left - table` |

@@ -56,7 +56,13 @@ def test_balls_are_those_of_the_environment(trainee):
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"randomise": {"noise": (0, 1e-3), "delay": (0, 0.2), "strength": (0.5, 1)}}, {"hidden": 0.2}]
+    "options",
+    [
+        {},
+        {"randomise": {"noise": (0, 1e-3), "delay": (0, 0.2), "strength": (0.5, 1)}},
+        {"hidden": 0.2},
+        {"outliers": 0.2, "dropped": 0.2, "friction": 0.3},
+    ],
 )
 def test_an_episode_is_that_of_the_environment(trainee, monkeypatch, options):
     """By the exported actor in `kinreach/Moving-v0` with the same balls and sights: frames lead to the same tips.
@@ -81,8 +87,8 @@ def test_an_episode_is_that_of_the_environment(trainee, monkeypatch, options):
     actor = averaged_actor(model)
     world.rolls[:, : balls.rolls.shape[1], :2] = balls.rolls
     rolls = np.dstack([balls.rolls, np.full(balls.rolls.shape[:2], world.height)])
-    noise = np.random.default_rng(5).normal(0.0, world.noise[:, None, None], (count, 31, 3))
-    world._sights[:, :31], world._taken[:, :31] = world.seen(world.due[:, :31], rolls, balls.ends, noise)
+    rng, noise = np.random.default_rng(5), world.noise[:, None, None]
+    world._sights[:, :31], world._taken[:, :31] = world.seen(rng, world.due[:, :31], rolls, balls.ends, noise)
     for frame, (q, v) in enumerate(states):
         world.q[:], world.v[:] = q, v
         world.step(np.clip(actor(world.observe()), -1.0, 1.0))

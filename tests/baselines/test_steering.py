@@ -226,17 +226,17 @@ def test_an_algorithm_from_outside_steers(monkeypatch):
     trainee.env.close()
 
 
-@pytest.mark.parametrize("algorithm", ["AdaptivePPO", "EpisodeGradient"])
-def test_a_training_whose_sights_have_gaps_is_refused(algorithm, tmp_path):
+@pytest.mark.parametrize(("algorithm", "option"), [("AdaptivePPO", "hidden"), ("EpisodeGradient", "dropped")])
+def test_a_training_whose_sights_have_gaps_is_refused(algorithm, option, tmp_path):
     """And a policy may be tried there, which a published table does."""
     pytest.importorskip("stable_baselines3")
     from kinreach.baselines import evaluate, get_recipe, load_policy, train
 
     recipe = ppo_recipe() if algorithm == "AdaptivePPO" else get_recipe("gradient-moving-clear")
-    recipe = replace(recipe, num_envs=8, options={"sights": SIGHTS, "hidden": 0.2})
-    with pytest.raises(InputError, match=r"'steering'.* hidden must be 0, got 0\.2.*'sights'"):
+    recipe = replace(recipe, num_envs=8, options={"sights": SIGHTS, option: 0.2})
+    with pytest.raises(InputError, match=rf"'steering'.* {option} must be 0, got 0\.2.*'sights'"):
         train(recipe, tmp_path, steps=8)
-    options = {"hidden": 0.2, "collisions": False}
+    options = {option: 0.2, "collisions": False}
     assert len(evaluate(load_policy("gradient-moving-clear"), goals=3, options=options).reached) == 3
 
 

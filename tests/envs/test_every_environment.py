@@ -296,6 +296,7 @@ ENDS = [
     (LIFT, "masses", (0.001,), (1.0,)), (LIFT, "frictions", (0.0,), (3.0,)), (LIFT, "table", None, (0.05, 0.05, 0.05)),
     (OBSTACLES, "margin", 5e-4, 0.05), (OBSTACLES, "heights", None, (1.0, 1.0)), (OBSTACLES, "clutter", (0,), (20,)),
     (MOVING, "delay", 0.0, 1.0), (MOVING, "noise", 0.0, 0.1), (MOVING, "strength", 0.1, 1.0), (MOVING, "sights", 1, 90),
+    (MOVING, "outliers", 0.0, 1.0), (MOVING, "dropped", 0.0, 1.0), (MOVING, "friction", 0.0, 60.0),
     (MOVING, "hidden", 0.0, 0.2), (MOVING, "speeds", None, (2.0,)), (MOVING, "margin", 0.0, None),
 ]  # fmt: skip
 

@@ -13,6 +13,7 @@ from kinreach.envs.moving import (
     BALL,
     FRAMES,
     HOLD,
+    OUTLIER,
     PARTS,
     PATHS,
     RADIUS,
@@ -320,6 +321,60 @@ def test_the_age_of_a_ball_that_stays_hidden_is_in_the_space():
             observation, _, terminated, truncated, _ = env.step(env.unwrapped.home / np.pi)
             over, oldest = terminated or truncated, max(oldest, observation[AGE])
     assert oldest > 2.5
+
+
+def test_friction_slows_the_ball_until_it_stops():
+    """On the way that it has without: after t seconds it is where v t - a t^2 / 2 leads."""
+    friction, stopped = 0.2, 0
+    for seed in range(60):
+        given = {"seed": seed, "options": {"speed": (0.2, 0.4, 0.6)[seed % 3], "path": list(PATHS)[seed // 3 % 3]}}
+        rolls = []
+        for options in ({}, {"friction": friction}):
+            env = make(**options).unwrapped
+            env.reset(**given)
+            rolls.append(env.episodes.rolls[0, :, :2])
+        speed = given["options"]["speed"]
+        speeds = np.linalg.norm(np.diff(rolls[1], axis=0), axis=1) * FRAMES * PARTS
+        expected = np.maximum(speed - friction * (TIMES[1:] + TIMES[:-1]) / 2.0, 0.0)
+        np.testing.assert_allclose(speeds, expected, atol=1.2e-3)
+        stopped += expected[-1] == 0.0
+        if given["options"]["path"] != "random":  # whose accelerations are held for a time
+            ways = [np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))]) for way in rolls]
+            along = np.array([np.interp(ways[1], ways[0], axis) for axis in rolls[0].T]).T
+            np.testing.assert_allclose(rolls[1], along, atol=1e-4)
+    assert stopped == 40
+
+
+def test_a_share_of_the_sights_is_off_and_of_frames_without_one():
+    """Outliers are 50 mm off, in every direction; a frame without a sight reports the last one again, older."""
+    shares = {"outliers": 0.2, "dropped": 0.3}
+    off, new, frames = [], 0, 0
+    for seed in range(60):
+        (rough, (observation, _)), (bare, (plain, _)) = (
+            (env, env.reset(seed=seed, options={"path": "circle"}))
+            for env in (make(noise=1e-9, collisions=False, dtype="float64", **options) for options in (shares, {}))
+        )
+        sights = {0.0: plain[BALL]}
+        for frame in range(1, 40):
+            last, time = observation, frame / FRAMES
+            observation, plain = (env.step(env.unwrapped.home / np.pi)[0] for env in (rough, bare))
+            sights[round(time - plain[AGE], 9)] = plain[BALL]
+            if plain[AGE] == time:
+                continue  # until the delay has passed, the first place is seen
+            frames += 1
+            if observation[AGE] > plain[AGE] + 1e-9:
+                np.testing.assert_array_equal(observation[BALL], last[BALL])
+                assert observation[AGE] == pytest.approx(last[AGE] + 1 / FRAMES)
+                continue
+            new += 1
+            off.append((observation[BALL] - sights[round(time - observation[AGE], 9)])[:2])
+    away = np.linalg.norm(off, axis=1)
+    np.testing.assert_allclose(away[away > 1e-6], OUTLIER, atol=1e-6)
+    assert np.mean(away > 1e-6) == pytest.approx(shares["outliers"], abs=0.03)
+    assert new / frames == pytest.approx(1.0 - shares["dropped"], abs=0.03)
+    assert frames > 2000
+    angles = np.sort(np.arctan2(*np.array(off)[away > 1e-6].T))
+    assert np.diff(angles).max() < 0.2
 
 
 @pytest.mark.parametrize(

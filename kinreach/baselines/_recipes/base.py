@@ -23,8 +23,8 @@ class Networks:
             at a table, and the ways from the tip to it and on to the goal; `"sights"`, `"arms"`: by those of rolling
             balls and of random arms, and waves; `"steering"`: fits to the last sights of a rolling ball, where the
             actor's outputs are shares of the motion that joints can make in a frame, and the settings `low` and `high`
-            are bounds of the angles [rad], and the fits take a sight in every frame, so that with `hidden` a policy
-            can be tried, not trained; `"looks"`: convolutions of both cameras' pictures, in ranked PPO only.
+            are bounds of the angles [rad], and the fits take a sight in every frame, so that with `hidden` or `dropped`
+            a policy can be tried, not trained; `"looks"`: convolutions of both cameras' pictures, in ranked PPO only.
         posture: Whether the actor's output is a change of the start pose [rad], small at first.
         std: Standard deviation of the actions to begin with, where it is learned; 1 is half the range.
 
