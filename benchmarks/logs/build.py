@@ -20,7 +20,14 @@ DIGITS = 4
 COUNTS = ("steps", "episodes")
 #: Seeds whose policies a notebook or a table looks into, by recipe.
 POLICIES = {
-    name: range(5) for name in ("gradient-moving-late", "ppo-multi-ending", "thesis-ppo-single", "thesis-ppo-multi")
+    name: range(5)
+    for name in (
+        "gradient-moving-clear",
+        "gradient-moving-late",
+        "ppo-multi-ending",
+        "thesis-ppo-single",
+        "thesis-ppo-multi",
+    )
 }
 
 

@@ -1,15 +1,17 @@
 """When must an arm learn to reach? Balls touched against how late the arm knows where the ball goes.
 
-    python -m benchmarks.studies.commitment                                # models and PPO
-    python -m benchmarks.studies.commitment --trainings results/train/gradient-moving-clear    # and a learner
-    python -m benchmarks.studies.commitment --trainings ... --methods network interception@3   # only these
+    python -m benchmarks.studies.commitment --figure map.png    # the whole map, with the networks of the logs
+    python -m benchmarks.studies.commitment --trainings results/train/gradient-moving-clear    # with others
+    python -m benchmarks.studies.commitment --learners benchmarks/logs/ppo-moving-tuned-late   # and with more learners
+    python -m benchmarks.studies.commitment --methods network interception@3                   # only these
     python -m benchmarks.studies.commitment --delays 0.05 --hidden 0.2 --balls 201   # a strip that no camera sees
     python -m benchmarks.studies.commitment --times ...                    # how long each takes; with --figure, drawn
 
-A world has a delay of the sights, a speed of the ball and a strength of the arm. Its place on the axis is the time that
-the arm needs to make up for what the ball rolls unseen, over the time that the ball is above the table: at 0 the arm
-may wait until it knows, at 1 it must move before. Balls come from one seed, a third of each kind of path, the same for
-all methods. Finished cells are kept in `--out`: an interrupted study goes on.
+A world has a delay of the sights, a speed of the ball, a strength of the arm and a rule on collisions. Its place on the
+axis is the time that the arm needs to make up for what the ball rolls unseen, over the time that the ball is above the
+table: at 0 the arm may wait until it knows, at 1 it must move before. Balls come from one seed, a third of each kind of
+path, the same for all methods. Differences are of the same balls, with intervals over trainings and balls. Finished
+cells are kept in `--out`: an interrupted study goes on.
 """
 
 from __future__ import annotations
@@ -17,15 +19,16 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.logs import policies_in
+from benchmarks.logs import FOLDER, policies_in
 from benchmarks.studies.moving_ball import RULES, Timed, make_world
 from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
+from kinreach import _provenance as provenance
 from kinreach._checks import check_count, check_known
 from kinreach._files import make_writable, replacing
 from kinreach.baselines import load_policy
@@ -42,11 +45,14 @@ from kinreach.robots import THESIS_ARM, get_arm
 
 PROG = "python -m benchmarks.studies.commitment"
 #: Delays [s], speeds [m/s] and strengths of the arm.
-DELAYS, SPEEDS, STRENGTHS = (0.05, 0.1, 0.2), (0.4, 0.8, 1.2), (1.0, 0.7)
+DELAYS, SPEEDS, STRENGTHS = (0.05, 0.2), (0.4, 0.8, 1.2), (1.0, 0.7)
 #: Planners that may decide in every so many frames, and after a policy.
 PLANNERS: dict[str, Any] = {"interception": Interception, "scenarios": Scenarios}
-#: Methods of the task, and with trainings the network alone and before the planner.
-METHODS, NETWORK, FIRST = ("interception", "scenarios", "ppo"), "network", "network-then-"
+#: A network alone and before a planner, and the methods of the map.
+NETWORK, FIRST = "network", "network-then-"
+METHODS = (*PLANNERS, NETWORK, f"{FIRST}interception")
+#: Trainings that are the network, by the delay with which they were trained [s].
+NETWORKS = {0.05: FOLDER / "gradient-moving-clear", 0.2: FOLDER / "gradient-moving-late"}
 #: Seed of the balls, which nothing was chosen with, and balls whose frames are timed.
 SEED, TIMED = 5252, 12
 
@@ -65,20 +71,38 @@ def lateness(delay: float, speed: float, strength: float = 1.0) -> float:
     return float(needed[0, 0]) * speed / (area.x[1] - area.x[0])
 
 
-def touched(method: str, file: str, world: Mapping[str, Any], *, balls: int, seed: int, out: Path) -> list[bool]:
-    """Return which balls a method touches, or a policy's file alone or before the planner."""
+class World(NamedTuple):
+    """A cell's world: its place on the axis, delay of the sights [s], ball's speed [m/s], arm's strength, and rule."""
+
+    axis: float
+    delay: float
+    speed: float
+    strength: float
+    rule: str
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Of the environment."""
+        return {"delay": self.delay, "speeds": (self.speed,), "strength": self.strength, **RULES[self.rule]}
+
+
+def touched(
+    method: str, file: Path | None, options: Mapping[str, Any], *, balls: int, seed: int, out: Path
+) -> list[bool]:
+    """Return which balls a method touches, or the policy in a file, alone or before the planner."""
 
     def played() -> list[bool]:
-        env = make_world(world)
+        env = make_world(options)
         resets = get_task("moving").resets(balls, seed, env)
         return [bool(trial["reached"]) for trial in rollout(env, as_policy(_made(method, file, env)), resets)]
 
-    return kept(out, {"method": method, "file": file, **world, "balls": balls, "seed": seed}, played)
+    policy = "" if file is None else provenance.digest(file.read_bytes())
+    return kept(out, {"method": method, "file": policy, **options, "balls": balls, "seed": seed}, played)
 
 
-def frame_time(method: str, file: str, world: Mapping[str, Any], *, seed: int) -> float:
+def frame_time(method: str, file: Path | None, options: Mapping[str, Any], *, seed: int) -> float:
     """Return the mean processor time of a frame [s], over `TIMED` balls after one that warms up."""
-    env = make_world(world)
+    env = make_world(options)
     timed = Timed(as_policy(_made(method, file, env)))
     for balls in (1, TIMED):
         timed.decisions.clear()
@@ -86,10 +110,10 @@ def frame_time(method: str, file: str, world: Mapping[str, Any], *, seed: int) -
     return 1e-3 * float(np.mean(timed.decisions))
 
 
-def _made(method: str, file: str, env: Any) -> Any:
-    if method == NETWORK:
-        return load_policy(file)
-    return _planner(method.removeprefix(FIRST), env, load_policy(file) if file else None)
+def _made(method: str, file: Path | None, env: Any) -> Any:
+    if file is None or method.startswith(FIRST):
+        return _planner(method.removeprefix(FIRST), env, None if file is None else load_policy(file))
+    return load_policy(file)
 
 
 def _planner(method: str, env: Any, first: LearnedPolicy | None = None) -> Any:
@@ -105,15 +129,18 @@ def _planner(method: str, env: Any, first: LearnedPolicy | None = None) -> Any:
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--trainings", type=Path, help="folder of a recipe's seeds for rolling balls, or of its logs")
     parser.add_argument(
-        "--methods", nargs="+", help=f"of the task, {NETWORK}, {FIRST}PLANNER (default: three, the network and two)"
+        "--trainings", type=Path, help="folder of the network's trainings, or of their logs (default: by the delay)"
     )
-    parser.add_argument("--delays", type=float, nargs="+", default=DELAYS, help="[s] (default: three)")
+    parser.add_argument(
+        "--learners", type=Path, nargs="+", default=[], help="folders of other trainings; their names are methods"
+    )
+    parser.add_argument("--methods", nargs="+", help=f"of the task, {NETWORK}, {FIRST}PLANNER (default: four)")
+    parser.add_argument("--delays", type=float, nargs="+", default=DELAYS, help="[s] (default: two)")
     parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS, help="[m/s] (default: three)")
     parser.add_argument("--strengths", type=float, nargs="+", default=STRENGTHS, help="of the arm (default: two)")
     parser.add_argument("--hidden", type=float, help="width of the strip that no camera sees [m] (default: none)")
-    parser.add_argument("--rule", choices=RULES, default="ignored", help="on collisions (default: %(default)s)")
+    parser.add_argument("--rule", choices=RULES, nargs="+", default=[*RULES], help="on collisions (default: both)")
     parser.add_argument("--balls", type=int, default=96, help="in each cell (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=SEED, help="of the balls (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("results/commitment"), help="where finished cells are kept")
@@ -122,91 +149,115 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     balls = check_count("--balls", arguments.balls)
     seed = check_count("--seed", arguments.seed, least=0)
+    learners = {folder.name: folder for folder in arguments.learners}
+    names = [*(arguments.methods or METHODS), *learners]
     afterwards = [FIRST + name for name in PLANNERS]
-    for method in arguments.methods or ():
-        check_known("method", method.partition("@")[0], (*get_task("moving").methods, NETWORK, *afterwards))
+    for name in arguments.methods or ():
+        check_known("method", name.partition("@")[0], (*get_task("moving").methods, NETWORK, *afterwards))
     make_writable(arguments.out)
-    found = policies_in(arguments.trainings) if arguments.trainings else []
-    learned = (NETWORK, *afterwards) if found else ()
-    files = {
-        name: [str(file) for file in found] if name == NETWORK or name.startswith(FIRST) else [""]
-        for name in arguments.methods or (*METHODS, *learned)
-    }
-    if not all(files.values()):
-        raise InputError(
-            f"{NETWORK} and {FIRST}... need --trainings with finished trainings, seed-0/{POLICY} and others"
-        )
     worlds = sorted(
-        (lateness(delay, speed, strength), delay, speed, strength)
+        World(lateness(delay, speed, strength), delay, speed, strength, rule)
         for delay in arguments.delays
         for speed in arguments.speeds
         for strength in arguments.strengths
+        for rule in arguments.rule
     )
+    files = {delay: {name: _files(name, delay, arguments.trainings, learners) for name in names}
+             for delay in arguments.delays}  # fmt: skip
     hidden = {} if arguments.hidden is None else {"hidden": arguments.hidden}
-
-    def options(delay: float, speed: float, strength: float) -> dict[str, Any]:
-        return {"delay": delay, "speeds": (speed,), "strength": strength, **RULES[arguments.rule], **hidden}
-
     if arguments.times:
-        first = options(*worlds[0][1:])
-        times = {name: frame_time(name, own[0], first, seed=seed) for name, own in files.items()}
+        first = worlds[0]
+        times = {
+            name: frame_time(name, own[0], {**first.options, **hidden}, seed=seed)
+            for name, own in files[first.delay].items()
+        }
         print(head("method", "ms a frame"))
         for name, seconds in times.items():
             print(line(f"`{name}`", f"{1e3 * seconds:.2g}"))
         if arguments.figure is None:
             return 0
-    print(head("axis", "delay, ms", "speed, m/s", "strength", *(f"`{name}`" for name in files)))
-    cells: dict[str, list[np.ndarray]] = {name: [] for name in files}
-    for axis, delay, speed, strength in worlds:
-        world = options(delay, speed, strength)
-        for name, own in files.items():
-            rows = [touched(name, file, world, balls=balls, seed=seed, out=arguments.out) for file in own]
+    less = [name for name in PLANNERS if name in names and NETWORK in names]
+    print(head("axis", "delay, ms", "speed, m/s", "strength", "collisions", *(f"`{name}`" for name in names),
+               *(f"`{NETWORK}` less `{name}`" for name in less)))  # fmt: skip
+    cells: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    for world in worlds:
+        for name, own in files[world.delay].items():
+            options = {**world.options, **hidden}
+            rows = [touched(name, file, options, balls=balls, seed=seed, out=arguments.out) for file in own]
             cells[name].append(np.array(rows))
-        shares = (with_interval(cells[name][-1], unit=100, decimals=1) for name in files)
-        print(line(f"{axis:.2f}", f"{1e3 * delay:g}", f"{speed:g}", f"{strength:g}", *shares), flush=True)
+        shares = (with_interval(cells[name][-1], unit=100, decimals=1) for name in names)
+        differences = (difference(cells[NETWORK][-1], cells[name][-1]) for name in less)
+        print(
+            line(f"{world.axis:.2f}", f"{1e3 * world.delay:g}", f"{world.speed:g}", f"{world.strength:g}",
+                 world.rule, *shares, *differences), flush=True,
+        )  # fmt: skip
+    if arguments.figure is None:
+        return 0
     if arguments.times:
-        several = len(arguments.strengths) > 1
-        titles = [
-            f"{speed:g} m/s, {1e3 * delay:g} ms late" + (f", strength {strength:g}" if several else "")
-            for _, delay, speed, strength in worlds
-        ]
-        draw_times(cells, times, titles, arguments.figure)
-    elif arguments.figure is not None:
-        draw(cells, [world[0] for world in worlds], arguments.figure)
+        draw_times(cells, times, worlds, arguments.figure)
+    else:
+        draw(cells, worlds, arguments.figure)
     return 0
 
 
-def draw(cells: Mapping[str, list[np.ndarray]], places: list[float], file: Path) -> None:
-    """Draw the share of touched balls against the axis, with intervals over trainings and balls."""
-    first = next(iter(cells.values()))[0]
-    figure, (axes,) = new_figure(
-        "Balls touched, by how late the arm knows", size=(7.0, 4.2),
-        note=f"{first.shape[1]} balls a world · bars: 95 % intervals over trainings and balls",
+def _files(name: str, delay: float, trainings: Path | None, learners: Mapping[str, Path]) -> list[Path] | list[None]:
+    """Return the policies of a method's trainings; a method that is not trained has None."""
+    if name in learners:
+        folder: Path | None = learners[name]
+    elif name == NETWORK or name.startswith(FIRST):
+        folder = trainings or NETWORKS.get(delay)
+    else:
+        return [None]
+    found = policies_in(folder) if folder else []
+    if not found:
+        raise InputError(
+            f"`{name}` needs --trainings with finished trainings, seed-0/{POLICY} and others: "
+            + (f"{folder} has none" if folder else f"the logs have none for sights {delay:g} s late")
+        )
+    return found
+
+
+def difference(touched: np.ndarray, others: np.ndarray) -> str:
+    """Return how many percent more balls some trainings touch than a planner, with the interval over both."""
+    apart = touched.astype(float) - others.astype(float)
+    middle, low, high = (100.0 * value for value in (apart.mean(), *trainings_interval(apart, least=-1.0, most=1.0)))
+    return f"{middle:+.1f} [{low:+.1f}, {high:+.1f}]"
+
+
+def draw(cells: Mapping[str, list[np.ndarray]], worlds: list[World], file: Path) -> None:
+    """Draw the share of touched balls against the axis, a panel for each rule."""
+    rules, most = sorted({world.rule for world in worlds}, reverse=True), max(world.axis for world in worlds)
+    figure, panels = new_figure(
+        "Balls touched, by how late the arm knows", size=(4.2 * len(rules) + 2.8, 4.2), columns=len(rules),
+        note=f"{_balls(cells)} balls a world · bars: 95 % intervals over trainings and balls",
     )  # fmt: skip
-    for index, (name, worlds) in enumerate(cells.items()):
-        shares, errors = _with_errors(worlds)
-        shift = 0.004 * max(places) * (index - len(cells) / 2.0)
-        axes.errorbar(np.array(places) + shift, shares, yerr=errors, fmt="o-", ms=4, lw=1.2, label=name)
-    axes.set_ylim(0.0, 102.0)
-    axes.set_xlim(0.0, 1.05 * max(places))
-    axes.set_xlabel("time to make up for what is unseen / time of the ball above the table")
-    axes.set_ylabel("balls touched [%]")
-    axes.legend(frameon=False)
+    for rule, panel in zip(rules, panels, strict=True):
+        rows = [row for row, world in enumerate(worlds) if world.rule == rule]
+        for index, (name, found) in enumerate(cells.items()):
+            shares, errors = _with_errors([found[row] for row in rows])
+            places = np.array([worlds[row].axis for row in rows]) + 0.004 * most * (index - len(cells) / 2.0)
+            panel.errorbar(places, shares, yerr=errors, fmt="o-", ms=4, lw=1.2, label=name)
+        panel.set_ylim(0.0, 102.0)
+        panel.set_xlim(0.0, 1.05 * most)
+        panel.set_title(f"collisions {rule}", fontsize=10)
+        panel.set_xlabel("time to make up for what is unseen /\ntime of the ball above the table")
+    panels[0].set_ylabel("balls touched [%]")
+    panels[-1].legend(frameon=False, fontsize=8)
     _saved(figure, file)
 
 
 def draw_times(
-    cells: Mapping[str, list[np.ndarray]], times: Mapping[str, float], worlds: list[str], file: Path
+    cells: Mapping[str, list[np.ndarray]], times: Mapping[str, float], worlds: list[World], file: Path
 ) -> None:
     """Draw the share of touched balls against the processor time of a frame [s], a panel for each world."""
-    first = next(iter(cells.values()))[0]
     figure, panels = new_figure(
         "Balls touched, by the time of a decision", size=(3.0 * len(worlds) + 0.6, 3.4), columns=len(worlds),
-        note=f"{first.shape[1]} balls a world · bars: 95 % intervals over trainings and balls{_pauses(cells)}",
+        note=f"{_balls(cells)} balls a world · bars: 95 % intervals over trainings and balls{_pauses(cells)}",
     )  # fmt: skip
     families: dict[str, list[str]] = {}
     for name in cells:
         families.setdefault(name.partition("@")[0], []).append(name)
+    varied = [field for field in ("strength", "rule") if len({getattr(world, field) for world in worlds}) > 1]
     for index, (world, panel) in enumerate(zip(worlds, panels, strict=True)):
         for family, names in families.items():
             shares, errors = _with_errors([cells[name][index] for name in names])
@@ -214,12 +265,18 @@ def draw_times(
             panel.errorbar(taken, shares, yerr=errors, fmt="o-", ms=5, lw=1.2, label=family)
         panel.set_xscale("log")
         panel.set_ylim(0.0, 102.0)
-        panel.set_title(world, fontsize=10)
+        said = {"strength": f"strength {world.strength:g}", "rule": f"collisions {world.rule}"}
+        title = f"{world.speed:g} m/s, {1e3 * world.delay:g} ms late"
+        panel.set_title(", ".join([title, *(said[field] for field in varied)]), fontsize=10)
         panel.set_xlabel("processor time of a frame [ms]")
         plain_ticks(panel.xaxis)
     panels[0].set_ylabel("balls touched [%]")
     panels[-1].legend(frameon=False, fontsize=8)
     _saved(figure, file)
+
+
+def _balls(cells: Mapping[str, list[np.ndarray]]) -> int:
+    return int(next(iter(cells.values()))[0].shape[1])
 
 
 def _pauses(names: Iterable[str]) -> str:

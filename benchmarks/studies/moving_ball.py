@@ -80,6 +80,14 @@ BELIEFS: Mapping[str, Mapping[str, Any]] = {
     "arm 100 ms late": {"late": 3},
     "arm follows in 50 ms": {"following": 0.05},
 }
+#: Worlds with faults of arm, ball and cameras; nobody is told of them.
+FAULTS: Mapping[str, Mapping[str, Any]] = {
+    "base joints half as strong": {"base_strength": 0.5},
+    "ball slows by 0.3 m/s²": {"friction": 0.3},
+    "5 % of the sights 50 mm off": {"outliers": 0.05},
+    "a third of the sights missing": {"dropped": 1 / 3},
+    "all four": {"base_strength": 0.5, "friction": 0.3, "outliers": 0.05, "dropped": 1 / 3},
+}
 #: Speeds of the maps where collisions are ignored [m/s].
 SPEEDS = (0.4, 0.8, 1.2)
 
@@ -92,6 +100,7 @@ class Believing(gym.Wrapper[Any, Any, Any, Any]):
         believed_delay: Age of the sights that methods observe [s]; the true one by default.
         late: Frames after which an action is done; nobody is told.
         following: Time constant with which the posture to go to follows the action, frame by frame [s]; likewise.
+        base_strength: Limits of the first three joints as a share of what they would be; likewise.
     """
 
     def __init__(
@@ -101,9 +110,12 @@ class Believing(gym.Wrapper[Any, Any, Any, Any]):
         believed_delay: float | None = None,
         late: int = 0,
         following: float = 0.0,
+        base_strength: float = 1.0,
     ) -> None:
         super().__init__(env)
         self._world: Any = env.unwrapped
+        episodes = self._world.episodes
+        episodes.strength = episodes.strength * np.repeat([base_strength, 1.0], 3)
         self._share = 1.0 if believed_delay is None else believed_delay / self._world.options.delay
         self._late = late
         self._kept = np.exp(-1.0 / (FRAMES * following)) if following else 0.0
@@ -129,7 +141,7 @@ class Believing(gym.Wrapper[Any, Any, Any, Any]):
 
 def make_world(options: Mapping[str, Any]) -> gym.Env[Any, Any]:
     """Make the task's environment with options of its own and of `Believing`."""
-    task, beliefs = get_task("moving"), ("believed_delay", "late", "following")
+    task, beliefs = get_task("moving"), ("believed_delay", "late", "following", "base_strength")
     own = {name: value for name, value in options.items() if name not in beliefs}
     others = {name: options[name] for name in beliefs if name in options}
     return Believing(gym.make(task.environment, **{**in_doubles(task.environment), **task.options, **own}), **others)
@@ -227,10 +239,11 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--map", action="store_true", help="the map instead of the table")
     parser.add_argument("--beliefs", action="store_true", help="the map of worlds that methods have wrong")
+    parser.add_argument("--faults", action="store_true", help="the map of worlds with faults of arm, ball and cameras")
     parser.add_argument("--causes", nargs="+", metavar="POLICY", help="what these policies collide with (300 balls)")
-    parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe (1000 balls a speed); with "
-                        "--map or --beliefs they are the last method")  # fmt: skip
-    parser.add_argument("--rule", choices=RULES, default="ignored", help="on collisions, with --map or --beliefs "
+    parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe (1000 balls a speed); in a "
+                        "map they are the last method")  # fmt: skip
+    parser.add_argument("--rule", choices=RULES, default="ignored", help="on collisions, in a map "
                         "(default: %(default)s)")  # fmt: skip
     parser.add_argument("--times", action="store_true", help="how long a decision takes (60 balls a speed)")
     parser.add_argument("--methods", nargs="+", help="names of the task's methods, "
@@ -256,7 +269,8 @@ def main(argv: list[str] | None = None) -> int:
         for name in arguments.methods or ("interception", "ppo", "ppo-moving-clear"):
             print(line(*times(name, balls, seed)), flush=True)
         return 0
-    if arguments.trainings and not (arguments.map or arguments.beliefs):
+    mapped = arguments.map or arguments.beliefs or arguments.faults
+    if arguments.trainings and not mapped:
         speeds = tuple(arguments.speeds or TABLE_SPEEDS)
         print(head("collisions", *(f"{speed:g} m/s" for speed in speeds)))
         for rule, options in RULES.items():
@@ -265,9 +279,10 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     make_writable(arguments.out)
     worlds, speeds, methods = RULES, TABLE_SPEEDS, METHODS
-    if arguments.map or arguments.beliefs:
-        mapped = BELIEFS if arguments.beliefs else {name: WORLDS[name] for name in arguments.worlds}
-        worlds = {name: {**world, **RULES[arguments.rule]} for name, world in mapped.items()}
+    if mapped:
+        listed = {name: WORLDS[name] for name in arguments.worlds} if arguments.map else FAULTS
+        listed = BELIEFS if arguments.beliefs else listed
+        worlds = {name: {**world, **RULES[arguments.rule]} for name, world in listed.items()}
         speeds = SPEEDS if arguments.rule == "ignored" else TABLE_SPEEDS
         methods = ("interception", *((WRONG,) if arguments.beliefs else ()), LEARNED[arguments.rule])
     speeds, methods = tuple(arguments.speeds or speeds), tuple(arguments.methods or methods)

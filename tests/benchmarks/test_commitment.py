@@ -33,16 +33,70 @@ def test_the_table_is_resumed_and_drawn(tmp_path, capsys, monkeypatch):
     figure, out = tmp_path / "figure.png", ["--out", str(tmp_path / "cells")]
     learned = ["network", "network-then-interception"]
     arguments = ["--methods", "last-sight", *learned, "--delays", "0.05", "0.2", "--speeds", "0.4", "--strengths", "1",
-                 "--balls", "3", "--trainings", str(runs.parent), *out]  # fmt: skip
+                 "--rule", "ignored", "--balls", "3", "--trainings", str(runs.parent), *out]  # fmt: skip
     assert commitment.main(arguments) == 0
     table = capsys.readouterr().out
     rows = [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()]
-    assert rows[0][4:] == [f"`{name}`" for name in ("last-sight", *learned)]
-    assert [row[:4] for row in rows[2:]] == [["0.15", "50", "0.4", "1"], ["0.30", "200", "0.4", "1"]]
-    monkeypatch.setattr(commitment, "rollout", None)  # nothing is played again
-    assert commitment.main([*arguments, "--figure", str(figure)]) == 0
+    assert rows[0][5:] == [f"`{name}`" for name in ("last-sight", *learned)]
+    assert [row[:5] for row in rows[2:]] == [
+        ["0.15", "50", "0.4", "1", "ignored"],
+        ["0.30", "200", "0.4", "1", "ignored"],
+    ]
+    with monkeypatch.context() as patch:
+        patch.setattr(commitment, "rollout", None)  # nothing is played again
+        assert commitment.main([*arguments, "--figure", str(figure)]) == 0
     assert capsys.readouterr().out == table
     assert figure.stat().st_size > 10_000
+    (runs / POLICY).write_bytes((PRETRAINED / "gradient-moving-clear.safetensors").read_bytes())
+    played, rollout = [], commitment.rollout
+    monkeypatch.setattr(commitment, "rollout", lambda *given: played.append(given) or rollout(*given))
+    assert commitment.main(arguments) == 0
+    assert len(played) == 2 * len(learned)  # in each world those of another policy under the old name
+
+
+def test_the_map_has_both_rules_and_differences_of_the_same_balls(tmp_path, capsys, monkeypatch, texts):
+    """The network is by default that of the world's delay, other trainings are named after their folder."""
+    for seed in range(2):
+        for folder in ("one", "two", "other"):
+            (tmp_path / folder).mkdir(exist_ok=True)
+            (tmp_path / folder / f"seed-{seed}.safetensors").touch()
+    monkeypatch.setattr(commitment, "NETWORKS", {0.05: tmp_path / "one", 0.2: tmp_path / "two"})
+    asked, drawn = [], []
+
+    def touched(method, file, options, **others):
+        asked.append((method, options["delay"], options["collisions"], file and file.parent.name))
+        return [True, method != "interception", True, False]
+
+    monkeypatch.setattr(commitment, "touched", touched)
+    monkeypatch.setattr(commitment, "_saved", lambda figure, file: drawn.append(figure))
+    given = ["--speeds", "0.8", "--strengths", "1", "--learners", str(tmp_path / "other"), "--out", str(tmp_path)]
+    assert commitment.main([*given, "--figure", str(tmp_path / "map.png")]) == 0
+    head, _, *rows = ([cell.strip() for cell in row.strip("|").split("|")] for row in
+                      capsys.readouterr().out.splitlines())  # fmt: skip
+    names = ["interception", "scenarios", "network", "network-then-interception", "other"]
+    less = ["`network` less `interception`", "`network` less `scenarios`"]
+    assert head[4:] == ["collisions", *(f"`{name}`" for name in names), *less]
+    assert [row[1:5:3] for row in rows] == [["50", "count"], ["50", "ignored"], ["200", "count"], ["200", "ignored"]]
+    for row in rows:
+        assert [cell.split()[0] for cell in row[5:]] == ["50.0", "75.0", "75.0", "75.0", "75.0", "+25.0", "+0.0"]
+    folders = {(name, delay): folder for name, delay, _, folder in asked}
+    assert [folders["network", delay] for delay in (0.05, 0.2)] == ["one", "two"]
+    assert [folders["network-then-interception", delay] for delay in (0.05, 0.2)] == ["one", "two"]
+    assert {folders["other", delay] for delay in (0.05, 0.2)} == {"other"}
+    assert len(asked) == 4 * (2 + 3 * 2)
+    assert {"collisions ignored", "collisions count", *names} <= {*texts(drawn[0])}
+
+
+def test_a_difference_has_the_interval_of_trainings_and_balls():
+    rng = np.random.default_rng(0)
+    network, planner = rng.random((5, 400)) < 0.7, rng.random((1, 400)) < 0.5
+    middle, low, high = (float(part) for part in commitment.difference(network, planner).replace("[", "").replace(
+        ",", "").replace("]", "").split())  # fmt: skip
+    assert middle == pytest.approx(100.0 * (network.mean() - planner.mean()), abs=0.05)
+    one = 100.0 * np.sqrt((0.7 * 0.3 / 5 + 0.25) / 400)  # of balls; trainings add to it
+    assert 1.96 * one < high - middle < 6.0 * one
+    assert 1.96 * one < middle - low < 6.0 * one
+    assert commitment.difference(planner, planner) == "+0.0 [+0.0, +0.0]"
 
 
 def test_policies_of_trainings_and_of_logs_are_found(tmp_path):
@@ -88,7 +142,7 @@ def test_shares_are_drawn_against_times(tmp_path, capsys, monkeypatch, texts):
     )
     monkeypatch.setattr(commitment, "_saved", lambda figure, file: drawn.append(figure))
     arguments = ["--times", "--methods", "interception", "interception@3", "ppo", "--delays", "0.2", "--strengths", "1",
-                 "--out", str(tmp_path / "cells")]  # fmt: skip
+                 "--rule", "ignored", "--out", str(tmp_path / "cells")]  # fmt: skip
     assert commitment.main([*arguments, "--speeds", "0.4", "0.8", "--figure", str(tmp_path / "f.png")]) == 0
     (figure,) = drawn
     assert {"0.4 m/s, 200 ms late", "0.8 m/s, 200 ms late", "interception", "ppo"} <= {*texts(figure)}
@@ -100,14 +154,17 @@ def test_shares_are_drawn_against_times(tmp_path, capsys, monkeypatch, texts):
         assert lines == [[[20.0, 100.0], [4.0, 50.0]], [[4.0, 50.0]]]
 
 
-def test_panels_of_arms_of_two_strengths_have_titles_of_their_own(tmp_path, monkeypatch, texts):
+def test_panels_of_arms_of_two_strengths_or_rules_have_titles_of_their_own(tmp_path, monkeypatch, texts):
     drawn = []
     monkeypatch.setattr(commitment, "touched", lambda *others, **more: [False, True])
     monkeypatch.setattr(commitment, "frame_time", lambda *others, **more: 0.02)
     monkeypatch.setattr(commitment, "_saved", lambda figure, file: drawn.append(figure))
-    worlds = ["--delays", "0.2", "--speeds", "0.4", "--strengths", "1", "0.7", "--figure", str(tmp_path / "f.png")]
-    assert commitment.main(["--times", "--methods", "interception", *worlds, "--out", str(tmp_path / "cells")]) == 0
+    given = ["--times", "--methods", "interception", "--delays", "0.2", "--speeds", "0.4", "--figure",
+             str(tmp_path / "f.png"), "--out", str(tmp_path / "cells")]  # fmt: skip
+    assert commitment.main([*given, "--rule", "count", "--strengths", "1", "0.7"]) == 0
     assert {f"0.4 m/s, 200 ms late, strength {strength}" for strength in ("1", "0.7")} <= {*texts(drawn[0])}
+    assert commitment.main([*given, "--strengths", "1"]) == 0
+    assert {f"0.4 m/s, 200 ms late, collisions {rule}" for rule in ("count", "ignored")} <= {*texts(drawn[1])}
 
 
 @pytest.mark.parametrize("method", ["second-sight", "network-than-scenarios"])
@@ -119,9 +176,12 @@ def test_an_unknown_method_is_answered_with_those_there_are(tmp_path, method):
 
 @pytest.mark.parametrize("method", ["network", "network-then-interception", "network-then-scenarios"])
 def test_a_network_needs_trainings_that_ended(tmp_path, method):
-    for given in ([], ["--trainings", str(tmp_path)]):
-        with pytest.raises(InputError, match=r"need --trainings with finished trainings, seed-0/policy\.safetensors"):
-            commitment.main(["--methods", method, *given, "--out", str(tmp_path / "cells")])
+    given = ["--methods", method, "--out", str(tmp_path / "cells")]
+    needed = r"needs --trainings with finished trainings, seed-0/policy\.safetensors and others: "
+    with pytest.raises(InputError, match=f"`{method}` {needed}{tmp_path} has none"):
+        commitment.main([*given, "--trainings", str(tmp_path)])
+    with pytest.raises(InputError, match=f"`{method}` {needed}the logs have none for sights 0.1 s late"):
+        commitment.main([*given, "--delays", "0.1"])
 
 
 def test_a_planner_decides_in_every_so_many_frames():

@@ -51,6 +51,24 @@ def test_beliefs_are_a_row_for_each_world_and_method(tmp_path, capsys, monkeypat
         ]
 
 
+def test_faults_are_a_row_for_each_world_and_method(tmp_path, capsys):
+    given = ["--faults", "--methods", "last-sight", "--speeds", "0.4", "--balls", "1", "--out", str(tmp_path)]
+    assert moving_ball.main(given) == 0
+    rows = [row.strip("|").split("|")[0].strip() for row in capsys.readouterr().out.splitlines()[2:]]
+    assert rows == list(moving_ball.FAULTS)
+
+
+def test_base_joints_alone_are_weaker():
+    """The first three go as far in a frame as half of the limit of acceleration leads."""
+    moved = []
+    for options in ({}, {"base_strength": 0.5}):
+        with closing(moving_ball.make_world(options)) as env:
+            _, info = env.reset(seed=0)
+            *_, after = env.step((info["q"] + 1.0) / np.pi)
+            moved.append(after["q"] - info["q"])
+    np.testing.assert_allclose(moved[1] / moved[0], [0.5, 0.5, 0.5, 1.0, 1.0, 1.0], rtol=1e-6)
+
+
 def test_a_planner_is_told_the_true_noise_or_a_wrong_one(tmp_path, monkeypatch):
     told = []
 
