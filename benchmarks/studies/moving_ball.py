@@ -83,10 +83,10 @@ BELIEFS: Mapping[str, Mapping[str, Any]] = {
 #: Worlds with faults of arm, ball and cameras; nobody is told of them.
 FAULTS: Mapping[str, Mapping[str, Any]] = {
     "base joints half as strong": {"base_strength": 0.5},
-    "ball slows by 0.3 m/s²": {"friction": 0.3},
-    "5 % of the sights 50 mm off": {"outliers": 0.05},
-    "a third of the sights missing": {"dropped": 1 / 3},
-    "all four": {"base_strength": 0.5, "friction": 0.3, "outliers": 0.05, "dropped": 1 / 3},
+    "ball slows by 0.5 m/s²": {"friction": 0.5},
+    "a tenth of the sights 50 mm off": {"outliers": 0.1},
+    "30 % of the sights missing": {"dropped": 0.3},
+    "all four": {"base_strength": 0.5, "friction": 0.5, "outliers": 0.1, "dropped": 0.3},
 }
 #: Speeds of the maps where collisions are ignored [m/s].
 SPEEDS = (0.4, 0.8, 1.2)
