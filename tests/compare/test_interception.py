@@ -97,3 +97,28 @@ def test_without_a_way_out_the_last_one_is_taken(planner, monkeypatch):
         planner._keep_a_way_out(q, v)
         np.testing.assert_array_equal(planner._target, expected)
         np.testing.assert_array_equal(planner._escape, escape)
+
+
+@pytest.mark.parametrize("path", ["circle", "straight"])
+def test_a_fast_ball_that_leaves_has_no_second_try_and_one_that_comes_back_has(path):
+    """Seen late: what comes back is met without a collision."""
+    task = get_task("moving")
+    options = {**task.options, "delay": 0.2, "speeds": (0.8,), "paths": (path,)}
+    with gym.make(task.environment, **options) as env:
+        planner = task.methods["interception"].make(env)
+        touched, fast = 0, []
+        for seed in range(6):
+            (observation, info), over = env.reset(seed=seed), False
+            planner.reset(observation, info)
+            while not over:
+                observation, _, terminated, truncated, info = env.step(planner.act(observation))
+                over = terminated or truncated
+                if planner._fit.moving:
+                    fast.append(planner._fast)
+            touched += info["reached"]
+    assert len(fast) > 30
+    if path == "circle":
+        assert np.mean(fast) < 0.1
+        assert touched >= 5
+    else:
+        assert np.mean(fast) > 0.9

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.compare._methods.turn_rate import RATES, TurnRateFit
+from kinreach.compare._methods.turn_rate import RATES, TurnRateFit, arc
 from kinreach.envs.inside import moving as ball
 
 #: Speeds of a ball that has not been seen to move [m/s].
@@ -40,21 +40,37 @@ class Futures:
     def draw(self, fit: TurnRateFit, count: int, ahead: Floats) -> Floats:
         """Return places [m], shape (count, n, 2), at times after the last sight [s], shape (n,), in growing order."""
         places, velocities, rates, kinds = self._moving(fit, count) if fit.moving else self._resting(fit, count)
+        z = places[:, None] + velocities[:, None] * arc(rates[:, None], ahead)
+        changing = kinds == RANDOM
+        given = places[changing], velocities[changing], rates[changing]
+        drawn = self._rng.uniform(-ball.SIDEWAYS, ball.SIDEWAYS, (math.ceil(float(ahead[-1]) / ball.HOLD) + 1, count))
+        z[changing] = self._changing(*given, drawn[:, changing], fit.last_time, ahead)
+        return np.stack([z.real, z.imag], axis=2)
+
+    def _changing(self, places: Any, velocities: Any, rates: Floats, drawn: Floats, since: float, ahead: Floats) -> Any:
+        """Return places, as complex numbers, of balls whose sideways acceleration changes at known times.
+
+        Args:
+            places: At the last sight, as complex numbers, shape (n,).
+            velocities: Likewise.
+            rates: Turn rates until the first change [rad/s], shape (n,).
+            drawn: Sideways accelerations after each change [m/s^2], shape (k, n).
+            since: Time of the last sight after the first [s].
+            ahead: Times after the last sight [s], shape (m,).
+        """
         steps = math.ceil(float(ahead[-1]) / STEP) + 1
-        path = np.empty((count, steps + 1), dtype=complex)
+        path = np.empty((len(places), steps + 1), dtype=complex)
         path[:, 0] = places
-        speeds, headings, since = np.abs(velocities), np.angle(velocities), fit.last_time
+        speeds, headings = np.abs(velocities), np.angle(velocities)
+        holds = (np.floor((since + STEP * np.arange(steps)) / ball.HOLD) - math.floor(since / ball.HOLD)).astype(int)
         for step in range(steps):
-            now = since + step * STEP
-            if step == 0 or int(now / ball.HOLD) != int((now - STEP) / ball.HOLD):  # a new acceleration
-                drawn = self._rng.uniform(-ball.SIDEWAYS, ball.SIDEWAYS, count)
-                rates = np.where((kinds == RANDOM) & (step > 0), drawn / speeds, rates)
-            rates = np.where(kinds == RANDOM, self._inwards(path[:, step], headings, rates), rates)
+            if step and holds[step] > holds[step - 1]:
+                rates = drawn[holds[step] - 1] / speeds
+            rates = self._inwards(path[:, step], headings, rates)
             path[:, step + 1] = path[:, step] + speeds * STEP * np.exp(1j * (headings + rates * STEP / 2.0))
             headings = headings + rates * STEP
         first = np.minimum((ahead / STEP).astype(int), steps - 1)
-        z = path[:, first] + (path[:, first + 1] - path[:, first]) * (ahead / STEP - first)
-        return np.stack([z.real, z.imag], axis=2)
+        return path[:, first] + (path[:, first + 1] - path[:, first]) * (ahead / STEP - first)
 
     def _moving(self, fit: TurnRateFit, count: int) -> tuple[Any, Any, Any, Any]:
         """Return places, velocities, turn rates and kinds that agree with the sights; complex numbers."""

@@ -41,7 +41,7 @@ SHARES, FRAMES_LATE = np.linspace(1.0, 0.1, 91), np.arange(4)
 #: other way [s].
 TRUSTED_NOISE = 5e-4
 FRAMES_TO, FRAMES_ALONG, SPEED_ERROR = 3, 6, 0.1
-#: A faster ball is gone before a second try, so a way to it need not have a way out if sights are less noisy [m/s].
+#: A faster ball that leaves is gone before a second try: a way to it needs no way out if sights are less noisy [m/s].
 LAST_TRY = 0.7
 #: How many such ways are checked, and how far ahead they are looked for [frames].
 MAX_ALONG, HORIZON_ALONG = 4, 60
@@ -99,9 +99,9 @@ class Interception(_ClosedForm):
     A fit of constant speed and turn rate forecasts the ball. For each frame ahead, a posture is searched that the
     joints can have by then, with the tip at the ball and the gripper above the table. The arm follows the earliest way
     without a collision, else it waits above the ball. Where collisions count, it goes only to where it could still stop
-    or rise, unless the ball is too fast for a second try. With noisy sights it also goes along with the ball where it
-    can, so that its tip is at many places where the ball may be. Where collisions do not count, it checks no way. The
-    share of the limits that the arm keeps, and how many frames it is late, are fitted to its joints' motions. The
+    or rise, unless the ball leaves too fast for a second try. With noisy sights it also goes along with the ball where
+    it can, so that its tip is at many places where the ball may be. Where collisions do not count, it checks no way.
+    The share of the limits that the arm keeps, and how many frames it is late, are fitted to its joints' motions. The
     constants were chosen with balls of seeds 1 to 5.
 
     Args:
@@ -179,8 +179,8 @@ class Interception(_ClosedForm):
             return
         parts: Any = ball.PARTS * np.arange(1, HORIZON_ALONG + 1)
         xy = self._fit.forecast(age + PART * parts)
-        self._fast = bool(np.linalg.norm(xy[1] - xy[0]) * ball.FRAMES > LAST_TRY)
         outside = ((xy < self._low) | (xy > self._high)).any(axis=1)
+        self._fast = bool(np.linalg.norm(xy[1] - xy[0]) * ball.FRAMES > LAST_TRY and outside.any())
         xy = xy[: max(int(outside.argmax()) if outside.any() else len(xy), 1)]
         noisy = self._counts and self._fit.noise > TRUSTED_NOISE
         if noisy and (along := self._along(q, v, xy)) is not None:

@@ -16,7 +16,7 @@ from kinreach.compare._methods.interception import HORIZON, Interception
 from kinreach.envs.inside import moving as ball
 
 #: Futures that are drawn in a decision, and frames between their places.
-COUNT, EVERY = 128, 2
+COUNT, EVERY = 64, 2
 #: Postures of single futures among the tried motions; the others go to the median of all, one for each place.
 SINGLE = 36
 #: A posture within the joints' bounds by much more than this is reached in time, one beyond them is not [rad].
@@ -95,13 +95,14 @@ class Scenarios(Interception):
             times: From then on [s], shape (n,).
 
         Returns:
-            Shape (m, k, n).
+            Shape (m, k, n); NaN where a posture is.
         """
         low, high = (
-            ball.pushed(q[:, None], v[:, None], side, times[:, None], **self._limits)[0] for side in (-1.0, 1.0)
+            ball.pushed(q.T[:, :, None], v.T[:, :, None], side, times, **self._limits)[0] for side in (-1.0, 1.0)
         )
-        within = np.minimum(goals - low[:, None], high[:, None] - goals)
-        return np.asarray(np.where(np.isfinite(within), within, -np.inf).min(axis=3))
+        joints = np.moveaxis(goals, 2, 0)[:, None]  # first, so that the least of them is found fast
+        apart = np.abs(joints - ((low + high) / 2.0)[:, :, None])
+        return np.asarray((((high - low) / 2.0)[:, :, None] - apart).min(axis=0))
 
     def _met_on_the_way(self, xy: Floats, there: Any, frames: Any) -> Any:
         """Return which futures are touched on the way that `Interception` follows, shape (k,)."""

@@ -84,12 +84,15 @@ class TurnRateFit:
 
     def _find_delay(self) -> None:
         """Find the share of the believed delay with which the first sights are those of one turn."""
-        z, misses = np.array(self._places[::-1]) - self._places[-1], []
+        z, misses = np.array(self._places[::-1]) - self._places[-1], list[float]()
+        least = (MIN_NOISE / self._noise) ** 2  # of the unit
         for delay in DELAYS:
             t = np.maximum(np.array(self._observed[::-1]) - delay * self._ages[-1], self._observed[0])
             misses.append(self._solve(RATES, t - t[0], z)[2][:, -1].min())
+            if misses[0] <= BETTER * least:
+                break  # none can miss by so much less
         best = int(np.argmin(misses))
-        unit = max(misses[best] / (2 * len(z) - 6), (MIN_NOISE / self._noise) ** 2)
+        unit = max(misses[best] / (2 * len(z) - 6), least)
         delay = DELAYS[best] if misses[0] - misses[best] > BETTER * unit else 1.0
         if delay != self._delay:
             self._delay = delay
@@ -98,7 +101,7 @@ class TurnRateFit:
     def forecast(self, ahead: Floats) -> Floats:
         """Return where the ball will be [m], shape (n, 2), at times after the last sight [s], shape (n,)."""
         p0, v0, rate, _ = self.local()
-        z = p0 + v0 * _arc(rate, ahead)
+        z = p0 + v0 * arc(rate, ahead)
         return np.column_stack([z.real, z.imag])
 
     @property
@@ -170,7 +173,7 @@ class TurnRateFit:
 
     def _solve(self, rates: Floats, t: Floats, z: Any) -> tuple[Any, Any, Floats, Floats]:
         """Return p0, v0, squared misses in units of the noise, and these with the prior, by turn rate and window."""
-        b = _arc(rates[:, None], t)
+        b = arc(rates[:, None], t)
         n = np.arange(1, len(t) + 1)
         B, BB = np.cumsum(b, axis=1), np.cumsum(np.abs(b) ** 2, axis=1)
         Z, ZZ, BZ = np.cumsum(z), np.cumsum(np.abs(z) ** 2), np.cumsum(b.conj() * z, axis=1)
@@ -180,7 +183,7 @@ class TurnRateFit:
         return p0, v0, misses, misses + (np.abs(v0) * rates[:, None] / SIDEWAYS) ** 2
 
 
-def _arc(rate: Any, t: Floats) -> Any:
-    """Return (exp(i w t) - 1) / (i w)."""
+def arc(rate: Any, t: Floats) -> Any:
+    """Return (exp(i w t) - 1) / (i w), the way in a time t [s] at a turn rate w [rad/s] of each velocity of 1."""
     half = np.asarray(rate * t) / 2.0
     return t * np.sinc(half / math.pi) * np.exp(1j * half)
