@@ -34,6 +34,7 @@ from benchmarks.logs import policies_in
 from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line, share
 from benchmarks.studies.trainings import trainings_interval, with_interval
+from kinreach import _provenance as provenance
 from kinreach._checks import check_count
 from kinreach._files import make_writable, replacing
 from kinreach.baselines import load_policy
@@ -161,7 +162,8 @@ def touched(name: str, speed: float, options: Mapping[str, Any], *, balls: int, 
         policy: Policy = as_policy(acting)
         return [bool(trial["reached"]) for trial in rollout(env, policy, task.resets(balls, seed, env))]
 
-    return kept(out, {"method": name, "speed": speed, **options, "balls": balls, "seed": seed}, played)
+    method = provenance.digest(Path(name).read_bytes()) if Path(name).is_file() else name
+    return kept(out, {"method": method, "speed": speed, **options, "balls": balls, "seed": seed}, played)
 
 
 def caused(policy: str, balls: int, seed: int) -> list[object]:
