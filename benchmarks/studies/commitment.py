@@ -85,6 +85,11 @@ class World(NamedTuple):
         """Of the environment."""
         return {"delay": self.delay, "speeds": (self.speed,), "strength": self.strength, **RULES[self.rule]}
 
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Of a table."""
+        return f"{self.axis:.2f}", f"{1e3 * self.delay:g}", f"{self.speed:g}", f"{self.strength:g}", self.rule
+
 
 def touched(
     method: str, file: Path | None, options: Mapping[str, Any], *, balls: int, seed: int, out: Path
@@ -176,9 +181,8 @@ def main(argv: list[str] | None = None) -> int:
             print(line(f"`{name}`", f"{1e3 * seconds:.2g}"))
         if arguments.figure is None:
             return 0
-    less = [name for name in PLANNERS if name in names and NETWORK in names]
-    print(head("axis", "delay, ms", "speed, m/s", "strength", "collisions", *(f"`{name}`" for name in names),
-               *(f"`{NETWORK}` less `{name}`" for name in less)))  # fmt: skip
+    place = ("axis", "delay, ms", "speed, m/s", "strength", "collisions")
+    print(head(*place, *(f"`{name}`" for name in names)))
     cells: dict[str, list[np.ndarray]] = {name: [] for name in names}
     for world in worlds:
         for name, own in files[world.delay].items():
@@ -186,11 +190,15 @@ def main(argv: list[str] | None = None) -> int:
             rows = [touched(name, file, options, balls=balls, seed=seed, out=arguments.out) for file in own]
             cells[name].append(np.array(rows))
         shares = (with_interval(cells[name][-1], unit=100, decimals=1) for name in names)
-        differences = (difference(cells[NETWORK][-1], cells[name][-1]) for name in less)
-        print(
-            line(f"{world.axis:.2f}", f"{1e3 * world.delay:g}", f"{world.speed:g}", f"{world.strength:g}",
-                 world.rule, *shares, *differences), flush=True,
-        )  # fmt: skip
+        print(line(*world.cells, *shares), flush=True)
+    planners = [name for name in names if name in PLANNERS]
+    learned = [name for name in names if files[worlds[0].delay][name] != [None]]
+    if planners and learned:
+        print("\n" + head(*place, "method", *(f"less `{name}`" for name in planners)))
+        for row, world in enumerate(worlds):
+            for name in learned:
+                less = (difference(cells[name][row], cells[planner][row]) for planner in planners)
+                print(line(*world.cells, f"`{name}`", *less))
     if arguments.figure is None:
         return 0
     if arguments.times:
