@@ -233,18 +233,23 @@ def difference(touched: np.ndarray, others: np.ndarray) -> str:
 
 
 def draw(cells: Mapping[str, list[np.ndarray]], worlds: list[World], file: Path) -> None:
-    """Draw the share of touched balls against the axis, a panel for each rule."""
+    """Draw the share of touched balls against the axis, a panel for each rule; weaker arms have hollow points."""
     rules, most = sorted({world.rule for world in worlds}, reverse=True), max(world.axis for world in worlds)
+    strengths = sorted({world.strength for world in worlds}, reverse=True)
+    hollow = "".join(f" · hollow: an arm of {100 * strength:.0f} %" for strength in strengths[1:])
     figure, panels = new_figure(
         "Balls touched, by how late the arm knows", size=(4.2 * len(rules) + 2.8, 4.2), columns=len(rules),
-        note=f"{_balls(cells)} balls a world · bars: 95 % intervals over trainings and balls",
+        note=f"{_balls(cells)} balls a world · bars: 95 % intervals over trainings and balls{hollow}",
     )  # fmt: skip
     for rule, panel in zip(rules, panels, strict=True):
-        rows = [row for row, world in enumerate(worlds) if world.rule == rule]
         for index, (name, found) in enumerate(cells.items()):
-            shares, errors = _with_errors([found[row] for row in rows])
-            places = np.array([worlds[row].axis for row in rows]) + 0.004 * most * (index - len(cells) / 2.0)
-            panel.errorbar(places, shares, yerr=errors, fmt="o-", ms=4, lw=1.2, label=name)
+            for strength in strengths:
+                rows = [row for row, world in enumerate(worlds) if (world.rule, world.strength) == (rule, strength)]
+                shares, errors = _with_errors([found[row] for row in rows])
+                places = np.array([worlds[row].axis for row in rows]) + 0.004 * most * (index - len(cells) / 2.0)
+                full = strength == strengths[0]
+                style = {"fmt": "o-", "label": name} if full else {"fmt": "o", "mfc": "none", "alpha": 0.8}
+                panel.errorbar(places, shares, yerr=errors, color=f"C{index}", ms=4, lw=1.2, **style)
         panel.set_ylim(0.0, 102.0)
         panel.set_xlim(0.0, 1.05 * most)
         panel.set_title(f"collisions {rule}", fontsize=10)
