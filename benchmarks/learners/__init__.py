@@ -49,6 +49,7 @@ from benchmarks.learners.thesis_world import (
 from benchmarks.learners.variants import (
     gradient_moving_down,
     gradient_moving_late,
+    gradient_moving_late_weak,
     pixels_light,
     ppo_lift_multi_careful,
     ppo_lift_multi_unguided,
@@ -82,6 +83,7 @@ __all__ = [
     "distilled_moving_late",
     "gradient_moving_down",
     "gradient_moving_late",
+    "gradient_moving_late_weak",
     "ik_net",
     "pixels_light",
     "ppo_lift_multi_careful",

@@ -80,6 +80,14 @@ gradient_moving_late = register_recipe(
         options={**get_recipe("gradient-moving-clear").options, "delay": 0.2},
     )
 )
+gradient_moving_late_weak = register_recipe(
+    replace(
+        gradient_moving_late,
+        name="gradient-moving-late-weak",
+        summary="As gradient-moving-late, with arms of 60 to 100 % of the limits.",
+        options={**gradient_moving_late.options, "randomise": {"strength": (0.6, 1.0)}},
+    )
+)
 _LATE, _PPO = get_recipe("gradient-moving-late"), get_recipe("ppo-moving")
 ppo_moving_steered_late = register_recipe(
     replace(
