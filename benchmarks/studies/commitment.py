@@ -9,9 +9,10 @@
 
 A world has a delay of the sights, a speed of the ball, a strength of the arm and a rule on collisions. Its place on the
 axis is the time that the arm needs to make up for what the ball rolls unseen, over the time that the ball is above the
-table: at 0 the arm may wait until it knows, at 1 it must move before. Balls come from one seed, a third of each kind of
-path, the same for all methods. Differences are of the same balls, with intervals over trainings and balls. Finished
-cells are kept in `--out`: an interrupted study goes on.
+table: at 0 the arm may wait until it knows, from about 1 on it must move before. Balls come from one seed, in turn
+straight, on a circle and with random sideways acceleration, the same for all methods. The network is that of the logs
+that was trained with the delay; before a planner it acts for 24 frames. `interception@3` decides in every third frame.
+Finished cells are kept in `--out`: an interrupted study goes on.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from kinreach.cli import Parser, finish
 from kinreach.compare._methods.interception import Interception
 from kinreach.compare._methods.scenarios import Scenarios
 from kinreach.compare._task import get_task
-from kinreach.envs.moving import travel_times
+from kinreach.envs.moving import PATHS, travel_times
 from kinreach.errors import InputError
 from kinreach.plots._style import new_figure, plain_ticks
 from kinreach.robots import THESIS_ARM, get_arm
@@ -123,35 +124,54 @@ def _made(method: str, file: Path | None, env: Any) -> Any:
 
 def _planner(method: str, env: Any, first: LearnedPolicy | None = None) -> Any:
     """Make a method of the task; a planner may decide in every so many frames, as `interception@3`, after a policy."""
+    if "@" not in method and first is None:
+        return get_task("moving").methods[method].make(env)
+    name, every = _planner_options(method)
+    return PLANNERS[name](env, every=every, first=first)
+
+
+def _planner_options(method: str) -> tuple[str, int]:
+    """Return a planner, and the frames from one of its decisions to the next."""
     name, at, every = method.partition("@")
-    if not at and first is None:
-        return get_task("moving").methods[name].make(env)
     if name not in PLANNERS or not (every.isdecimal() or not at):
         raise InputError(f"--methods: NAME@FRAMES with one of {', '.join(PLANNERS)}, got {method!r}")
-    return PLANNERS[name](env, every=int(every) if at else 1, first=first)
+    return name, check_count(f"frames of {method}", int(every)) if at else 1
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Print a Markdown table."""
+def _parser() -> Parser:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "--trainings", type=Path, help="folder of the network's trainings, or of their logs (default: by the delay)"
+        "--trainings",
+        type=Path,
+        help="folder of the network's trainings (default: those of benchmarks/logs with the delay)",
     )
     parser.add_argument(
         "--learners", type=Path, nargs="+", default=[], help="folders of other trainings; their names are methods"
     )
-    parser.add_argument("--methods", nargs="+", help=f"of the task, {NETWORK}, {FIRST}PLANNER (default: four)")
-    parser.add_argument("--delays", type=float, nargs="+", default=DELAYS, help="[s] (default: two)")
-    parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS, help="[m/s] (default: three)")
-    parser.add_argument("--strengths", type=float, nargs="+", default=STRENGTHS, help="of the arm (default: two)")
+    parser.add_argument(
+        "--methods", nargs="+",
+        help=f"of compare --task moving, {NETWORK}, {FIRST}PLANNER, PLANNER@FRAMES (default: {' '.join(METHODS)})",
+    )  # fmt: skip
+    parser.add_argument("--delays", type=float, nargs="+", default=DELAYS, help="[s] (default: %(default)s)")
+    parser.add_argument("--speeds", type=float, nargs="+", default=SPEEDS, help="[m/s] (default: %(default)s)")
+    parser.add_argument(
+        "--strengths", type=float, nargs="+", default=STRENGTHS, help="of the arm (default: %(default)s)"
+    )
     parser.add_argument("--hidden", type=float, help="width of the strip that no camera sees [m] (default: none)")
     parser.add_argument("--rule", choices=RULES, nargs="+", default=[*RULES], help="on collisions (default: both)")
     parser.add_argument("--balls", type=int, default=96, help="in each cell (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=SEED, help="of the balls (default: %(default)s)")
-    parser.add_argument("--out", type=Path, default=Path("results/commitment"), help="where finished cells are kept")
+    parser.add_argument(
+        "--out", type=Path, default=Path("results/commitment"), help="where finished cells are kept (%(default)s)"
+    )
     parser.add_argument("--times", action="store_true", help="processor time of a frame, for --figure too")
     parser.add_argument("--figure", type=Path, help="where the shares are drawn against the axis")
-    arguments = parser.parse_args(argv)
+    return parser
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print Markdown tables."""
+    arguments = _parser().parse_args(argv)
     balls = check_count("--balls", arguments.balls)
     seed = check_count("--seed", arguments.seed, least=0)
     learners = {folder.name: folder for folder in arguments.learners}
@@ -159,6 +179,8 @@ def main(argv: list[str] | None = None) -> int:
     afterwards = [FIRST + name for name in PLANNERS]
     for name in arguments.methods or ():
         check_known("method", name.partition("@")[0], (*get_task("moving").methods, NETWORK, *afterwards))
+        if "@" in name:
+            _planner_options(name.removeprefix(FIRST))
     make_writable(arguments.out)
     worlds = sorted(
         World(lateness(delay, speed, strength), delay, speed, strength, rule)
@@ -191,14 +213,12 @@ def main(argv: list[str] | None = None) -> int:
             cells[name].append(np.array(rows))
         shares = (with_interval(cells[name][-1], unit=100, decimals=1) for name in names)
         print(line(*world.cells, *shares), flush=True)
-    planners = [name for name in names if name in PLANNERS]
-    learned = [name for name in names if files[worlds[0].delay][name] != [None]]
-    if planners and learned:
-        print("\n" + head(*place, "method", *(f"less `{name}`" for name in planners)))
-        for row, world in enumerate(worlds):
-            for name in learned:
-                less = (difference(cells[name][row], cells[planner][row]) for planner in planners)
-                print(line(*world.cells, f"`{name}`", *less))
+    _print_differences(cells, worlds, place, [name for name, own in files[worlds[0].delay].items() if own != [None]])
+    print("\n" + head(*place, *(f"`{name}`" for name in names)))
+    for row, world in enumerate(worlds):
+        print(line(*world.cells, *(by_path(cells[name][row]) for name in names)))
+    print(f"\nBalls touched, in %, of {balls} a world (seed {seed}), with 95 % intervals over trainings and balls; "
+          f"what learners touch more, of the same balls; and by kind of path: {', '.join(PATHS)}.")  # fmt: skip
     if arguments.figure is None:
         return 0
     if arguments.times:
@@ -223,6 +243,26 @@ def _files(name: str, delay: float, trainings: Path | None, learners: Mapping[st
             + (f"{folder} has none" if folder else f"the logs have none for sights {delay:g} s late")
         )
     return found
+
+
+def _print_differences(
+    cells: Mapping[str, list[np.ndarray]], worlds: list[World], place: tuple[str, ...], learned: list[str]
+) -> None:
+    """Print what learners touch more than planners, if there are both."""
+    planners = [name for name in cells if name in PLANNERS]
+    if not planners or not learned:
+        return
+    print("\n" + head(*place, "method", *(f"less `{name}`" for name in planners)))
+    for row, world in enumerate(worlds):
+        for name in learned:
+            less = (difference(cells[name][row], cells[planner][row]) for planner in planners)
+            print(line(*world.cells, f"`{name}`", *less))
+
+
+def by_path(touched: np.ndarray) -> str:
+    """Return the shares of the balls of each kind of path [%]."""
+    kinds = (touched[:, kind :: len(PATHS)] for kind in range(len(PATHS)))
+    return " / ".join(f"{100.0 * own.mean():.0f}" if own.size else "–" for own in kinds)
 
 
 def difference(touched: np.ndarray, others: np.ndarray) -> str:

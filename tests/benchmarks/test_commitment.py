@@ -36,7 +36,7 @@ def test_the_table_is_resumed_and_drawn(tmp_path, capsys, monkeypatch):
                  "--rule", "ignored", "--balls", "3", "--trainings", str(runs.parent), *out]  # fmt: skip
     assert commitment.main(arguments) == 0
     table = capsys.readouterr().out
-    rows = [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()]
+    rows = [[cell.strip() for cell in row.strip("|").split("|")] for row in table.partition("\n\n")[0].splitlines()]
     assert rows[0][5:] == [f"`{name}`" for name in ("last-sight", *learned)]
     assert [row[:5] for row in rows[2:]] == [
         ["0.15", "50", "0.4", "1", "ignored"],
@@ -71,10 +71,14 @@ def test_the_map_has_both_rules_and_differences_of_the_same_balls(tmp_path, caps
     monkeypatch.setattr(commitment, "_saved", lambda figure, file: drawn.append(figure))
     given = ["--speeds", "0.8", "--strengths", "1", "--learners", str(tmp_path / "other"), "--out", str(tmp_path)]
     assert commitment.main([*given, "--figure", str(tmp_path / "map.png")]) == 0
-    whole, _, less = capsys.readouterr().out.partition("\n\n")
-    (head, _, *rows), (_, _, *differences) = (
-        [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()] for table in (whole, less)
+    *tables, note = capsys.readouterr().out.split("\n\n")
+    (head, _, *rows), (_, _, *differences), (_, _, *kinds) = (
+        [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()] for table in tables
     )
+    assert "seed 5252" in note
+    assert note.endswith("by kind of path: straight, circle, random.\n")
+    # of the balls of `touched` the first and the last are straight
+    assert [row[5:] for row in kinds] == 4 * [["50 / 0 / 100", *4 * ["50 / 100 / 100"]]]
     names = ["interception", "scenarios", "network", "network-then-interception", "other"]
     assert head[4:] == ["collisions", *(f"`{name}`" for name in names)]
     assert [row[1:5:3] for row in rows] == [["50", "count"], ["50", "ignored"], ["200", "count"], ["200", "ignored"]]
@@ -189,6 +193,13 @@ def test_an_unknown_method_is_answered_with_those_there_are(tmp_path, method):
     assert not list((tmp_path / "cells").glob("*"))
 
 
+@pytest.mark.parametrize("method", ["ppo@2", "interception@", "scenarios@3x", "network-then-scenarios@", "scenarios@0"])
+def test_frames_of_a_planner_are_checked_before_anything_is_played(tmp_path, monkeypatch, method):
+    monkeypatch.setattr(commitment, "rollout", None)
+    with pytest.raises(InputError, match=r"NAME@FRAMES with one of interception, scenarios|frames of .* at least 1"):
+        commitment.main(["--methods", "last-sight", method, "--out", str(tmp_path / "cells")])
+
+
 @pytest.mark.parametrize("method", ["network", "network-then-interception", "network-then-scenarios"])
 def test_a_network_needs_trainings_that_ended(tmp_path, method):
     given = ["--methods", method, "--out", str(tmp_path / "cells")]
@@ -203,6 +214,3 @@ def test_a_planner_decides_in_every_so_many_frames():
     with closing(make_world({"collisions": False})) as env:
         assert commitment._planner("scenarios@4", env)._every == 4
         assert commitment._planner("interception", env)._every == 1
-        for name in ("ppo@2", "interception@", "interception@x"):
-            with pytest.raises(InputError, match="NAME@FRAMES with one of interception, scenarios"):
-                commitment._planner(name, env)
