@@ -45,7 +45,7 @@ RENDERED = "frames.png"
 #: those of the thesis's page are drawn for it.
 BROAD, FOR_A_PHONE = 700, "/thesis/"
 #: So are these maps, whose cells cover more.
-MAPS = ("moving_map.png", "lift_beyond.png", "off_volume.png")
+MAPS = ("lift_beyond.png", "off_volume.png")
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
 #: Numbers of several seeds, as in `99.7, 99.6, 99.4`.

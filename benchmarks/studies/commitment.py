@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Mapping
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -52,6 +53,8 @@ PLANNERS: dict[str, Any] = {"interception": Interception, "scenarios": Scenarios
 #: A network alone and before a planner, and the methods of the map.
 NETWORK, FIRST = "network", "network-then-"
 METHODS = (*PLANNERS, NETWORK, f"{FIRST}interception")
+#: What points of a figure are called.
+SHAPES = {"s": "squares", "o": "circles", "^": "triangles", "D": "diamonds"}
 #: Trainings that are the network, by the delay with which they were trained [s].
 NETWORKS = {0.05: FOLDER / "gradient-moving-clear", 0.2: FOLDER / "gradient-moving-late"}
 #: Seed of the balls, which nothing was chosen with, and balls whose frames are timed.
@@ -276,20 +279,25 @@ def draw(cells: Mapping[str, list[np.ndarray]], worlds: list[World], file: Path)
     """Draw the share of touched balls against the axis, a panel for each rule; weaker arms have hollow points."""
     rules, most = sorted({world.rule for world in worlds}, reverse=True), max(world.axis for world in worlds)
     strengths = sorted({world.strength for world in worlds}, reverse=True)
-    hollow = "".join(f" · hollow: an arm of {100 * strength:.0f} %" for strength in strengths[1:])
+    marks = dict(zip(sorted({world.delay for world in worlds}), ("s--", "o-", "^:", "D-."), strict=False))
+    said = [f"{SHAPES[mark[0]]}: {1e3 * delay:g} ms late" for delay, mark in marks.items()]
+    said += [f"hollow: an arm of {100 * strength:.0f} %" for strength in strengths[1:]]
     figure, panels = new_figure(
         "Balls touched, by how late the arm knows", size=(4.2 * len(rules) + 2.8, 4.2), columns=len(rules),
-        note=f"{_balls(cells)} balls a world · bars: 95 % intervals over trainings and balls{hollow}",
+        note=" · ".join([f"{_balls(cells)} balls a world", "bars: 95 % intervals over trainings and balls", *said]),
     )  # fmt: skip
     for rule, panel in zip(rules, panels, strict=True):
         for index, (name, found) in enumerate(cells.items()):
-            for strength in strengths:
-                rows = [row for row, world in enumerate(worlds) if (world.rule, world.strength) == (rule, strength)]
+            for strength, (delay, mark) in product(strengths, marks.items()):
+                here = (delay, strength, rule)
+                rows = [row for row, world in enumerate(worlds) if (world.delay, world.strength, world.rule) == here]
+                if not rows:
+                    continue
                 shares, errors = _with_errors([found[row] for row in rows])
                 places = np.array([worlds[row].axis for row in rows]) + 0.004 * most * (index - len(cells) / 2.0)
-                full = strength == strengths[0]
-                style = {"fmt": "o-", "label": name} if full else {"fmt": "o", "mfc": "none", "alpha": 0.8}
-                panel.errorbar(places, shares, yerr=errors, color=f"C{index}", ms=4, lw=1.2, **style)
+                full = {"fmt": mark} if strength == strengths[0] else {"fmt": mark[0], "mfc": "none", "alpha": 0.8}
+                panel.errorbar(places, shares, yerr=errors, color=_colour(name, cells), ms=4, lw=1.2, **full)
+            panel.plot([], [], "o", color=_colour(name, cells), ms=5, label=name)
         panel.set_ylim(0.0, 102.0)
         panel.set_xlim(0.0, 1.05 * most)
         panel.set_title(f"collisions {rule}", fontsize=10)
@@ -315,7 +323,8 @@ def draw_times(
         for family, names in families.items():
             shares, errors = _with_errors([cells[name][index] for name in names])
             taken = [1e3 * times[name] for name in names]
-            panel.errorbar(taken, shares, yerr=errors, fmt="o-", ms=5, lw=1.2, label=family)
+            colour = _colour(family, families)
+            panel.errorbar(taken, shares, yerr=errors, fmt="o-", color=colour, ms=5, lw=1.2, label=family)
         panel.set_xscale("log")
         panel.set_ylim(0.0, 102.0)
         said = {"strength": f"strength {world.strength:g}", "rule": f"collisions {world.rule}"}
@@ -326,6 +335,12 @@ def draw_times(
     panels[0].set_ylabel("balls touched [%]")
     panels[-1].legend(frameon=False, fontsize=8)
     _saved(figure, file)
+
+
+def _colour(name: str, names: Iterable[str]) -> str:
+    """Return the colour of a method: the same in all figures of the map's methods."""
+    others = [other for other in names if other not in METHODS]
+    return f"C{METHODS.index(name) if name in METHODS else len(METHODS) + others.index(name)}"
 
 
 def _balls(cells: Mapping[str, list[np.ndarray]]) -> int:

@@ -95,15 +95,16 @@ def test_the_map_has_both_rules_and_differences_of_the_same_balls(tmp_path, caps
     assert {"collisions ignored", "collisions count", *names} <= {*texts(drawn[0])}
     assert not any("hollow" in text for text in texts(drawn[0]))
     assert commitment.main([*given, "--strengths", "1", "0.7", "--figure", str(tmp_path / "map.png")]) == 0
-    assert any(text.endswith("hollow: an arm of 70 %") for text in texts(drawn[1]))
+    note = "squares: 50 ms late · circles: 200 ms late · hollow: an arm of 70 %"
+    assert any(text.endswith(note) for text in texts(drawn[1]))
     for panel in drawn[1].axes:
-        points = [line for line in panel.lines if line.get_marker() == "o"]
-        lines = [line for line in points if line.get_linestyle() == "-"]
-        assert len(lines) == len(names)
-        assert len(points) == 2 * len(names)
-        for line, hollow in zip(points[::2], points[1::2], strict=True):
-            assert line.get_color() == hollow.get_color()
-            assert (line.get_xdata() < hollow.get_xdata()).all()  # a weaker arm is later
+        for marker, style in (("s", "--"), ("o", "-")):  # of a delay, a line and hollow points for each method
+            points = [line for line in panel.lines if line.get_marker() == marker and len(line.get_xdata())]
+            assert [line.get_linestyle() for line in points] == len(names) * [style, "None"]
+            for line, hollow in zip(points[::2], points[1::2], strict=True):
+                assert line.get_color() == hollow.get_color()
+                assert (line.get_xdata() < hollow.get_xdata()).all()  # a weaker arm is later
+            assert len({line.get_color() for line in points}) == len(names)
 
 
 def test_a_difference_has_the_interval_of_trainings_and_balls():
