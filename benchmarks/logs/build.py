@@ -24,6 +24,7 @@ POLICIES = {
     for name in (
         "gradient-moving-clear",
         "gradient-moving-late",
+        "gradient-moving-late-weak",
         "ppo-multi-ending",
         "thesis-ppo-single",
         "thesis-ppo-multi",

@@ -56,7 +56,7 @@ METHODS = (*PLANNERS, NETWORK, f"{FIRST}interception")
 #: What points of a figure are called.
 SHAPES = {"s": "squares", "o": "circles", "^": "triangles", "D": "diamonds"}
 #: Trainings that are the network, by the delay with which they were trained [s].
-NETWORKS = {0.05: FOLDER / "gradient-moving-clear", 0.2: FOLDER / "gradient-moving-late"}
+NETWORKS = {0.05: FOLDER / "gradient-moving-clear", 0.2: FOLDER / "gradient-moving-late-weak"}
 #: Seed of the balls, which nothing was chosen with, and balls whose frames are timed.
 SEED, TIMED = 5252, 12
 
