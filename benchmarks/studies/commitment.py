@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Mapping
-from itertools import product
+from itertools import cycle, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -279,7 +279,7 @@ def draw(cells: Mapping[str, list[np.ndarray]], worlds: list[World], file: Path)
     """Draw the share of touched balls against the axis, a panel for each rule; weaker arms have hollow points."""
     rules, most = sorted({world.rule for world in worlds}, reverse=True), max(world.axis for world in worlds)
     strengths = sorted({world.strength for world in worlds}, reverse=True)
-    marks = dict(zip(sorted({world.delay for world in worlds}), ("s--", "o-", "^:", "D-."), strict=False))
+    marks = dict(zip(sorted({world.delay for world in worlds}), cycle(("s--", "o-", "^:", "D-.")), strict=False))
     said = [f"{SHAPES[mark[0]]}: {1e3 * delay:g} ms late" for delay, mark in marks.items()]
     said += [f"hollow: an arm of {100 * strength:.0f} %" for strength in strengths[1:]]
     figure, panels = new_figure(

@@ -282,8 +282,8 @@ def main(argv: list[str] | None = None) -> int:
     make_writable(arguments.out)
     worlds, speeds, methods = RULES, TABLE_SPEEDS, METHODS
     if mapped:
-        listed = {name: WORLDS[name] for name in arguments.worlds} if arguments.map else FAULTS
-        listed = BELIEFS if arguments.beliefs else listed
+        chosen = {name: WORLDS[name] for name in arguments.worlds}
+        listed = BELIEFS if arguments.beliefs else chosen if arguments.map else FAULTS
         worlds = {name: {**world, **RULES[arguments.rule]} for name, world in listed.items()}
         speeds = SPEEDS if arguments.rule == "ignored" else TABLE_SPEEDS
         methods = ("interception", *((WRONG,) if arguments.beliefs else ()), LEARNED[arguments.rule])

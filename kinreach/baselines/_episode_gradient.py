@@ -58,8 +58,9 @@ def drawn_balls(world: moving.MovingEpisodes, rng: np.random.Generator, count: i
     kinds = list(moving.PATHS.values())
     speeds = rng.uniform(*SPEEDS, -(-count // 2))
     inside = low + moving.INSIDE, high - moving.INSIDE
-    rolled = ((rng, speed, world.rolling(speed, times), *inside) for speed in speeds)
-    half = np.array([kinds[i % len(kinds)](*given) for i, given in enumerate(rolled)])
+    half = np.array(
+        [kinds[i % len(kinds)](rng, speed, world.rolling(speed, times), *inside) for i, speed in enumerate(speeds)]
+    )
     mirrored = half * [1.0, -1.0] + [0.0, low[1] + high[1]]
     rolls = np.concatenate([half, mirrored])[:count]
     return Balls(rolls, moving.last_part(rolls, world.area))
