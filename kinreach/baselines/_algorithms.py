@@ -261,7 +261,12 @@ def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, rew
     return SB3VecEnv(batch, reward=reward, bootstrap=False)
 
 
-def answered(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> AnsweredVecEnv:
+def answered(
+    batch: VectorEnv[Any, Any, Any],
+    recipe: Recipe,
+    reward: TrainingReward,
+    make: type[AnsweredVecEnv] = AnsweredVecEnv,
+) -> AnsweredVecEnv:
     """Return a batch in which the setting `expert` answers: `module:Class`, made of one such environment."""
     name, actions = recipe.settings["expert"], batch.single_action_space
     if not isinstance(actions, Box):
@@ -273,7 +278,7 @@ def answered(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
         del options["backend"]
     env = gym.make(recipe.environment, **options)
     try:
-        return AnsweredVecEnv(batch, expert=_expert(name, kind, env), expert_env=env, reward=reward)
+        return make(batch, expert=_expert(name, kind, env), expert_env=env, reward=reward)
     except BaseException:
         env.close()
         raise

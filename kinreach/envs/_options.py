@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
@@ -231,8 +232,14 @@ def in_dtype(values: Any, dtype: str) -> Any:
 
 
 def in_doubles(environment: str) -> dict[str, str]:
-    """Return the options with which a registered environment observes in double precision; none if it has no choice."""
-    spec = gym.spec(environment)
+    """Return the options with which a registered environment observes in double precision; none if it has no choice.
+
+    `module:id` imports the module.
+    """
+    module, _, name = environment.rpartition(":")
+    if module:
+        importlib.import_module(module)
+    spec = gym.spec(name)
     maker = spec.entry_point if spec.vector_entry_point is None else spec.vector_entry_point
     maker = load_env_creator(maker) if isinstance(maker, str) else maker
     chooses = isinstance(kind := getattr(maker, "Options", None), type) and issubclass(kind, EnvOptions)

@@ -18,9 +18,11 @@ from kinreach.baselines import (
     train,
 )
 from kinreach.baselines import _algorithms as algorithms
+from kinreach.baselines._batch import make_batch
 from kinreach.baselines._models import build
 from kinreach.baselines._recipes import RECIPES
 from kinreach.cli import main
+from kinreach.envs.inside import in_doubles
 from kinreach.errors import InputError, UnknownNameError
 from tests.cases import slow
 
@@ -63,6 +65,28 @@ def registries(monkeypatch):
     for registry, kept in zip((algorithms.ALGORITHMS, RECIPES), before, strict=True):
         registry.clear()
         registry.update(kept)
+
+
+@pytest.mark.parametrize("module", ["outside_worlds", "outside.worlds"])
+def test_a_native_batch_of_a_users_module(module, tmp_path, monkeypatch):
+    """By `module:id`, as Gymnasium takes it, also where the module is part of a package and nothing imported it."""
+    file = tmp_path / f"{module.replace('.', '/')}.py"
+    file.parent.mkdir(exist_ok=True)
+    name = f"{module.replace('.', '-')}/Moving-v0"
+    entries = ", ".join(f'{kind}="kinreach.envs.moving:{made}"' for kind, made in (
+        ("entry_point", "MovingBallEnv"), ("vector_entry_point", "MovingVectorEnv")))  # fmt: skip
+    file.write_text(f"import gymnasium as gym\ngym.register({name!r}, {entries})\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert in_doubles(f"{module}:{name}") == {"dtype": "float64"}
+    batch = make_batch(f"{module}:{name}", 2, {})
+    try:
+        observed, _ = batch.reset(seed=1)
+        assert (observed.shape, observed.dtype) == ((2, 16), np.float64)
+    finally:
+        batch.close()
+        gym.registry.pop(name)
+    with pytest.raises(InputError, match="cannot make the environment outside_nothing:x/Y-v0: No module named"):
+        make_batch("outside_nothing:x/Y-v0", 2, {})
 
 
 @pytest.mark.slow
