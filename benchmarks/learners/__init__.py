@@ -24,6 +24,9 @@ from benchmarks.learners.button_exploration import (
 from benchmarks.learners.distilled import (
     distilled_moving_late,
 )
+from benchmarks.learners.hidden_push import (
+    imitated_hidden_push,
+)
 from benchmarks.learners.off_policy import (
     ddpg_multi,
     ddpg_single,
@@ -31,6 +34,9 @@ from benchmarks.learners.off_policy import (
     sac_single,
     td3_multi,
     td3_single,
+)
+from benchmarks.learners.ranked_episodes import (
+    ranked_moving_late,
 )
 from benchmarks.learners.regression import (
     ik_net,
@@ -50,6 +56,7 @@ from benchmarks.learners.variants import (
     gradient_moving_down,
     gradient_moving_late,
     gradient_moving_late_weak,
+    gradient_moving_rough,
     pixels_light,
     ppo_lift_multi_careful,
     ppo_lift_multi_unguided,
@@ -84,7 +91,9 @@ __all__ = [
     "gradient_moving_down",
     "gradient_moving_late",
     "gradient_moving_late_weak",
+    "gradient_moving_rough",
     "ik_net",
+    "imitated_hidden_push",
     "pixels_light",
     "ppo_lift_multi_careful",
     "ppo_lift_multi_unguided",
@@ -97,6 +106,7 @@ __all__ = [
     "ppo_moving_steered_late",
     "ppo_moving_tuned_late",
     "ppo_multi_ending",
+    "ranked_moving_late",
     "sac_multi",
     "sac_single",
     "sb3_multi",

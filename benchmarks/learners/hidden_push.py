@@ -24,6 +24,8 @@ from kinreach.envs._tabletop_tasks import Push
 from kinreach.robots import BoxRegion
 
 ID, LIMIT = "benchmarks/HiddenPush-v0", 200
+#: Its id where nothing has imported this module.
+WORLD = f"{__name__}:{ID}"
 #: Width of the strip along y = 0 [m].
 STRIP = 0.12
 #: Numbers of an observation: the object's place, and its rotation.
@@ -123,7 +125,7 @@ imitated_hidden_push = register_recipe(
         get_recipe("imitated-push"),
         name="imitated-hidden-push",
         summary="As imitated-push, where a strip of the table is not seen; the script sees it.",
-        environment=f"{__name__}:{ID}",
+        environment=WORLD,
         algorithm="ShownImitation",
     )
 )

@@ -96,7 +96,7 @@ ranked_moving_late = register_recipe(
         summary="Ranked PPO with the observations and actions of gradient-moving-late: the same ball for eight arms.",
         algorithm="RankedEpisodes",
         reward="benchmarks.learners.ranked_episodes:nearness",
-        steps=6_000_000,
+        steps=3_000_000,
         num_envs=256,
         settings={
             "tries": 8,

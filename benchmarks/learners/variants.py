@@ -10,6 +10,7 @@ from kinreach._checks import Floats
 from kinreach._registration import LIFT
 from kinreach.baselines import Recipe, get_recipe, register_recipe
 from kinreach.baselines.expert import GRIPPER
+from kinreach.envs.real_arm import NOISE
 
 ppo_multi_ending = register_recipe(
     replace(
@@ -86,6 +87,18 @@ gradient_moving_late_weak = register_recipe(
         name="gradient-moving-late-weak",
         summary="As gradient-moving-late, with arms of 60 to 100 % of the limits.",
         options={**gradient_moving_late.options, "randomise": {"strength": (0.6, 1.0)}},
+    )
+)
+gradient_moving_rough = register_recipe(
+    replace(
+        get_recipe("gradient-moving-clear"),
+        name="gradient-moving-rough",
+        summary="As gradient-moving-clear, with arms of 60 to 100 % of the limits, and sights with noise and outliers.",
+        options={
+            **get_recipe("gradient-moving-clear").options,
+            "outliers": 0.03,
+            "randomise": {"strength": (0.6, 1.0), "noise": (NOISE, 0.006)},
+        },
     )
 )
 _LATE, _PPO = get_recipe("gradient-moving-late"), get_recipe("ppo-moving")
