@@ -27,7 +27,7 @@ import numpy as np
 
 from benchmarks.logs import FOLDER, policies_in
 from benchmarks.studies.moving_ball import RULES, Timed, make_world
-from benchmarks.studies.parts import kept
+from benchmarks.studies.parts import counted, kept
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
 from kinreach import _provenance as provenance
@@ -209,13 +209,18 @@ def main(argv: list[str] | None = None) -> int:
     place = ("axis", "delay, ms", "speed, m/s", "strength", "collisions")
     print(head(*place, *(f"`{name}`" for name in names)))
     cells: dict[str, list[np.ndarray]] = {name: [] for name in names}
-    for world in worlds:
-        for name, own in files[world.delay].items():
-            options = {**world.options, **hidden}
-            rows = [touched(name, file, options, balls=balls, seed=seed, out=arguments.out) for file in own]
-            cells[name].append(np.array(rows))
-        shares = (with_interval(cells[name][-1], unit=100, decimals=1) for name in names)
-        print(line(*world.cells, *shares), flush=True)
+    with counted(sum(len(own) for world in worlds for own in files[world.delay].values())) as done:
+        for world in worlds:
+            for name, own in files[world.delay].items():
+                rows = []
+                for file in own:
+                    rows.append(
+                        touched(name, file, {**world.options, **hidden}, balls=balls, seed=seed, out=arguments.out)
+                    )
+                    done()
+                cells[name].append(np.array(rows))
+            shares = (with_interval(cells[name][-1], unit=100, decimals=1) for name in names)
+            print(line(*world.cells, *shares), flush=True)
     _print_differences(cells, worlds, place, [name for name, own in files[worlds[0].delay].items() if own != [None]])
     print("\n" + head(*place, *(f"`{name}`" for name in names)))
     for row, world in enumerate(worlds):

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.learners.hidden_push import ID, OBJECT, WORLD
 from benchmarks.logs import policies_in
-from benchmarks.studies.parts import kept
+from benchmarks.studies.parts import counted, kept
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import with_interval
 from kinreach import _provenance as provenance
@@ -91,30 +91,26 @@ class Simulated(PushScript):
         return action
 
 
-METHODS = {"script": PushScript, "simulated": Simulated, "told": Told}
+#: What needs no training, and what does.
+METHODS, LEARNED = {"script": PushScript, "simulated": Simulated, "told": Told}, "imitated-hidden-push"
 
 
-def pushed(method: str, friction: float, *, episodes: int, seed: int, out: Path) -> list[bool]:
-    """Return in which episodes a method brings the object to its goal."""
+def pushed(method: str, file: Path | None, friction: float, *, episodes: int, seed: int, out: Path) -> list[bool]:
+    """Return in which episodes a method, or the policy in a file, brings the object to its goal."""
 
     def played() -> list[bool]:
+        if file is not None:
+            policy = load_policy(file)
+            found = evaluate(policy, goals=episodes, seed=seed, environment=WORLD, options={"friction": friction})
+            return [bool(reached) for reached in found.reached]
         with closing(gym.make(ID, friction=friction, dtype="float64")) as env:
             resets = ({"seed": seed + index} for index in range(episodes))
             return [bool(trial["reached"]) for trial in rollout(env, METHODS[method](env), resets)]
 
-    return kept(out, {"method": method, "friction": friction, "episodes": episodes, "seed": seed}, played)
-
-
-def learned(file: Path, friction: float, *, episodes: int, seed: int, out: Path) -> list[bool]:
-    """Return in which episodes a policy does."""
-
-    def played() -> list[bool]:
-        options = {"friction": friction}
-        found = evaluate(load_policy(file), goals=episodes, seed=seed, environment=WORLD, options=options)
-        return [bool(reached) for reached in found.reached]
-
-    key = {"file": provenance.digest(file.read_bytes()), "friction": friction, "episodes": episodes, "seed": seed}
-    return kept(out, key, played)
+    policy = "" if file is None else provenance.digest(file.read_bytes())
+    return kept(
+        out, {"method": method, "file": policy, "friction": friction, "episodes": episodes, "seed": seed}, played
+    )
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -135,11 +131,16 @@ def main(argv: list[str] | None = None) -> int:
     make_writable(given.out)
     tried["out"] = given.out
     print(head("method", *(f"friction {friction:g}" for friction in given.frictions)))
-    for method in METHODS:
-        rows = (np.array([pushed(method, friction, **tried)]) for friction in given.frictions)
-        print(line(f"`{method}`", *(with_interval(row, unit=100, decimals=1) for row in rows)), flush=True)
-    rows = (np.array([learned(file, friction, **tried) for file in policies]) for friction in given.frictions)
-    print(line("`imitated-hidden-push`", *(with_interval(row, unit=100, decimals=1) for row in rows)))
+    rows: dict[str, list[np.ndarray]] = {}
+    with counted(len(given.frictions) * (len(METHODS) + len(policies))) as done:
+        for method in (*METHODS, LEARNED):
+            for friction in given.frictions:
+                found = []
+                for file in policies if method == LEARNED else [None]:
+                    found.append(pushed(method, file, friction, **tried))
+                    done()
+                rows.setdefault(method, []).append(np.array(found))
+            print(line(f"`{method}`", *(with_interval(row, unit=100, decimals=1) for row in rows[method])), flush=True)
     print(f"\nCubes brought to their goals, in %, of {given.episodes} (seed {given.seed}), with 95 % intervals.")
     return 0
 

@@ -8,9 +8,13 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
+
+from rich.console import Console
+from rich.progress import Progress
 
 from kinreach import _provenance as provenance
 from kinreach._files import write_text
@@ -56,6 +60,15 @@ def kept(folder: Path, key: Mapping[str, Any], measure: Callable[[], Value]) -> 
     found = measure()
     write_text(file, json.dumps({**key, "found": found}) + "\n")
     return found
+
+
+@contextmanager
+def counted(total: int) -> Iterator[Callable[[], None]]:
+    """Show on a terminal how many parts are done, where tables do not go; what is yielded counts one more."""
+    errors = Console(stderr=True)
+    with Progress(console=errors, transient=True, disable=not errors.is_terminal, redirect_stdout=False) as bar:
+        task = bar.add_task("", total=total)
+        yield lambda: bar.advance(task)
 
 
 def _values(function: Callable[..., Value], numbered: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Value]]:
