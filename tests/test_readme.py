@@ -65,7 +65,7 @@ CLAIMS = {
         (f"{DATA}/real-arm.csv", '`policy-tuned`,"6.57 [5.57, 7.16]","0.73 [0.66, 0.80]"'),
         (f"{DATA}/real-arm.csv", '`policy-informed`,"5.88 [4.23, 7.06]","1.05 [0.92, 1.15]"'),
     ],
-    "networks touch as many as planners while the arm may wait, in 0.2 ms.": [
+    "networks touch nearly as many as planners while the arm may wait, in 0.2 ms.": [
         (
             "docs/studies/learning_pays.md",
             "| `interception` | 100.0 [98.7, 100.0] | 100.0 [98.7, 100.0] | 99.3 [97.6, 99.8] | 90.7 ",
@@ -77,7 +77,7 @@ CLAIMS = {
         (f"{DATA}/late-map.csv", '0.30,200,0.4,1,count,"91.7 [84.4, 95.7]","92.7 [85.7, 96.4]","92.5 [83.3, 98.4]"'),
         (LATE, "| a network | 0.16 | 92.5 "),
     ],
-    "Where it must not: 200 ms late, at 0.8 m/s, one forecast touches 44 % in 4 ms, "
+    "Where it cannot (200 ms late, 0.8 m/s, collisions ignored), one forecast touches 44 % in 4 ms, "
     "a network before it 66 in 0.7, 64 futures 73 in 16.": [
         (LATE, "| `interception` | 4.1 | 99.0 [94.3, 99.8] | 43.8 "),
         (LATE, "| it, then `interception` | 0.73 | 98.3 [92.3, 100.0] | 66.0 "),
