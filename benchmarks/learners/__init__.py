@@ -37,6 +37,7 @@ from benchmarks.learners.off_policy import (
 )
 from benchmarks.learners.ranked_episodes import (
     ranked_moving_late,
+    ranked_moving_tuned_late,
 )
 from benchmarks.learners.regression import (
     ik_net,
@@ -107,6 +108,7 @@ __all__ = [
     "ppo_moving_tuned_late",
     "ppo_multi_ending",
     "ranked_moving_late",
+    "ranked_moving_tuned_late",
     "sac_multi",
     "sac_single",
     "sb3_multi",

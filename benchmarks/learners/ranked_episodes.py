@@ -113,3 +113,11 @@ ranked_moving_late = register_recipe(
         window=153_600,
     )
 )
+ranked_moving_tuned_late = register_recipe(
+    replace(
+        ranked_moving_late,
+        name="ranked-moving-tuned-late",
+        summary="As ranked-moving-late, to begin with a policy of gradient-moving-late.",
+        steps=1_000_000,
+    )
+)

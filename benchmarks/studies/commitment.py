@@ -178,7 +178,9 @@ def main(argv: list[str] | None = None) -> int:
     balls = check_count("--balls", arguments.balls)
     seed = check_count("--seed", arguments.seed, least=0)
     learners = {folder.name: folder for folder in arguments.learners}
-    names = [*(arguments.methods or METHODS), *learners]
+    names = [*(arguments.methods or METHODS), *(folder.name for folder in arguments.learners)]
+    if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+        raise InputError(f"two methods are named {', '.join(twice)}; folders of --learners are methods by their names")
     afterwards = [FIRST + name for name in PLANNERS]
     for name in arguments.methods or ():
         check_known("method", name.partition("@")[0], (*get_task("moving").methods, NETWORK, *afterwards))
