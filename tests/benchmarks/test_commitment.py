@@ -220,5 +220,5 @@ def test_a_planner_decides_in_every_so_many_frames():
 @pytest.mark.parametrize("given", [["--learners", "a/x", "b/x"], ["--methods", "ppo", "--learners", "a/ppo"]])
 def test_two_methods_of_one_name_are_refused(given, tmp_path):
     """The second would be played in the first one's place."""
-    with pytest.raises(InputError, match="two methods are named (x|ppo); folders of --learners"):
+    with pytest.raises(InputError, match=r"two methods are named (x|ppo); folders of --learners"):
         commitment.main([*given, "--out", str(tmp_path)])
