@@ -29,7 +29,7 @@ POLICIES = {
         "thesis-ppo-single",
         "thesis-ppo-multi",
     )
-}
+} | {"gradient-moving-rough": range(1)}
 
 
 def write_logs(recipe: str, what: str, runs: Path, folder: Path) -> int:
