@@ -110,13 +110,9 @@ register(
 class _Shown(AnsweredVecEnv):
     """A batch whose expert sees the object all the time."""
 
-    def _answers(self) -> Any:
+    def _shown(self) -> Any:
         batch: Any = self._env.unwrapped
-        observed = self._now
-        self._now = batch.episodes.whole().astype(observed.dtype)
-        answers = super()._answers()
-        self._now = observed
-        return answers
+        return batch.episodes.whole().astype(self._now.dtype)
 
 
 register_algorithm(replace(ALGORITHMS["Imitation"], name="ShownImitation", vec_env=partial(answered, make=_Shown)))

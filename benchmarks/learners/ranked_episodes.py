@@ -21,7 +21,7 @@ from benchmarks.learners.variants import ppo_moving_steered_late
 from kinreach._checks import Floats
 from kinreach.baselines import Algorithm, Recipe, SB3VecEnv, register_algorithm, register_recipe
 from kinreach.baselines._algorithms import ranked_arguments
-from kinreach.baselines._ranked_ppo import RankedPPO, Tries, normal_scores, sample_pairs
+from kinreach.baselines._ranked_ppo import RankedPPO, Tries, normal_scores
 
 
 def nearness(rewards: Floats, info: Mapping[str, Any]) -> Floats:
@@ -59,17 +59,13 @@ class RankedEpisodes(RankedPPO):
         callback.on_rollout_start()
         observed, playing, played, nearest = env.reset(), np.ones(env.num_envs, dtype=np.bool_), [], []
         for _ in range(n_rollout_steps):
-            observations = torch.tensor(observed, dtype=torch.float32)
-            with torch.no_grad():
-                distribution: Any = self.policy.get_distribution(observations)
-                actions = sample_pairs(distribution.distribution)
-                log_probs = distribution.log_prob(actions)
-            observed, rewards, over, _ = env.step(np.clip(actions.numpy(), low, high))
+            tried = self.sampled(observed)
+            observed, rewards, over, _ = env.step(np.clip(tried[1].numpy(), low, high))
             self.num_timesteps += env.num_envs
             callback.update_locals(locals())
             if not callback.on_step():
                 return False
-            played.append((observations, actions, log_probs))
+            played.append(tried)
             nearest.append(np.where(playing, -rewards, np.inf))
             playing &= ~over
         self._last_obs = observed

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from kinreach._checks import check_step_limit
-from kinreach.envs.inside import in_doubles
+from kinreach.envs.inside import in_doubles, spec_of
 from kinreach.errors import InputError
 
 #: Number of observations that scale a network's inputs, and of environments that they come from without native batch.
@@ -40,13 +39,10 @@ def first_observations(environment: str, options: Mapping[str, Any], *, seed: in
 
 
 def _native(environment: str, num_envs: int, options: Mapping[str, Any]) -> VectorEnv[Any, Any, Any] | None:
-    module, _, name = environment.rpartition(":")
     try:
-        if module:
-            importlib.import_module(module)
-        if gym.spec(name).vector_entry_point is None:
+        if spec_of(environment).vector_entry_point is None:
             return None
-    except (gym.error.Error, ImportError) as error:
+    except gym.error.Error as error:
         raise InputError(f"cannot make the environment {environment}: {error}") from error
     batch = _make(environment, num_envs, options, vectorization_mode="vector_entry_point")
     if batch.metadata.get("autoreset_mode") is AutoresetMode.SAME_STEP:

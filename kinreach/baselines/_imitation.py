@@ -85,12 +85,16 @@ class AnsweredVecEnv(SB3VecEnv):
         self._learner = np.where(again < 1.0 / TURN, learner < self.share, self._learner)
         super().step_async(np.where(self._learner[:, None], actions, answers))
 
+    def _shown(self) -> Array:
+        """Return what the expert sees now."""
+        return self._now
+
     def _answers(self) -> Array:
-        """Return the expert's actions for what is observed now."""
+        """Return the expert's actions for what it sees now."""
         space: Any = self.action_space
         expert, shape = f"the expert {type(self._expert).__name__}", (self.num_envs, *space.shape)
         try:
-            given = np.asarray(self._expert.act(self._now), dtype=np.float64)
+            given = np.asarray(self._expert.act(self._shown()), dtype=np.float64)
         except Exception as error:  # of the user's class
             raise TrainingError(f"{expert} failed: {type(error).__name__}: {error}{place_of(error)}") from error
         if given.shape != shape:

@@ -308,11 +308,7 @@ class RankedPPO(ScheduledLearner):
         callback.on_rollout_start()
         collected = []
         for _ in range(n_rollout_steps):
-            observations = torch.tensor(self._last_obs, dtype=torch.float32)
-            with torch.no_grad():
-                distribution: Any = self.policy.get_distribution(observations)
-                actions = sample_pairs(distribution.distribution)
-                log_probs = distribution.log_prob(actions)
+            observations, actions, log_probs = self.sampled(self._last_obs)
             self._last_obs, rewards, _, _ = env.step(np.clip(actions.numpy(), low, high))
             self.num_timesteps += env.num_envs
             callback.update_locals(locals())
@@ -324,6 +320,14 @@ class RankedPPO(ScheduledLearner):
         self._collected = Tries(*map(torch.cat, zip(*collected, strict=True)))
         callback.on_rollout_end()
         return True
+
+    def sampled(self, observed: Any) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Return observations as a tensor, actions that are tried, and logarithms of their densities."""
+        observations = torch.tensor(observed, dtype=torch.float32)
+        with torch.no_grad():
+            distribution: Any = self.policy.get_distribution(observations)
+            actions = sample_pairs(distribution.distribution)
+            return observations, actions, distribution.log_prob(actions)
 
     def train(self) -> None:
         """Update the actor, several epochs long, with the tries since the last update."""

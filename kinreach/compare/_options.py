@@ -7,7 +7,6 @@ become flags. `metadata["description"]` is the help, with the unit.
 from __future__ import annotations
 
 import argparse
-import importlib
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
@@ -18,6 +17,7 @@ import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator
 
 from kinreach._checks import STEP_LIMIT, shown
+from kinreach.envs.inside import spec_of
 from kinreach.errors import InputError
 
 #: Both become `--resolution`.
@@ -55,11 +55,8 @@ class Flag:
 
 def options_class(environment: str) -> type[Any] | None:
     """Return the dataclass of options of a registered environment; None if it names none."""
-    module, _, name = environment.rpartition(":")
     try:
-        if module:
-            importlib.import_module(module)
-        entry = gym.spec(name).entry_point
+        entry = spec_of(environment).entry_point
         creator = load_env_creator(entry) if isinstance(entry, str) else entry
     except (gym.error.Error, ImportError, AttributeError):  # which the comparison reports
         return None

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from gymnasium.envs.registration import load_env_creator
+from gymnasium.envs.registration import EnvSpec, load_env_creator
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import (
@@ -231,15 +231,24 @@ def in_dtype(values: Any, dtype: str) -> Any:
     return values.astype(dtype)
 
 
-def in_doubles(environment: str) -> dict[str, str]:
-    """Return the options with which a registered environment observes in double precision; none if it has no choice.
+def spec_of(environment: str) -> EnvSpec:
+    """Return the spec of a registered environment; `module:id` imports the module.
 
-    `module:id` imports the module.
+    Raises:
+        gym.error.Error: No such module or id.
     """
     module, _, name = environment.rpartition(":")
-    if module:
-        importlib.import_module(module)
-    spec = gym.spec(name)
+    try:
+        if module:
+            importlib.import_module(module)
+    except ImportError as error:
+        raise gym.error.UnregisteredEnv(str(error)) from error
+    return gym.spec(name)
+
+
+def in_doubles(environment: str) -> dict[str, str]:
+    """Return the options with which a registered environment observes in double precision; none if it has no choice."""
+    spec = spec_of(environment)
     maker = spec.entry_point if spec.vector_entry_point is None else spec.vector_entry_point
     maker = load_env_creator(maker) if isinstance(maker, str) else maker
     chooses = isinstance(kind := getattr(maker, "Options", None), type) and issubclass(kind, EnvOptions)

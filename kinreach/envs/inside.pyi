@@ -21,6 +21,7 @@ from ._options import EnvOptions as EnvOptions
 from ._options import check_box_actions as check_box_actions
 from ._options import in_doubles as in_doubles
 from ._options import option_rows as option_rows
+from ._options import spec_of as spec_of
 from ._posed import PosedEnv as PosedEnv
 from ._randomise import Bounds as Bounds
 from ._randomise import Randomisation as Randomisation

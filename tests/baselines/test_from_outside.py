@@ -87,6 +87,8 @@ def test_a_native_batch_of_a_users_module(module, tmp_path, monkeypatch):
         gym.registry.pop(name)
     with pytest.raises(InputError, match="cannot make the environment outside_nothing:x/Y-v0: No module named"):
         make_batch("outside_nothing:x/Y-v0", 2, {})
+    with pytest.raises(gym.error.Error, match="No module named"):  # as callers take an unknown id
+        in_doubles("outside_nothing:x/Y-v0")
 
 
 @pytest.mark.slow
